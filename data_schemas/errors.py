@@ -1,0 +1,106 @@
+"""The error classes of auvid. Every fault that a user can mend derives from `PipelineError`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+SHOWN = 20
+
+
+class PipelineError(Exception):
+    """A fault in what the user gave: it says file, row, field, value, what is allowed and the remedy.
+
+    `row` counts as an editor counts (from 1, header included); for binary logs it is a message number or byte offset, written out.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: object = None,
+        row: object = None,
+        field: str | None = None,
+        value: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+    ) -> None:
+        self.message = message
+        self.file = file
+        self.row = row
+        self.field = field
+        self.value = value
+        self.allowed = allowed
+        self.remedy = remedy
+        super().__init__(str(self))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (_rebuild, (type(self), self.message, self.__dict__))
+
+    def __str__(self) -> str:
+        where = [str(self.file)] if self.file is not None else []
+        if self.row is not None:
+            where.append(f"row {self.row}")
+        if self.field is not None:
+            where.append(f"field '{self.field}'")
+        text = ": ".join([", ".join(where), self.message]) if where else self.message
+        if self.value is not None:
+            text += f"; found {self.value!r}"
+        if self.allowed is not None:
+            allowed = self.allowed
+            if not isinstance(allowed, str) and isinstance(allowed, Iterable):
+                allowed = ", ".join(str(item) for item in allowed)
+            text += f"; allowed: {allowed}"
+        if self.remedy is not None:
+            text += f". {self.remedy}"
+        return text
+
+
+def _rebuild(kind: type[PipelineError], message: str, state: dict[str, object]) -> PipelineError:
+    error = kind(message)
+    error.__dict__.update(state)
+    error.args = (str(error),)
+    return error
+
+
+class SchemaError(PipelineError):
+    """A table or document does not agree with its schema."""
+
+
+class CampaignError(PipelineError):
+    """The campaign, vehicle or parameter file asks for something that cannot be."""
+
+
+class LogError(PipelineError):
+    """A log file cannot be read as a log at all."""
+
+
+class DataError(PipelineError):
+    """The data cannot give what a stage needs (a missing stream, too few samples, no validation leg)."""
+
+
+class ManyFaults(PipelineError):
+    """All faults of one file together: the first twenty and the count."""
+
+    def __init__(self, faults: Sequence[PipelineError] | str, *, file: object = None) -> None:
+        if isinstance(faults, str):
+            super().__init__(faults, file=file)
+            return
+        lines = [str(fault) for fault in faults[:SHOWN]]
+        if len(faults) > SHOWN:
+            lines.append(f"... and {len(faults) - SHOWN} more")
+        super().__init__(f"{len(faults)} faults\n  " + "\n  ".join(lines), file=file)
+
+
+def raise_faults(faults: Sequence[PipelineError], *, file: object = None) -> None:
+    """Raise the one fault itself, or all of them together; return if there is none."""
+    if len(faults) == 1:
+        raise faults[0]
+    if faults:
+        raise ManyFaults(faults, file=file)
+
+
+def nearest(word: object, known: Iterable[str]) -> str | None:
+    """A remedy sentence naming the known word nearest to a misspelt one, or None."""
+    close = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
+    return f"Did you mean '{close[0]}'?" if close else None

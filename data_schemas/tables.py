@@ -1,0 +1,141 @@
+"""Arrow tables that agree with their schema: made, checked, and read as numpy arrays.
+
+Unit, frame and meaning of each column travel in the Arrow field metadata and so into the Parquet file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
+from data_schemas.schemas import Field, schema
+
+Array = npt.NDArray[np.float64]
+ARROW = {
+    "bool": pa.bool_(),
+    "int16": pa.int16(),
+    "int32": pa.int32(),
+    "int64": pa.int64(),
+    "float32": pa.float32(),
+    "float64": pa.float64(),
+    "string": pa.string(),
+}
+
+
+@cache
+def arrow_schema(name: str) -> pa.Schema:
+    """The full Arrow schema (optional columns included) of a table artefact."""
+    return pa.schema([_arrow_field(column) for column in schema(name).columns.values()], metadata={"auvid_schema": name})
+
+
+def _arrow_field(column: Field) -> pa.Field:
+    metadata = {"unit": column.unit, "frame": column.frame, "meaning": column.meaning}
+    return pa.field(column.name, ARROW[column.dtype], nullable=column.nullable or column.dtype.startswith("float"), metadata=metadata)
+
+
+def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
+    """A checked table of schema `name` from columns (numpy arrays, lists or Arrow arrays of one length).
+
+    Columns come out in the order of the schema. Raises `SchemaError` naming every unknown, missing or ill-typed column.
+    """
+    spec = schema(name)
+    unknown = [key for key in columns if key not in spec.columns]
+    if unknown:
+        raise SchemaError("unknown column", file=f"table '{name}'", field=unknown[0], remedy=nearest(unknown[0], spec.columns))
+    fields = [_arrow_field(spec.columns[key]) for key in spec.columns if key in columns]
+    arrays = []
+    for target in fields:
+        try:
+            arrays.append(pa.array(columns[target.name], type=target.type, from_pandas=False))
+        except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError) as fault:
+            raise SchemaError(f"cannot hold these values: {fault}", file=f"table '{name}'", field=target.name) from fault
+    if len({len(array) for array in arrays}) > 1:
+        raise SchemaError(
+            "columns differ in length", file=f"table '{name}'", value={f.name: len(a) for f, a in zip(fields, arrays, strict=True)}
+        )
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={"auvid_schema": name}))
+    check_table(table, name)
+    return table
+
+
+def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
+    """Check columns, types, nulls, NaN, ranges and the clock of a table against schema `name`; raise all faults together."""
+    spec = schema(name)
+    where = file if file is not None else f"table '{name}'"
+    faults: list[PipelineError] = []
+    for key in table.column_names:
+        if key not in spec.columns:
+            faults.append(SchemaError("unknown column", file=where, field=key, remedy=nearest(key, spec.columns)))
+    for column in spec.columns.values():
+        if column.name not in table.column_names:
+            if not column.optional:
+                faults.append(SchemaError("missing column", file=where, field=column.name))
+            continue
+        faults += _column_faults(table[column.name], column, where)
+    if spec.clock and not faults and table.num_rows > 1:
+        steps = np.diff(np.asarray(table[spec.clock]))
+        bad = np.flatnonzero(steps <= 0)
+        if bad.size:
+            faults.append(
+                SchemaError("time does not increase", file=where, row=int(bad[0]) + 2, field=spec.clock, value=float(steps[bad[0]]))
+            )
+    raise_faults(faults, file=where)
+
+
+def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> list[PipelineError]:
+    if values.type != ARROW[column.dtype]:
+        return [SchemaError("wrong type", file=where, field=column.name, value=str(values.type), allowed=column.dtype)]
+    if column.dtype == "string":
+        if not column.nullable and values.null_count:
+            return [SchemaError(f"{values.null_count} empty cells", file=where, field=column.name)]
+        return []
+    if not column.nullable:
+        empty = values.null_count
+        if column.dtype.startswith("float"):
+            empty += pc.sum(pc.is_nan(values)).as_py() or 0
+        if empty:
+            return [SchemaError(f"{empty} empty or NaN cells", file=where, field=column.name, allowed="numbers only")]
+    if column.range is not None and len(values):
+        array = np.asarray(values, dtype=np.float64)
+        bad = np.flatnonzero((array < column.range[0]) | (array > column.range[1]))
+        if bad.size:
+            low, high = column.range
+            return [
+                SchemaError(
+                    f"{bad.size} values out of range",
+                    file=where,
+                    row=int(bad[0]) + 2,
+                    field=column.name,
+                    value=float(array[bad[0]]),
+                    allowed=f"{low:g} to {high:g} {column.unit}",
+                )
+            ]
+    return []
+
+
+def column(table: pa.Table, name: str) -> Array:
+    """A numeric column as a read-only float64 array (n,); nulls become NaN."""
+    values = np.asarray(table[name].to_numpy(), dtype=np.float64)
+    values.flags.writeable = False
+    return values
+
+
+def matrix(table: pa.Table, names: Sequence[str]) -> Array:
+    """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls become NaN."""
+    values = np.empty((table.num_rows, len(names)))
+    for index, name in enumerate(names):
+        values[:, index] = table[name].to_numpy()
+    values.flags.writeable = False
+    return values
+
+
+def has_columns(table: pa.Table, names: Sequence[str]) -> bool:
+    """Whether the table holds all of these columns."""
+    return set(names) <= set(table.column_names)

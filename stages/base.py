@@ -1,0 +1,162 @@
+"""The stage interface: a stage is a value with a name, typed inputs, parameters and outputs, and a pure `run`.
+
+What flows between stages is named by schema: the input port of a schema is fed by the one stage that outputs it. What a stage maps over
+is declared. Work items and what a port then delivers:
+
+    log       one log of the campaign                       (ingest)
+    leg       one leg of the manifest                       (resample, which yields segments: the parts between gaps)
+    segment   one part of a leg                             (fuse, residual, rlse)
+    campaign  the whole campaign, once                      (synthesise, validate, report)
+
+A port delivers the artefact of the same item, or of the log or leg that the item belongs to, or of the campaign. A campaign stage gets a
+`Collection` over all items where the producer maps over something smaller. Documents `vehicle`, `campaign` and `leg` come from the
+manifest; `raw_log` is the log itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import partial
+from typing import Any, Generic, Literal, TypeVar
+
+from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from stages.ingest.decoded import RawFile
+
+Item = Literal["log", "leg", "segment", "campaign"]
+Document = Mapping[str, Any]
+I = TypeVar("I")
+P = TypeVar("P")
+O = TypeVar("O")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Stage(Generic[I, P, O]):
+    """One stage of the chain. `run` is pure: no file, clock, network or global state; seeds are parameters."""
+
+    name: str
+    summary: str
+    maps_over: Item
+    inputs: type[I]
+    params: type[P]
+    outputs: type[O]
+    run: Callable[[I, P], O]
+    yields: Item | None = None
+    """What one work item gives. `segment` for a leg stage whose outputs are keyed by segment; else the item itself."""
+
+
+@dataclass(frozen=True)
+class RawLog:
+    """A log as the campaign names it: its id, its files (memory-mapped), and the reader if the manifest forces one."""
+
+    id: str
+    files: tuple[RawFile, ...]
+    reader: str | None = None
+
+
+class Collection(Mapping[str, T]):
+    """Artefacts of many items, loaded one at a time when asked for, in the order of the manifest."""
+
+    def __init__(self, loaders: Mapping[str, Callable[[], T]]) -> None:
+        self._loaders = dict(loaders)
+
+    def __getitem__(self, key: str) -> T:
+        return self._loaders[key]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._loaders)
+
+    def __len__(self) -> int:
+        return len(self._loaders)
+
+
+def collection(items: Mapping[str, T]) -> Collection[T]:
+    """A collection of artefacts that are in memory already (for tests and for callers without a store)."""
+    return Collection({key: partial(items.__getitem__, key) for key in items})
+
+
+def port(schema: str, *, many: bool = False, optional: bool = False) -> Any:
+    """An input or output artefact of this schema.
+
+    `many` output: a mapping key -> artefact (model cards by model). `optional`: None when the producer gave none.
+    """
+    default = None if optional else MISSING
+    return field(default=default, metadata={"port": schema, "many": many, "optional": optional})
+
+
+def every(schema: str) -> Any:
+    """An input port that collects the artefacts of this schema from all stages of the campaign, keyed `stage/item`.
+
+    `every('table')` collects all tables, keyed `stage/item/port`.
+    """
+    return field(metadata={"port": schema, "every": True, "many": True, "optional": False})
+
+
+def param(
+    unit: str,
+    default: Any,
+    *,
+    meaning: str,
+    low: float | None = None,
+    high: float | None = None,
+    allowed: tuple[Any, ...] | None = None,
+) -> Any:
+    """A stage parameter: unit, default, bounds or allowed values, and its meaning in one line."""
+    metadata = {"unit": unit, "low": low, "high": high, "allowed": allowed, "meaning": meaning}
+    if isinstance(default, dict | list):
+        return field(default_factory=lambda: default.copy(), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def ports(kind: type[Any]) -> dict[str, Mapping[str, Any]]:
+    """The ports of an Inputs or Outputs class: field name -> {port, many, optional, every}."""
+    return {item.name: item.metadata for item in fields(kind) if "port" in item.metadata}
+
+
+def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: object = None) -> P:
+    """Parameters of a stage from the user's values; unknown keys, wrong types and values out of bounds are errors."""
+    known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
+    faults: list[PipelineError] = []
+    checked: dict[str, Any] = {}
+    for key, value in values.items():
+        path = f"stages.{stage}.{key}"
+        if key not in known:
+            remedy = nearest(key, known) or f"Known parameters: {', '.join(known)}."
+            faults.append(CampaignError("unknown parameter", file=file, field=path, remedy=remedy))
+            continue
+        try:
+            checked[key] = _check_param(known[key], value, path, file)
+        except PipelineError as fault:
+            faults.append(fault)
+    raise_faults(faults, file=file)
+    return kind(**checked)
+
+
+def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
+    meta = item.metadata
+    annotation = str(item.type)
+    if value is None:
+        if "None" in annotation:
+            return None
+        raise CampaignError("needs a value", file=file, field=path, allowed=annotation)
+    if "bool" in annotation or isinstance(value, bool):
+        fits = "bool" in annotation and isinstance(value, bool)
+    elif isinstance(value, int | float):
+        fits = "float" in annotation or ("int" in annotation and isinstance(value, int))
+        value = float(value) if fits and "float" in annotation else value
+    elif isinstance(value, str):
+        fits = "str" in annotation
+    else:
+        fits = ("Mapping" in annotation and isinstance(value, Mapping)) or ("tuple" in annotation and isinstance(value, list | tuple))
+        value = tuple(value) if fits and isinstance(value, list) else value
+    if not fits:
+        raise CampaignError("wrong type", file=file, field=path, value=value, allowed=annotation)
+    if meta.get("allowed") is not None and value not in meta["allowed"]:
+        remedy = nearest(value, map(str, meta["allowed"]))
+        raise CampaignError("unknown value", file=file, field=path, value=value, allowed=meta["allowed"], remedy=remedy)
+    low, high = meta.get("low"), meta.get("high")
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if number and (value != value or (low is not None and value < low) or (high is not None and value > high)):
+        raise CampaignError("out of range", file=file, field=path, value=value, allowed=f"{low} to {high} {meta['unit']}")
+    return value

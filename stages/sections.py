@@ -1,0 +1,104 @@
+"""Report sections as data: what a stage shows, as a document that `report` only arranges and renders.
+
+A section is {title, order, blocks}; a block is one of the dictionaries made here. Long signals are thinned by minimum and maximum per
+bin, so that peaks stay visible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Block = dict[str, Any]
+Array = npt.NDArray[np.float64]
+SHOWN_POINTS = 1200
+AXES = ("X", "Y", "Z", "K", "M", "N")
+
+
+def section(title: str, blocks: Sequence[Block], *, order: int, look_for: str = "") -> dict[str, Any]:
+    """A report section; sections are shown by `order`, then by stage and item."""
+    return {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
+
+
+def text(words: str) -> Block:
+    """A paragraph of plain text (rendered escaped)."""
+    return {"kind": "text", "text": words}
+
+
+def remark(words: str, level: Literal["finding", "note", "warning"] = "note") -> Block:
+    """A sentence set apart: a finding, a note, or a warning."""
+    return {"kind": "remark", "level": level, "text": words}
+
+
+def equation(latex: str, meaning: str = "") -> Block:
+    """A displayed equation in LaTeX notation, with a plain reading."""
+    return {"kind": "equation", "latex": latex, "meaning": meaning}
+
+
+def table(title: str, columns: Sequence[str | tuple[str, str]], rows: Sequence[Sequence[Any]], *, note: str = "") -> Block:
+    """A sortable table; a column is a name or (name, unit); cells are text, numbers or None."""
+    heads = [{"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]} for item in columns]
+    return {"kind": "table", "title": title, "columns": heads, "rows": [[_plain(cell) for cell in row] for row in rows], "note": note}
+
+
+def series(name: str, x: npt.ArrayLike, y: npt.ArrayLike, role: str) -> dict[str, Any]:
+    """One line of a plot. `role` fixes its colour everywhere: raw, fused, measured, true, band, or a model's name."""
+    x_kept, y_kept = thin(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    return {"name": name, "role": role, "x": _rounded(x_kept), "y": _rounded(y_kept)}
+
+
+def panel(label: str, unit: str, lines: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """One y-axis of a plot with its lines."""
+    return {"label": label, "unit": unit, "series": list(lines)}
+
+
+def plot(
+    title: str, panels: Sequence[Mapping[str, Any]], *, x_label: str = "time", x_unit: str = "s", group: str = "", look_for: str = ""
+) -> Block:
+    """Panels above one another on a shared x-axis; plots of one `group` zoom together."""
+    return {
+        "kind": "plot",
+        "title": title,
+        "x": {"label": x_label, "unit": x_unit},
+        "panels": list(panels),
+        "group": group,
+        "look_for": look_for,
+    }
+
+
+def thin(x: Array, y: Array, points: int = SHOWN_POINTS) -> tuple[Array, Array]:
+    """At most `points` samples (n,), keeping the smallest and the largest of every bin in time order; NaN marks a gap and stays one."""
+    if x.size <= points:
+        return x, y
+    bins = points // 2
+    edges = np.linspace(0, x.size, bins + 1).astype(int)[:-1]
+    width = np.diff(np.append(edges, x.size))
+    finite = np.isfinite(y)
+    position = np.arange(x.size) - np.repeat(edges, width)
+    bin_of = np.repeat(np.arange(bins), width)
+    low = _first_equal(np.where(finite, y, np.inf), np.minimum.reduceat(np.where(finite, y, np.inf), edges), bin_of, position, edges)
+    high = _first_equal(np.where(finite, y, -np.inf), np.maximum.reduceat(np.where(finite, y, -np.inf), edges), bin_of, position, edges)
+    kept = np.unique(np.concatenate([low, high]))
+    return x[kept], y[kept]
+
+
+def _first_equal(
+    values: Array, extreme: Array, bin_of: npt.NDArray[np.intp], position: npt.NDArray[np.intp], edges: npt.NDArray[np.intp]
+) -> npt.NDArray[np.intp]:
+    hit = np.where(values == extreme[bin_of], position, values.size)
+    return edges + np.minimum.reduceat(hit, edges)
+
+
+def _rounded(values: Array) -> list[float | None]:
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
+
+
+def _plain(cell: Any) -> Any:
+    if isinstance(cell, np.generic):
+        cell = cell.item()
+    if isinstance(cell, float) and not np.isfinite(cell):
+        return None
+    return cell
