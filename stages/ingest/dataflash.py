@@ -1,0 +1,256 @@
+"""ArduPilot DataFlash logs (.BIN): recognise, and decode to columns with an account of every byte.
+
+The record chain is found by `dataflash_scan`, definitions are judged by `dataflash_definitions`, records become columns in
+`dataflash_columns`. Values equal those of pymavlink's DFReader; the units of `Messages.units` are those of the values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.errors import LogError
+from data_schemas.formats import dataflash as layout
+
+from .dataflash_columns import Column, merge, unit_texts, unpack
+from .dataflash_definitions import CONTRADICTED, REASONS, Definitions, Proposals, propose, settle
+from .dataflash_health import byte_account, clock_notes, lost_seconds, status_of
+from .dataflash_scan import Chain, Walk, candidates
+from .decoded import DecodedLog, Messages, RawFile
+
+FORMAT = "ArduPilot DataFlash"
+NEEDED = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})  # read for units, parameters and texts whatever is wanted
+UNTIMED = layout.DEFINITION_NAMES | {"PARM", "MSG"}
+ROUNDS = 6  # of settling which definitions stand in the chain; two are enough unless a log is made to deceive
+CONTRADICTIONS = 4
+
+Ints = npt.NDArray[np.int64]
+Buffer = npt.NDArray[np.uint8]
+Table = tuple[dict[str, Column], Ints]
+Part = tuple[layout.Definition, int, Ints]  # layout, its entry in Definitions, offsets of its records
+
+
+@dataclass(frozen=True)
+class Index:
+    """Where every record of the file is, and what it means: the result of one scan."""
+
+    chain: Chain
+    definitions: Definitions
+    proposals: Proposals
+    clock: npt.NDArray[np.int8]
+    refused: dict[int, str]  # offset of a FMT record in the chain -> why it is not in force
+
+    def definition(self, entry: int) -> layout.Definition:
+        row = int(self.definitions.row[entry])
+        return layout.FMT if row < 0 else self.proposals.definition(row)
+
+
+class DataFlashReader:
+    """Reader of binary DataFlash logs."""
+
+    name = "dataflash"
+
+    def recognises(self, head: bytes) -> bool:
+        """True if the first bytes of a file hold a FMT record, at the start or behind damage."""
+        data = np.frombuffer(head, np.uint8)
+        offset = candidates(data)
+        offset = offset[(data[offset + 2] == layout.FMT_ID) & (offset + layout.FMT_BYTES <= data.size)]
+        return head[:2] == layout.MAGIC or bool((propose(data, offset).reason == 0).any())
+
+    def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
+        """Decode a log held in memory or memory-mapped.
+
+        Args:
+            file: name and bytes.
+            wanted: message types to decode; None means all, FMT, FMTU, UNIT and MULT among them. All types are counted.
+
+        Raises:
+            LogError: the file is empty or holds no DataFlash record.
+        """
+        buffer = np.ascontiguousarray(file.buffer, np.uint8).reshape(-1)
+        if buffer.size == 0:
+            raise LogError("the file is empty", file=file.name, remedy="Copy the log from the vehicle again.")
+        index = build_index(buffer)
+        if not (index.chain.entry >= 0).any():
+            raise LogError(
+                "no DataFlash record can be read",
+                file=file.name,
+                allowed="a log that starts with format definitions (FMT)",
+                remedy="Check that the file is an ArduPilot .BIN log and that its beginning is not cut off.",
+            )
+        return _decode(buffer, index, wanted)
+
+
+def build_index(buffer: Buffer) -> Index:
+    """Scan the file and settle its definitions: only FMT records that stand in the chain, and that the records bear out, are used."""
+    offset = candidates(buffer)
+    of_fmt = offset[buffer[offset + 2] == layout.FMT_ID]
+    proposals = propose(buffer, of_fmt[of_fmt + layout.FMT_BYTES <= buffer.size])
+    usable = proposals.reason == 0
+    contradicted: set[int] = set()
+    for _ in range(ROUNDS):
+        definitions = settle(proposals, np.flatnonzero(usable).tolist())
+        clock = _clocks(proposals, definitions)
+        chain = Walk(buffer, offset, definitions, clock).run()
+        in_chain = np.isin(proposals.offset, chain.offset[chain.type == layout.FMT_ID])
+        wrong = _contradicted(chain, definitions)
+        contradicted.update(wrong)
+        believed = usable & in_chain
+        believed[wrong] = False
+        if (believed == usable).all():
+            break
+        usable = believed
+    rows = np.flatnonzero(in_chain & ((proposals.reason > 0) | np.isin(np.arange(in_chain.size), list(contradicted))))
+    refused = {int(proposals.offset[row]): REASONS[proposals.reason[row]] or CONTRADICTED for row in rows.tolist()}
+    return Index(chain, definitions, proposals, clock, refused)
+
+
+def _clocks(proposals: Proposals, definitions: Definitions) -> npt.NDArray[np.int8]:
+    """The kind of time stamp of each definition (1 TimeUS, 2 TimeMS, 0 none), then a 0 for undefined types."""
+    raw = proposals.raw[definitions.row[1:]]
+    clock = np.zeros(definitions.row.size + 1, np.int8)
+    for code, char, label in ((1, b"Q", b"TimeUS"), (2, b"I", b"TimeMS")):
+        start = np.frombuffer(label, np.uint8)
+        named = (raw[:, 25 : 25 + start.size] == start).all(axis=1) & np.isin(raw[:, 25 + start.size], (0, ord(",")))
+        clock[1:-1][named & (raw[:, 9] == ord(char))] = code
+    return clock
+
+
+def _contradicted(chain: Chain, definitions: Definitions) -> list[int]:
+    """Rows of the definitions at the end of whose records there is, more often than not, no header."""
+    failed = chain.failed[chain.failed > 0]
+    if failed.size < CONTRADICTIONS:
+        return []
+    fails = np.bincount(failed, minlength=definitions.row.size)
+    taken = np.bincount(chain.entry[chain.entry >= 0], minlength=definitions.row.size)
+    return [int(row) for row in definitions.row[(fails >= CONTRADICTIONS) & (2 * fails > taken)]]
+
+
+def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> DecodedLog:
+    groups = _groups(index)
+    names = set(groups) if wanted is None else wanted & set(groups)
+    tables = {name: _columns(buffer, parts) for name, parts in groups.items() if name in names or name in NEEDED}
+    units = _units(index, groups, tables, names)
+    lengths = [(offset.size, definition.length) for name in layout.DEFINITION_NAMES for definition, _, offset in groups.get(name, ())]
+    account = byte_account(buffer, index.chain, index.refused, lengths)
+    return DecodedLog(
+        format=FORMAT,
+        messages={name: Messages(name, *tables[name], units[name]) for name in groups if name in names},
+        counts={name: sum(offset.size for _, _, offset in parts) for name, parts in groups.items()},
+        account=account,
+        status=status_of(account),
+        seconds_lost=lost_seconds(buffer, index.chain, index.clock),
+        parameters=_parameters(tables.get("PARM")),
+        texts=_texts(tables.get("MSG")),
+        notes=tuple(_notes(buffer, index, groups)),
+    )
+
+
+def _groups(index: Index) -> dict[str, list[Part]]:
+    """For each message name in alphabetical order its layouts, each with its entry and the offsets of its records."""
+    entry = index.chain.entry
+    narrow = entry.astype(np.int16) if index.definitions.row.size < 1 << 15 else entry  # 16 bits are sorted by radix
+    order = np.argsort(narrow, kind="stable")
+    offset = index.chain.offset[order]
+    stops = np.searchsorted(entry[order], np.arange(index.definitions.row.size), side="right").tolist()
+    start = int((entry < 0).sum())
+    groups: dict[str, list[Part]] = {}
+    for number, stop in enumerate(stops):
+        if stop > start:
+            definition = index.definition(number)
+            groups.setdefault(definition.name, []).append((definition, number, offset[start:stop]))
+        start = stop
+    return dict(sorted(groups.items()))
+
+
+def _columns(buffer: Buffer, parts: list[Part]) -> Table:
+    tables = [(unpack(buffer, definition, offset), offset) for definition, _, offset in parts]
+    return tables[0] if len(tables) == 1 else merge(tables)
+
+
+def _units(index: Index, groups: dict[str, list[Part]], tables: Mapping[str, Table], names: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Unit texts by message name and field, from the last FMTU record of each definition."""
+    texts: dict[str, dict[str, str]] = {name: {} for name in names}
+    fmtu, fmtu_offset = tables.get("FMTU", ({}, np.zeros(0, np.int64)))
+    if not {"FmtType", "UnitIds", "MultIds"} <= set(fmtu):
+        return texts
+    labels, factors = (_letters(tables.get(name), value) for name, value in (("UNIT", "Label"), ("MULT", "Mult")))
+    units = {letter: _decode_text(label) for letter, label in labels.items()}
+    # Multipliers are single precision cast to double: seven digits name them.
+    multipliers = {letter: float(f"{factor:.7g}") for letter, factor in factors.items()}
+    rows: dict[int, list[int]] = {}
+    for row, id in enumerate(fmtu["FmtType"].tolist()):
+        rows.setdefault(id, []).append(row)
+    for name in texts:
+        for definition, entry, _ in groups[name]:
+            until = _replaced_at(index.definitions, definition.id, entry)
+            usable = [row for row in rows.get(definition.id, ()) if until is None or fmtu_offset[row] < until]
+            if usable:
+                ids = (bytes(fmtu["UnitIds"][usable[-1]]), bytes(fmtu["MultIds"][usable[-1]]))
+                texts[name].update(unit_texts(definition, ids, units, multipliers))
+    return texts
+
+
+def _replaced_at(definitions: Definitions, id: int, entry: int) -> int | None:
+    begins, entries = definitions.changes.get(id, (np.zeros(0, np.int64), np.zeros(0, np.int32)))
+    later = begins[entries > entry]
+    return int(later[0]) if later.size else None
+
+
+def _letters(table: Table | None, value: str) -> dict[str, Any]:
+    columns = table[0] if table else {}
+    if not {"Id", value} <= set(columns):
+        return {}
+    return {chr(id & 0xFF): item for id, item in zip(columns["Id"].tolist(), columns[value].tolist(), strict=True)}
+
+
+def _decode_text(raw: bytes) -> str:
+    """Text as the firmware wrote it; bytes that are not UTF-8 are read as Latin-1, as other log tools do."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def _parameters(table: Table | None) -> dict[str, float]:
+    columns = table[0] if table else {}
+    if not {"Name", "Value"} <= set(columns):
+        return {}
+    return {_decode_text(name): float(value) for name, value in zip(columns["Name"].tolist(), columns["Value"].tolist(), strict=True)}
+
+
+def _texts(table: Table | None) -> tuple[tuple[int, str], ...]:
+    """The texts of MSG with their TimeUS (0 without one). Firmware 4.7 splits a long text: equal ID and ascending Seq are joined."""
+    columns = table[0] if table else {}
+    if "Message" not in columns:
+        return ()
+    count = columns["Message"].size
+    zeros = [0] * count
+    times, ids, parts = (columns[name].tolist() if name in columns else zeros for name in ("TimeUS", "ID", "Seq"))
+    texts: list[tuple[int, str]] = []
+    for i, raw in enumerate(columns["Message"].tolist()):
+        if i and parts[i] == parts[i - 1] + 1 and ids[i] == ids[i - 1]:
+            texts[-1] = (texts[-1][0], texts[-1][1] + _decode_text(raw))
+        else:
+            texts.append((int(times[i]), _decode_text(raw)))
+    return tuple(texts)
+
+
+def _notes(buffer: Buffer, index: Index, groups: dict[str, list[Part]]) -> list[str]:
+    notes = clock_notes(buffer, index.chain, index.clock)
+    if set(groups) <= layout.DEFINITION_NAMES:
+        notes.append("The log holds definitions only, no recorded data.")
+    several = [name for name, parts in groups.items() if len(parts) > 1]
+    if several:
+        notes.append(f"Declared with several layouts, joined by field name: {', '.join(several)}.")
+    timeless = [name for name, parts in groups.items() if name not in UNTIMED and not any(index.clock[entry] for _, entry, _ in parts)]
+    if timeless:
+        notes.append(f"Without a time field of the vehicle's clock: {', '.join(timeless)}.")
+    return notes
+
+
+DATAFLASH = DataFlashReader()

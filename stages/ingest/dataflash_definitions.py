@@ -1,0 +1,128 @@
+"""Definitions of a DataFlash log: which FMT records can be believed, and which of them holds at a place in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import dataflash as layout
+
+WRONG_LENGTH = "definition whose length does not match its format"
+WRONG_COLUMNS = "definition whose field names do not match its format"
+UNKNOWN_FORMAT = "definition with an unknown format character"
+UNNAMED = "definition without a readable name"
+WRONG_FMT = "definition of FMT itself with another layout"
+CONTRADICTED = "definition contradicted by the records"
+REASONS = ("", UNNAMED, WRONG_COLUMNS, WRONG_LENGTH, UNKNOWN_FORMAT, WRONG_FMT, CONTRADICTED)
+
+Ints = npt.NDArray[np.int64]
+Buffer = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """All FMT records that the header candidates show, whether or not they belong to the record chain.
+
+    `offset`, `id`, `length`, `reason` have one entry per FMT; `reason` indexes REASONS, 0 for one that agrees with itself.
+    """
+
+    offset: Ints
+    id: Ints
+    length: Ints
+    reason: Ints
+    raw: npt.NDArray[np.uint8]
+
+    def definition(self, row: int) -> layout.Definition:
+        record = self.raw[row].tobytes()
+        formats = _text(record[9:25])
+        columns = _text(record[25:89])
+        names = tuple(columns.split(",")) if columns else ()
+        return layout.Definition(record[3], record[4], _text(record[5:9]), formats, names[: len(formats)])
+
+    def identity(self, row: int) -> bytes:
+        return self.raw[row, 3:].tobytes()
+
+
+def _text(raw: bytes) -> str:
+    return raw.split(b"\0", 1)[0].decode("ascii", "backslashreplace")
+
+
+def propose(buffer: Buffer, offsets: Ints) -> Proposals:
+    """Parse the FMT records at `offsets` and judge each by itself: length against format, names against format."""
+    raw = buffer[offsets[:, None] + np.arange(layout.FMT_BYTES)]
+    formats, columns, name = raw[:, 9:25], raw[:, 25:89], raw[:, 5:9]
+    in_format = np.logical_and.accumulate(formats != 0, axis=1)
+    in_columns = np.logical_and.accumulate(columns != 0, axis=1)
+    sizes = layout.FIELD_BYTES[formats]
+    fields = in_format.sum(axis=1)
+    names = ((columns == ord(",")) & in_columns).sum(axis=1) + in_columns[:, 0]
+    id, length = raw[:, 3].astype(np.int64), raw[:, 4].astype(np.int64)
+    # Sixty-four bytes without a NUL are a list of names that was cut off: the fields that have a name are still sound.
+    cut_off = in_columns.all(axis=1) & (names < fields)
+    itself = (id == layout.FMT_ID) & (length == layout.FMT_BYTES)
+    reason = np.zeros(offsets.size, np.int64)
+    in_name = np.logical_and.accumulate(name != 0, axis=1)
+    for code, fault in (
+        (1, (~in_name[:, 0]) | (in_name & ((name < 0x20) | (name > 0x7E))).any(axis=1)),
+        (2, (names != fields) & ~cut_off),
+        (3, length != layout.HEADER_BYTES + (sizes * in_format).sum(axis=1)),
+        (4, ((sizes == 0) & in_format).any(axis=1)),
+        (5, id == layout.FMT_ID),
+    ):
+        reason[fault & ~itself] = code
+    return Proposals(offsets, id, length, reason, raw)
+
+
+@dataclass(frozen=True)
+class Definitions:
+    """The definitions in force: entry 0 is FMT; `first[id]` is the entry for an id before any redefinition (-1: undefined).
+
+    `changes[id]` holds, for an id declared with several layouts, the offsets where each begins and its entry.
+    `row[entry]` is the row in `Proposals` (-1 for the built-in FMT).
+    """
+
+    first: npt.NDArray[np.int32]
+    length: npt.NDArray[np.int32]
+    row: Ints
+    changes: dict[int, tuple[Ints, npt.NDArray[np.int32]]]
+
+    def entries(self, offset: Ints, types: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
+        """The entry that holds for a record of each type at each offset (ascending); -1 where the type is undefined.
+
+        A record before the first definition of its type is read with that definition.
+        """
+        entry = self.first[types]
+        for id, (begins, entries) in self.changes.items():
+            where = np.flatnonzero(types == id)
+            entry[where] = entries[np.maximum(np.searchsorted(begins, offset[where], side="right") - 1, 0)]
+        return entry
+
+
+def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
+    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change."""
+    first = np.full(256, -1, np.int32)
+    first[layout.FMT_ID] = 0
+    lengths, kept = [layout.FMT_BYTES], [-1]
+    current: dict[int, bytes] = {}
+    changes: dict[int, list[tuple[int, int]]] = {}
+    ids, offsets, declared = proposals.id.tolist(), proposals.offset.tolist(), proposals.length.tolist()
+    for row in rows:
+        id = ids[row]
+        identity = proposals.identity(row)
+        if id == layout.FMT_ID or current.get(id) == identity:
+            continue
+        if id not in current:
+            first[id] = len(kept)
+        current[id] = identity
+        changes.setdefault(id, []).append((offsets[row], len(kept)))
+        lengths.append(declared[row])
+        kept.append(row)
+    several = {
+        id: (np.array([begin for begin, _ in steps], np.int64), np.array([entry for _, entry in steps], np.int32))
+        for id, steps in changes.items()
+        if len(steps) > 1
+    }
+    return Definitions(first, np.array(lengths, np.int32), np.array(kept, np.int64), several)

@@ -1,0 +1,124 @@
+"""What a DataFlash log lost and how its clock behaves: the account of bytes, the status, lost seconds and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import dataflash as layout
+
+from .dataflash_scan import Chain, Gap, read_times
+from .decoded import ByteAccount, LogStatus, Skipped
+
+DAMAGED = "damaged bytes"
+BLANK = "blank bytes (all zeros or all ones)"
+BLANK_END = "blank bytes at the end of the file"
+CUT_OFF = "record cut off by the end of the file"
+UNDEFINED = "message type {} without a definition"
+PADDING_BYTES = 528  # block-based logs end in up to two pages of padding
+LEAP_US = 86_400_000_000
+BACK_US = 1_000_000
+CLOCK_SAMPLES = 20_000
+
+Buffer = npt.NDArray[np.uint8]
+Ints = npt.NDArray[np.int64]
+Clock = npt.NDArray[np.int8]
+
+
+def byte_account(buffer: Buffer, chain: Chain, refused: Mapping[int, str], definition_records: Sequence[tuple[int, int]]) -> ByteAccount:
+    """Put every byte into records, definitions or skipped.
+
+    Args:
+        buffer: the whole file.
+        chain: records and gaps, which together cover the file.
+        refused: offsets of FMT records that are not in force, with the reason.
+        definition_records: (count, bytes per record) of the FMT, FMTU, UNIT and MULT records in the chain, refused ones included.
+    """
+    lost: dict[str, list[tuple[int, int]]] = {}
+    for offset, reason in refused.items():
+        lost.setdefault(reason, []).append((offset, layout.FMT_BYTES))
+    undefined = np.flatnonzero(chain.entry < 0)
+    for id in np.unique(chain.type[undefined]).tolist():
+        these = undefined[chain.type[undefined] == id]
+        pairs = zip(chain.offset[these].tolist(), chain.length[these].tolist(), strict=True)
+        lost.setdefault(UNDEFINED.format(id), []).extend(pairs)
+    for gap in chain.gaps:
+        lost.setdefault(_reason(buffer, gap), []).append((gap.start, gap.stop - gap.start))
+    skipped = tuple(_skipped(reason, lost[reason]) for reason in sorted(lost))
+    definitions = sum(count * length for count, length in definition_records) - layout.FMT_BYTES * len(refused)
+    records = int(chain.length[chain.entry >= 0].sum()) - sum(count * length for count, length in definition_records)
+    return ByteAccount(buffer.size, records, definitions, skipped)
+
+
+def _skipped(reason: str, places: list[tuple[int, int]]) -> Skipped:
+    offsets = [offset for offset, _ in places]
+    return Skipped(reason, sum(size for _, size in places), len(places), min(offsets), max(offsets))
+
+
+def _reason(buffer: Buffer, gap: Gap) -> str:
+    if gap.id >= 0:
+        return UNDEFINED.format(gap.id)
+    part = buffer[gap.start : gap.stop]
+    at_end = gap.stop == buffer.size
+    if part[0] in (0x00, 0xFF) and (part == part[0]).all():
+        return BLANK_END if at_end else BLANK
+    head = part[:2].tobytes()
+    if at_end and part.size < layout.MAX_RECORD_BYTES and head == layout.MAGIC[: len(head)]:
+        return CUT_OFF
+    return DAMAGED
+
+
+def status_of(account: ByteAccount) -> LogStatus:
+    """`complete` up to a page or two of padding, `truncated` if only the end is missing, else `damaged`."""
+    reasons = {part.reason: part.bytes for part in account.skipped}
+    if not reasons or (set(reasons) == {BLANK_END} and reasons[BLANK_END] <= PADDING_BYTES):
+        return "complete"
+    return "truncated" if set(reasons) <= {CUT_OFF, BLANK_END} else "damaged"
+
+
+def lost_seconds(buffer: Buffer, chain: Chain, clock: Clock) -> float:
+    """Seconds between the clock before and the clock behind each damaged part; overlapping parts count once.
+
+    Undefined types and the end of the file cost no seconds that the clock could show. Medians over five records on either side keep
+    one damaged time stamp from counting; parts over which the clock leaps by more than a day, or goes back, are left out.
+    """
+    gaps = [gap for gap in chain.gaps if gap.id < 0 and gap.stop < buffer.size]
+    timed = np.flatnonzero(clock[chain.entry] > 0)
+    if not gaps or timed.size == 0:
+        return 0.0
+    times = read_times(buffer, chain.offset[timed], clock[chain.entry[timed]])
+    behind = np.searchsorted(chain.offset[timed], [gap.start for gap in gaps])
+    lost, covered = 0, -1
+    for place in behind.tolist():
+        if place == 0 or place == timed.size:
+            continue
+        start = int(np.median(times[max(0, place - 5) : place]))
+        stop = int(np.median(times[place : place + 5]))
+        start = max(start, covered)
+        if 0 < stop - start < LEAP_US:
+            lost += stop - start
+            covered = stop
+    return lost * 1e-6
+
+
+def clock_notes(buffer: Buffer, chain: Chain, clock: Clock) -> list[str]:
+    """Sentences about a clock that leaps or goes back, or that counts milliseconds."""
+    kind = clock[chain.entry]
+    timed = np.flatnonzero(kind > 0)
+    if timed.size < 2:
+        return []
+    notes = []
+    if (kind[timed] == 2).any():
+        notes.append("Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them.")
+    sample = timed[:: max(1, timed.size // CLOCK_SAMPLES)]
+    times = read_times(buffer, chain.offset[sample], kind[sample])
+    if times.size > 2:  # the median of three removes single damaged stamps and keeps steps
+        times[1:-1] = np.sort(np.stack([times[:-2], times[1:-1], times[2:]]), axis=0)[1]
+    steps = np.diff(times)
+    for at in np.flatnonzero((steps > LEAP_US) | (steps < -BACK_US))[:3].tolist():
+        seconds, byte = abs(int(steps[at])) * 1e-6, int(chain.offset[sample[at + 1]])
+        how = "leaps forward" if steps[at] > 0 else "goes back"
+        notes.append(f"The clock {how} by {seconds:.6g} s near byte {byte}, from {times[at]} to {times[at + 1]} us.")
+    return notes
