@@ -1,0 +1,186 @@
+"""MAVLink 1 and 2 frames as bytes: headers, checksum, and payload layouts; shared by the telemetry reader and writer.
+
+A telemetry log repeats [8-byte big-endian Unix time in microseconds][frame]. A frame is
+magic, header, payload, checksum (2 bytes), and, in MAVLink 2 with incompatibility flag 1, a signature (13 bytes).
+The checksum is X.25 (polynomial 0x1021 reflected, start 0xFFFF) over everything between magic and checksum, plus one byte that
+depends on the message definition (`crc_extra`). Source: MAVLink developer guide, "Packet Serialization".
+Layouts come from pymavlink's ardupilotmega dialect, imported when first needed (it takes about half a second).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Bytes = npt.NDArray[np.uint8]
+Checksums = npt.NDArray[np.uint16]
+Integers = npt.NDArray[np.int64]
+
+MAGIC_V1 = 0xFE
+MAGIC_V2 = 0xFD
+STAMP_BYTES = 8
+CHECKSUM_BYTES = 2
+SIGNATURE_BYTES = 13
+SIGNED_FLAG = 1
+CHECKSUM_START = 0xFFFF
+LARGEST_PAYLOAD = 255
+AUTOPILOT_INVALID = 8
+AUTOPILOT_PX4 = 12
+
+STAMPED_HEADER_V1 = np.dtype(
+    [("stamp", ">u8"), ("magic", "u1"), ("length", "u1"), ("sequence", "u1"), ("system", "u1"), ("component", "u1"), ("id", "u1")]
+)
+STAMPED_HEADER_V2 = np.dtype(
+    [
+        ("stamp", ">u8"),
+        ("magic", "u1"),
+        ("length", "u1"),
+        ("incompatible", "u1"),
+        ("compatible", "u1"),
+        ("sequence", "u1"),
+        ("system", "u1"),
+        ("component", "u1"),
+        ("id_low", "<u2"),
+        ("id_high", "u1"),
+    ]
+)
+HEADER_BYTES_V1 = STAMPED_HEADER_V1.itemsize - STAMP_BYTES
+HEADER_BYTES_V2 = STAMPED_HEADER_V2.itemsize - STAMP_BYTES
+
+
+def _byte_table() -> Checksums:
+    state = np.arange(256, dtype=np.uint16)
+    for _ in range(8):
+        state = np.where(state & 1, (state >> 1) ^ 0x8408, state >> 1).astype(np.uint16)
+    return state
+
+
+def _word_table(table: Checksums) -> Checksums:
+    state = np.arange(65536, dtype=np.uint16)
+    for _ in range(2):
+        state = table[state & 0xFF] ^ (state >> 8)
+    return state
+
+
+_BYTE_TABLE = _byte_table()
+_WORD_TABLE = _word_table(_BYTE_TABLE)
+_BATCH = 8192  # frames whose bytes and tables fit in the second-level cache
+
+
+def checksum(data: bytes, crc_extra: int) -> int:
+    """Checksum of one frame: `data` is header and payload without the magic byte."""
+    state = CHECKSUM_START
+    for byte in data + bytes([crc_extra]):
+        state = int(_BYTE_TABLE[(state ^ byte) & 0xFF]) ^ (state >> 8)
+    return state
+
+
+def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
+    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte, up to the checksum), plus crc_extra.
+
+    All frames advance together, two bytes per table look-up; the longest first, so that finished frames drop off the end.
+    """
+    out = np.empty(start.size, dtype=np.uint16)
+    words = np.ndarray((max(buffer.size - 1, 0),), np.dtype("<u2"), buffer=buffer, strides=(1,))
+    for first in range(0, start.size, _BATCH):
+        part = slice(first, first + _BATCH)
+        out[part] = _checksum_batch(buffer, words, start[part], stop[part], crc_extra[part])
+    return out
+
+
+def _checksum_batch(buffer: Bytes, words: Checksums, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
+    size = (stop - start).astype(np.uint16)
+    order = np.argsort(size, kind="stable")[::-1]
+    at = start[order]
+    pairs = size[order] >> 1
+    active = np.searchsorted(pairs[::-1], np.arange(1, int(pairs[0]) + 1 if pairs.size else 1))
+    state = np.full(order.size, CHECKSUM_START, dtype=np.uint16)
+    for number in order.size - active:
+        state[:number] = _WORD_TABLE.take(state[:number] ^ words[at[:number]])
+        at[:number] += 2
+    odd = np.flatnonzero(size[order] & 1)
+    state[odd] = _step(state[odd], buffer[at[odd]])
+    result = np.empty_like(state)
+    result[order] = _step(state, crc_extra[order])
+    return result
+
+
+def _step(state: Checksums, byte: Bytes) -> Checksums:
+    result: Checksums = _BYTE_TABLE[(state ^ byte) & np.uint16(0xFF)] ^ (state >> np.uint16(8))
+    return result
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The payload of one message type.
+
+    `dtype` is the full payload with extension fields, in wire order; `fields` are the names in the order of the definition;
+    `units` the unit texts of the definition; `text` names the character arrays.
+    """
+
+    id: int
+    name: str
+    crc_extra: int
+    dtype: np.dtype[np.void]
+    fields: tuple[str, ...]
+    text: frozenset[str]
+    units: Mapping[str, str]
+
+
+@lru_cache(maxsize=1)
+def definitions() -> Mapping[int, Any]:
+    """The message classes of the dialect by message id."""
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    table: Mapping[int, Any] = ardupilotmega.mavlink_map
+    return table
+
+
+@lru_cache(maxsize=1)
+def crc_extras() -> npt.NDArray[np.int16]:
+    """crc_extra by message id, -1 where the id is not defined; ids beyond the end are not defined either."""
+    known = definitions()
+    table = np.full(max(known) + 2, -1, dtype=np.int16)
+    for number, message in known.items():
+        table[number] = message.crc_extra
+    return table
+
+
+@lru_cache(maxsize=1)
+def ids_by_name() -> Mapping[str, int]:
+    """Message ids by message name."""
+    return {str(message.msgname): number for number, message in definitions().items()}
+
+
+@lru_cache(maxsize=512)
+def layout(message_id: int) -> Layout:
+    """The layout of a defined message (KeyError if the dialect has no such id)."""
+    message = definitions()[message_id]
+    codes = bytes(message.native_format).decode("ascii")[1:]
+    fields: list[tuple[Any, ...]] = []
+    text = set()
+    for name, code, size in zip(message.ordered_fieldnames, codes, message.array_lengths, strict=True):
+        if code == "c":
+            text.add(name)
+            fields.append((name, f"S{max(size, 1)}"))
+        elif size:
+            fields.append((name, f"<{_NUMPY_CODE[code]}", (size,)))
+        else:
+            fields.append((name, f"<{_NUMPY_CODE[code]}"))
+    return Layout(
+        id=message_id,
+        name=str(message.msgname),
+        crc_extra=int(message.crc_extra),
+        dtype=np.dtype(fields),
+        fields=tuple(message.fieldnames),
+        text=frozenset(text),
+        units=dict(message.fieldunits_by_name),
+    )
+
+
+_NUMPY_CODE = {"b": "i1", "B": "u1", "h": "i2", "H": "u2", "i": "i4", "I": "u4", "q": "i8", "Q": "u8", "f": "f4", "d": "f8"}

@@ -1,0 +1,83 @@
+"""Payloads of one message type to columns; parameters and status texts from their messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import mavlink
+from stages.ingest.decoded import Messages
+from stages.ingest.tlog_frames import Bytes, Frames, gather
+
+TEXT_BYTES = 50  # characters in one STATUSTEXT chunk
+LOST_CHUNK = "..."
+_INTEGER_TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4"}  # MAV_PARAM_TYPE
+
+
+def decode(buffer: Bytes, frames: Frames, layout: mavlink.Layout) -> Messages:
+    """Columns of the frames, all of the message type of `layout`: its fields, then time_unix_us, sysid, compid and seq.
+
+    MAVLink 2 cuts trailing zeros of the payload and MAVLink 1 has no extension fields: missing bytes are zero. Bytes beyond the
+    layout (a newer definition) are not read. A message with a field `seq` of its own has the frame's as `frame_seq`.
+    """
+    width = layout.dtype.itemsize
+    rows = gather(buffer, frames.payload, width)
+    shortest = int(frames.length.min(initial=width))
+    if shortest < width:
+        rows[:, shortest:] *= np.arange(shortest, width, dtype=np.uint8) < frames.length[:, None]
+    table = rows.view(layout.dtype)[:, 0]
+    columns: dict[str, npt.NDArray[np.generic]] = {}
+    for name in layout.fields:
+        column = np.ascontiguousarray(table[name])
+        columns[name] = cut_at_nul(column) if name in layout.text else column
+    columns["time_unix_us"] = frames.stamp
+    columns["sysid"] = frames.system
+    columns["compid"] = frames.component
+    columns["frame_seq" if "seq" in columns else "seq"] = frames.sequence
+    units = {"time_unix_us": "us", **layout.units}
+    return Messages(layout.name, columns, frames.start, units)
+
+
+def cut_at_nul(text: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    """Fixed-width strings with everything after the first NUL removed; numpy itself drops trailing NULs only."""
+    characters = text.view(np.uint8).reshape(text.size, text.dtype.itemsize)
+    ended = np.logical_or.accumulate(characters == 0, axis=1)
+    return np.where(ended, np.uint8(0), characters).view(text.dtype)[:, 0]
+
+
+def words(raw: bytes) -> str:
+    """Text of a string field; bytes that are not UTF-8 are replaced."""
+    return raw.decode("utf-8", errors="replace")
+
+
+def parameters(messages: Messages, *, bytewise: bool) -> dict[str, float]:
+    """Last value of each parameter. `bytewise`: integers stand in the bytes of the float (PX4), not as its value (ArduPilot)."""
+    names = messages.columns["param_id"]
+    values = messages.columns["param_value"]
+    last = names.size - 1 - np.unique(names[::-1], return_index=True)[1]
+    found = {}
+    for row in np.sort(last):
+        value = values[row]
+        kind = _INTEGER_TYPES.get(int(messages.columns["param_type"][row])) if bytewise else None
+        if kind is not None:
+            value = np.frombuffer(value.tobytes(), dtype=kind)[0]
+        if names[row]:
+            found[words(bytes(names[row]))] = float(value)
+    return found
+
+
+def status_texts(messages: Messages) -> tuple[tuple[int, str], ...]:
+    """(time_unix_us, text) of each status text; the chunks of a long one are joined, a lost chunk is shown as dots."""
+    texts: list[tuple[int, list[bytes]]] = []
+    open_id, next_chunk = 0, 0
+    rows = zip(*(messages.columns[name].tolist() for name in ("time_unix_us", "text", "id", "chunk_seq")), strict=True)
+    for time_us, text, number, chunk in rows:
+        if number == 0 or number != open_id or chunk < next_chunk:
+            texts.append((time_us, []))
+            next_chunk = 0
+        if number and chunk > next_chunk:
+            texts[-1][1].append(LOST_CHUNK.encode())
+        texts[-1][1].append(text)
+        next_chunk = chunk + 1
+        open_id = number if len(text) == TEXT_BYTES else 0
+    return tuple((time_us, words(b"".join(parts))) for time_us, parts in texts)
