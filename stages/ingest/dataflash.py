@@ -135,8 +135,8 @@ def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> Deco
     names = set(groups) if wanted is None else wanted & set(groups)
     tables = {name: _columns(buffer, parts) for name, parts in groups.items() if name in names or name in NEEDED}
     units = _units(index, groups, tables, names)
-    lengths = [(offset.size, definition.length) for name in layout.DEFINITION_NAMES for definition, _, offset in groups.get(name, ())]
-    account = byte_account(buffer, index.chain, index.refused, lengths)
+    defining = [entry for name in layout.DEFINITION_NAMES for _, entry, _ in groups.get(name, ())]
+    account = byte_account(buffer, index.chain, index.definitions.length, defining, index.refused)
     return DecodedLog(
         format=FORMAT,
         messages={name: Messages(name, *tables[name], units[name]) for name in groups if name in names},
@@ -247,7 +247,11 @@ def _notes(buffer: Buffer, index: Index, groups: dict[str, list[Part]]) -> list[
     several = [name for name, parts in groups.items() if len(parts) > 1]
     if several:
         notes.append(f"Declared with several layouts, joined by field name: {', '.join(several)}.")
-    timeless = [name for name, parts in groups.items() if name not in UNTIMED and not any(index.clock[entry] for _, entry, _ in parts)]
+
+    def is_timed(part: Part) -> bool:
+        return bool(index.clock[part[1]]) or "T" in part[0].columns  # GPS records of old firmware have it as T
+
+    timeless = [name for name, parts in groups.items() if name not in UNTIMED and not any(map(is_timed, parts))]
     if timeless:
         notes.append(f"Without a time field of the vehicle's clock: {', '.join(timeless)}.")
     return notes

@@ -21,35 +21,41 @@ PADDING_BYTES = 528  # block-based logs end in up to two pages of padding
 LEAP_US = 86_400_000_000
 BACK_US = 1_000_000
 CLOCK_SAMPLES = 20_000
+UNIX_US = 1_000_000_000_000_000  # September 2001 as Unix time, 31 years as time since boot
 
 Buffer = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.int64]
 Clock = npt.NDArray[np.int8]
 
 
-def byte_account(buffer: Buffer, chain: Chain, refused: Mapping[int, str], definition_records: Sequence[tuple[int, int]]) -> ByteAccount:
+def byte_account(
+    buffer: Buffer, chain: Chain, length: npt.NDArray[np.int32], defining: Sequence[int], refused: Mapping[int, str]
+) -> ByteAccount:
     """Put every byte into records, definitions or skipped.
 
     Args:
         buffer: the whole file.
         chain: records and gaps, which together cover the file.
-        refused: offsets of FMT records that are not in force, with the reason.
-        definition_records: (count, bytes per record) of the FMT, FMTU, UNIT and MULT records in the chain, refused ones included.
+        length: bytes per record by definition entry.
+        defining: entries of FMT, FMTU, UNIT and MULT.
+        refused: offsets of FMT records in the chain that are not in force, with the reason.
     """
     lost: dict[str, list[tuple[int, int]]] = {}
     for offset, reason in refused.items():
         lost.setdefault(reason, []).append((offset, layout.FMT_BYTES))
-    undefined = np.flatnonzero(chain.entry < 0)
-    for id in np.unique(chain.type[undefined]).tolist():
-        these = undefined[chain.type[undefined] == id]
-        pairs = zip(chain.offset[these].tolist(), chain.length[these].tolist(), strict=True)
-        lost.setdefault(UNDEFINED.format(id), []).extend(pairs)
+    count = np.bincount(chain.entry + 1, minlength=length.size + 1)
+    if count[0]:
+        undefined = np.flatnonzero(chain.entry < 0)
+        for id in np.unique(chain.type[undefined]).tolist():
+            these = undefined[chain.type[undefined] == id]
+            pairs = zip(chain.offset[these].tolist(), chain.length[these].tolist(), strict=True)
+            lost.setdefault(UNDEFINED.format(id), []).extend(pairs)
     for gap in chain.gaps:
         lost.setdefault(_reason(buffer, gap), []).append((gap.start, gap.stop - gap.start))
-    skipped = tuple(_skipped(reason, lost[reason]) for reason in sorted(lost))
-    definitions = sum(count * length for count, length in definition_records) - layout.FMT_BYTES * len(refused)
-    records = int(chain.length[chain.entry >= 0].sum()) - sum(count * length for count, length in definition_records)
-    return ByteAccount(buffer.size, records, definitions, skipped)
+    taken = count[1:] * length
+    definitions = int(taken[list(defining)].sum()) - layout.FMT_BYTES * len(refused)
+    records = int(taken.sum()) - int(taken[list(defining)].sum())
+    return ByteAccount(buffer.size, records, definitions, tuple(_skipped(reason, lost[reason]) for reason in sorted(lost)))
 
 
 def _skipped(reason: str, places: list[tuple[int, int]]) -> Skipped:
@@ -117,8 +123,13 @@ def clock_notes(buffer: Buffer, chain: Chain, clock: Clock) -> list[str]:
     if times.size > 2:  # the median of three removes single damaged stamps and keeps steps
         times[1:-1] = np.sort(np.stack([times[:-2], times[1:-1], times[2:]]), axis=0)[1]
     steps = np.diff(times)
-    for at in np.flatnonzero((steps > LEAP_US) | (steps < -BACK_US))[:3].tolist():
-        seconds, byte = abs(int(steps[at])) * 1e-6, int(chain.offset[sample[at + 1]])
+    leaps = np.flatnonzero((steps > LEAP_US) | (steps < -BACK_US)).tolist()
+    if leaps:
+        at = leaps[0]
         how = "leaps forward" if steps[at] > 0 else "goes back"
-        notes.append(f"The clock {how} by {seconds:.6g} s near byte {byte}, from {times[at]} to {times[at + 1]} us.")
+        place = f"near byte {chain.offset[sample[at + 1]]}, from {times[at]} to {times[at + 1]} us"
+        more = f" It leaps {len(leaps)} times in all." if len(leaps) > 1 else ""
+        notes.append(f"The clock {how} by {abs(int(steps[at])) * 1e-6:.6g} s {place}.{more}")
+    if np.median(times) > UNIX_US:
+        notes.append("The clock counts from 1970 (Unix time), not from boot.")
     return notes

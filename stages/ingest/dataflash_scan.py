@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -62,7 +63,8 @@ def candidates(buffer: Buffer) -> Ints:
 def header_at(buffer: Buffer, offset: Ints) -> npt.NDArray[np.bool_]:
     """True where the magic bytes stand at `offset`; offsets past the end of the file give False."""
     inside = np.minimum(offset, buffer.size - 2)
-    return np.logical_and.reduce([buffer[inside] == layout.MAGIC[0], buffer[inside + 1] == layout.MAGIC[1], inside == offset])
+    there: npt.NDArray[np.bool_] = (buffer[inside] == layout.MAGIC[0]) & (buffer[inside + 1] == layout.MAGIC[1]) & (inside == offset)
+    return there
 
 
 def infer_lengths(offset: Ints, types: npt.NDArray[np.uint8], entry: npt.NDArray[np.int32], length: npt.NDArray[np.int32]) -> None:
@@ -97,14 +99,21 @@ class Walk:
         self.length = length
         self.end = offset + length
         self.valid = (length > 0) & (self.end <= self.size)
-        self._confirmed: Ints | None = None
 
-    @property
+    @cached_property
     def confirmed(self) -> Ints:
         """Candidates of a known length with a header, or the end of the file, right behind them."""
-        if self._confirmed is None:
-            self._confirmed = np.flatnonzero(self.valid & (header_at(self.buffer, self.end) | (self.end == self.size)))
-        return self._confirmed
+        return np.flatnonzero(self.valid & (header_at(self.buffer, self.end) | (self.end == self.size)))
+
+    @cached_property
+    def pair(self) -> npt.NDArray[np.uint16]:
+        """The types of each candidate and the next, as one number."""
+        return (self.type[:-1].astype(np.uint16) << 8 | self.type[1:]).astype(np.uint16)
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """How often each pair of types occurs."""
+        return np.bincount(self.pair, minlength=1 << 16)
 
     def next_confirmed(self, index: int) -> int:
         """The first confirmed candidate at or behind candidate `index`; the number of candidates if there is none."""
@@ -152,9 +161,9 @@ class Walk:
         for start, stop in runs:
             taken[start] += 1
             taken[stop] -= 1
-        index = np.flatnonzero(np.cumsum(taken[:-1], dtype=np.int8))
-        entries = self.entry
-        return Chain(self.offset[index], self.type[index], entries[index], self.length[index], gaps, entries[np.array(failed, np.int64)])
+        kept = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
+        missed = self.entry[np.array(failed, np.int64)]
+        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], gaps, missed)
 
     def _begin(self, runs: list[tuple[int, int]], gaps: list[Gap]) -> tuple[int, int]:
         if self.offset.size and self.offset[0] == 0 and self.valid[0]:
@@ -179,17 +188,17 @@ class Walk:
                 runs.append((at, last + 1))
                 return following if end < self.size else offset.size
             runs.append((at, last))
-            self._fill(int(offset[last]), int(offset[inner]), last - 1, inner, runs, gaps)
+            self._fill(int(offset[last]), int(offset[inner]), last - 1, inner, runs, gaps, spoilt=last)
             return inner
         if not meets:
             failed.append(last)
         undefined = int(self.type[following]) if meets and self.entry[following] < 0 else -1
         soft = -1 if meets else self._behind_soft_header(end)
         resume = soft if soft >= 0 else self.next_confirmed(following if meets else last + 1)
-        spoilt = soft < 0 and not meets and (self._place(resume) < end or self._misnamed(last, resume))
+        spoilt = soft < 0 and not meets and (self._place(resume) < end or self._misnamed(last, resume) or self._out_of_time(last, resume))
         runs.append((at, last if spoilt else last + 1))
         start = int(offset[last]) if spoilt else end
-        self._fill(start, self._place(resume), last - 1 if spoilt else last, resume, runs, gaps, undefined)
+        self._fill(start, self._place(resume), last - 1 if spoilt else last, resume, runs, gaps, undefined, last)
         return resume
 
     def _inner_record(self, last: int, following: int) -> int:
@@ -212,22 +221,37 @@ class Walk:
         return place if place < self.offset.size and self.offset[place] == behind and self.valid[place] else -1
 
     def _misnamed(self, last: int, resume: int) -> bool:
-        """Whether the type id of record `last` is one bit away from a type that would end exactly where the chain resumes."""
+        """Whether record `last`, behind which the chain breaks, looks like another one with a damaged type id.
+
+        Its true length would end where the chain resumes, and its type follows that of the record before it nowhere else.
+        """
         span = self._place(resume) - int(self.offset[last])
-        if span > layout.MAX_RECORD_BYTES:
+        if last == 0 or span > layout.MAX_RECORD_BYTES:
             return False
-        near = int(self.type[last]) ^ (1 << np.arange(8))
-        entry = self.definitions.entries(np.full(8, self.offset[last]), near.astype(np.uint8))
-        return bool(((entry >= 0) & (self.definitions.length[entry] == span)).any())
+        entry = self.definitions.entries(np.full(256, self.offset[last]), np.arange(256, dtype=np.uint8))
+        return bool((self.definitions.length[entry[entry >= 0]] == span).any()) and int(self.pairs[self.pair[last - 1]]) <= 1
+
+    def _out_of_time(self, last: int, resume: int) -> bool:
+        """Whether the time stamp of record `last` does not fit the clock before it and behind the break."""
+        index = np.array([last])
+        return bool(self.clock[self.entry[last]] > 0) and last > 0 and self.in_time(index, last - 1, resume).size == 0
 
     def _fill(
-        self, start: int, stop: int, before: int, after: int, runs: list[tuple[int, int]], gaps: list[Gap], undefined: int = -1
+        self,
+        start: int,
+        stop: int,
+        before: int,
+        after: int,
+        runs: list[tuple[int, int]],
+        gaps: list[Gap],
+        undefined: int = -1,
+        spoilt: int = -1,
     ) -> None:
         """Account for `start:stop`: single records whose time fits the clock between candidates `before` and `after`, else gaps."""
         if start >= stop:
             return
-        low, high = np.searchsorted(self.offset, [start, stop])
-        index = np.arange(low, high)
+        index = np.arange(before + 1, min(after, self.offset.size))
+        index = index[(index != spoilt) & (self.offset[index] >= start)]
         index = index[self.valid[index] & (self.entry[index] >= 0) & (self.end[index] <= stop)]
         for single in self.in_time(index[self.clock[self.entry[index]] > 0], before, after).tolist():
             place = int(self.offset[single])
