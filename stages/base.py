@@ -18,10 +18,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
-from typing import Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
-from stages.ingest.decoded import RawFile
+
+if TYPE_CHECKING:  # the ingest stage itself imports this module
+    from stages.ingest.decoded import RawFile
 
 Item = Literal["log", "leg", "segment", "campaign"]
 Document = Mapping[str, Any]

@@ -1,0 +1,134 @@
+"""The declared mapping from log messages to streams (formats/streams.yaml), and what could supply a stream that is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import yaml
+
+from data_schemas.schemas import schema
+
+STREAMS = ("imu", "attitude", "depth", "velocity", "position", "actuators", "battery", "range", "mode", "events")
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
+    "attitude": ("phi_rad", "theta_rad", "psi_rad"),
+    "depth": ("depth_m",),
+    "velocity": ("u_m_s", "v_m_s", "w_m_s"),
+    "position": ("x_m", "y_m", "z_m"),
+    "actuators": (),
+    "battery": ("voltage_v",),
+    "range": ("range_m",),
+    "mode": ("mode",),
+    "events": ("text",),
+}
+"""Fields without which a row of the stream is no sample; of `actuators` any one field will do."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """One stream field as a column of the log: its unit there, and the sign."""
+
+    column: str
+    unit: str
+    sign: int
+
+
+@dataclass(frozen=True)
+class Source:
+    """One way to fill a stream from a format; formats/streams.yaml says what each entry means."""
+
+    name: str
+    message: str
+    columns: tuple[str, ...]
+    optional: tuple[str, ...] = ()
+    fields: Mapping[str, Linear] = field(default_factory=dict)
+    compute: str | None = None
+    choose: str | None = None
+    when: str | None = None
+    also: tuple[str, ...] = ()
+    note: str | None = None
+    meaning: str | None = None
+
+
+@dataclass(frozen=True)
+class FormatStreams:
+    """The sources of every stream in one log format, in order of preference."""
+
+    title: str
+    instance: tuple[str, ...]
+    streams: Mapping[str, tuple[Source, ...]]
+
+    @property
+    def messages(self) -> frozenset[str]:
+        """All message types that any stream needs."""
+        sources = [source for group in self.streams.values() for source in group]
+        return frozenset({source.message for source in sources} | {name for source in sources for name in source.also})
+
+
+@cache
+def format_streams(name: str) -> FormatStreams | None:
+    """The mapping of one log format, or None for a format whose reader names its streams itself (CSV)."""
+    raw = _document().get(name)
+    if raw is None:
+        return None
+    groups = {stream: tuple(_source(entry) for entry in entries) for stream, entries in raw["streams"].items()}
+    return FormatStreams(str(raw["title"]), tuple(raw.get("instance", ())), groups)
+
+
+def format_names() -> tuple[str, ...]:
+    """The formats that have a mapping."""
+    return tuple(_document())
+
+
+@cache
+def _document() -> dict[str, dict[str, Any]]:
+    text = (resources.files(__package__) / "formats" / "streams.yaml").read_text(encoding="utf-8")
+    document: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return document
+
+
+def _source(entry: Mapping[str, object]) -> Source:
+    raw: dict[str, object] = dict(entry)
+    name = str(raw.pop("source"))
+    linear = {key: _linear(str(text)) for key, text in _mapping(raw.pop("fields", {})).items()}
+    columns = _texts(raw.pop("columns", ())) or tuple(item.column for item in linear.values())
+    known = {key: None if key not in raw else str(raw.pop(key)) for key in ("compute", "choose", "when", "note", "meaning")}
+    message = str(raw.pop("message", name))
+    optional, also = _texts(raw.pop("optional", ())), _texts(raw.pop("with", ()))
+    if raw:
+        raise ValueError(f"formats/streams.yaml: unknown key {sorted(raw)} at source {name}")
+    return Source(name, message, columns, optional, linear, also=also, **known)
+
+
+def _linear(text: str) -> Linear:
+    column, unit = text.removeprefix("-").split(" ", 1)
+    return Linear(column, unit, -1 if text.startswith("-") else 1)
+
+
+def _mapping(value: object) -> Mapping[str, object]:
+    assert isinstance(value, Mapping)
+    return value
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    assert isinstance(value, list | tuple)
+    return tuple(str(item) for item in value)
+
+
+def supply_text(stream: str) -> str:
+    """What could supply a stream: messages and columns per log format, and the fields a CSV column map can name."""
+    parts = []
+    for name in format_names():
+        mapping = format_streams(name)
+        assert mapping is not None
+        ways = dict.fromkeys(f"{source.message} ({', '.join(source.columns)})" for source in mapping.streams.get(stream, ()))
+        if ways:
+            parts.append(f"{mapping.title}: {' or '.join(ways)}")
+    fields = NEEDED[stream] or tuple(key for key in schema(stream).columns if key != "time_us")
+    shown = ", ".join(fields) if len(fields) <= 6 else f"{fields[0]} ... {fields[-1]}"
+    parts.append(f"CSV: columns mapped to {shown} of stream {stream}")
+    return "; ".join(parts)

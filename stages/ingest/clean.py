@@ -1,0 +1,123 @@
+"""Samples that cannot be used: empty or non-finite cells, and time stamps that repeat, go backward or leap. Rejected and counted."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.streams import NEEDED
+
+from .streams import Columns, Stream
+
+EMPTY = "empty or non-finite cell"
+NO_TIME = "no time stamp"
+REPEATED = "repeated time stamp"
+BACKWARD = "time stamp out of order"
+BEFORE_LEAP = "before the clock was set"
+LEAP_US = 30 * 86_400_000_000  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
+Mask = npt.NDArray[np.bool_]
+Ints = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """Samples of one stream that were rejected for one reason: how many, and where the first and the last are in the file."""
+
+    stream: str
+    reason: str
+    count: int
+    first: int
+    last: int
+
+
+def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
+    """The usable samples of a stream, and the account of the others. `set_us` is the time to which a leaping clock was set."""
+    rejected: list[Rejected] = []
+
+    def keep(stream: Stream, good: Mask, reason: str) -> Stream:
+        if good.all():
+            return stream
+        place = stream.place[~good]
+        rejected.append(Rejected(stream.name, reason, int(place.size), int(place[0]), int(place[-1])))
+        return stream.rows(good)
+
+    stamps = stream.columns["time_us"]
+    if stamps.dtype != np.int64:
+        finite = np.isfinite(stamps) & (np.abs(stamps) < float(2**62))
+        stream = keep(stream, finite, NO_TIME)
+        stream = Stream(
+            **{**stream.__dict__, "columns": {**stream.columns, "time_us": np.rint(stream.columns["time_us"]).astype(np.int64)}}
+        )
+    stream = keep(stream, complete_rows(stream.name, stream.columns), EMPTY)
+    if set_us is not None:
+        stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
+    stamps = stream.columns["time_us"]
+    if stamps.size and (np.diff(stamps) <= 0).any():
+        stream = keep(stream, np.append(True, np.diff(stamps) != 0), REPEATED)
+        stream = keep(stream, increasing(stream.columns["time_us"]), BACKWARD)
+    return stream, rejected
+
+
+def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
+    """Rows (n,) whose needed fields are all there; of a stream without needed fields, rows with any field there."""
+    needed = [columns[name] for name in NEEDED[stream]]
+    if needed:
+        return np.asarray(np.all([_there(values) for values in needed], axis=0))
+    return np.asarray(np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0))
+
+
+def _there(values: npt.NDArray[Any]) -> Mask:
+    if values.dtype == object:
+        return np.array([item is not None for item in values], bool)
+    return np.isfinite(values)
+
+
+def increasing(stamps: Ints) -> Mask:
+    """A largest set of samples (n,) whose time stamps increase strictly, so that one wrong stamp far ahead costs one sample.
+
+    Samples that agree with all others are kept at once; the search for the longest increasing sequence runs on the rest.
+    """
+    before = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(stamps)[:-1])
+    after = np.append(np.minimum.accumulate(stamps[::-1])[::-1][1:], np.iinfo(np.int64).max)
+    kept = (stamps > before) & (stamps < after)
+    doubtful = np.flatnonzero(~kept)
+    if doubtful.size:
+        kept[doubtful[_longest(stamps[doubtful].tolist())]] = True
+    return kept
+
+
+def _longest(values: list[int]) -> list[int]:
+    """Indexes of a longest strictly increasing subsequence (patience sorting)."""
+    tails: list[int] = []
+    ends: list[int] = []
+    previous = [-1] * len(values)
+    for index, value in enumerate(values):
+        pile = bisect_left(tails, value)
+        previous[index] = ends[pile - 1] if pile else -1
+        if pile == len(tails):
+            tails.append(value)
+            ends.append(index)
+        else:
+            tails[pile], ends[pile] = value, index
+    chain = []
+    index = ends[-1]
+    while index >= 0:
+        chain.append(index)
+        index = previous[index]
+    return chain[::-1]
+
+
+def clock_set(streams: Mapping[str, Columns]) -> int | None:
+    """The time to which the clock was set during the log, seen in the longest stream as a leap of more than 30 days; None if not."""
+    if not streams:
+        return None
+    stamps = np.asarray(max(streams.values(), key=lambda columns: columns["time_us"].size)["time_us"], dtype=np.float64)
+    leap = np.flatnonzero(np.diff(stamps) > LEAP_US)
+    # One stamp far ahead comes back down; a clock that was set stays.
+    stays = [index for index in leap if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]
+    return int(np.rint(stamps[stays[0] + 1])) if stays else None

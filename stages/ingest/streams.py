@@ -1,0 +1,183 @@
+"""From decoded messages to streams: the declared mapping (data_schemas/formats/streams.yaml) carried out.
+
+Values become SI, body frame forward-right-down and north-east-down here, once. Which source fills a stream is decided by the order of
+the mapping; the manifest can replace it (`sources: {depth: "BARO[1]"}`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.schemas import schema
+from data_schemas.streams import STREAMS, FormatStreams, Source, format_streams
+from data_schemas.units import convertible, factor_and_offset
+
+from .decoded import DecodedLog, Messages
+
+Columns = dict[str, npt.NDArray[Any]]
+Compute = Callable[[Messages, DecodedLog], Columns]
+Condition = Callable[[DecodedLog], str | None]
+Score = Callable[[Messages, DecodedLog], float]
+Clock = Callable[[Messages, DecodedLog], npt.NDArray[np.int64] | None]
+FEW = 2
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a format adds to its declared mapping: its clock, and the functions that the mapping names."""
+
+    clock: Clock
+    compute: Mapping[str, Compute] = field(default_factory=dict)
+    conditions: Mapping[str, Condition] = field(default_factory=dict)
+    scores: Mapping[str, Score] = field(default_factory=dict)
+    utc: Callable[[DecodedLog], int | None] = lambda log: None
+    """What to add to the clock to get microseconds since 1970 UTC, or None where the log does not say."""
+    also: frozenset[str] = frozenset()
+    """Message types that the functions read besides those of the mapping."""
+
+    def messages(self, mapping: str) -> frozenset[str]:
+        """All message types that have to be decoded for the streams of a format."""
+        spec = format_streams(mapping)
+        assert spec is not None
+        return spec.messages | self.also
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One stream of a log in SI on its own clock.
+
+    `columns` are fields of the stream's schema with `time_us` (n,) int64; `place` (n,) is the byte offset (CSV: row) of each sample.
+    `alternatives` lists every way the log could fill the stream, in order, each with its status.
+    """
+
+    name: str
+    columns: Columns
+    place: npt.NDArray[np.int64]
+    source: str
+    alternatives: tuple[dict[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.place.size)
+
+    def rows(self, kept: npt.NDArray[Any]) -> Stream:
+        """The stream with these rows only."""
+        return replace(self, columns={key: values[kept] for key, values in self.columns.items()}, place=self.place[kept])
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One source with one instance of its sensor, and why it cannot be used (None if it can)."""
+
+    source: Source
+    label: str
+    messages: Messages | None
+    refused: str | None
+
+
+def map_streams(log: DecodedLog, mapping: str, rules: Rules, wanted: Mapping[str, str]) -> dict[str, Stream]:
+    """All streams that a decoded log can fill, by stream name.
+
+    `wanted` names the source that the manifest wants for a stream; where this log does not have it, the order of the mapping decides.
+    """
+    spec = format_streams(mapping)
+    assert spec is not None
+    streams = {}
+    for name in STREAMS:
+        candidates = _ordered([item for source in spec.streams.get(name, ()) for item in _candidates(source, log, rules, spec)], log, rules)
+        chosen = _chosen(candidates, wanted.get(name))
+        if chosen is not None:
+            streams[name] = _stream(name, chosen, candidates, log, rules)
+    return streams
+
+
+def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStreams) -> Iterator[Candidate]:
+    messages = log.messages.get(source.message)
+    if messages is None or not len(messages):
+        yield Candidate(source, source.name, None, "not logged")
+        return
+    missing = [column for column in source.columns if column not in messages.columns]
+    if missing:
+        yield Candidate(source, source.name, None, f"has no column {', '.join(missing)}")
+        return
+    refused = rules.conditions[source.when](log) if source.when else None
+    if rules.clock(messages, log) is None:
+        refused = "has no time stamp"
+    for label, rows in _instances(source.name, messages, spec.instance):
+        yield Candidate(source, label, rows, refused)
+
+
+def _instances(name: str, messages: Messages, instance: tuple[str, ...]) -> Iterator[tuple[str, Messages]]:
+    column = next((key for key in instance if key in messages.columns), None)
+    if column is None:
+        yield name, messages
+        return
+    values = np.asarray(messages.columns[column])
+    found = np.unique(values)
+    if found.size < FEW:
+        yield name, messages
+        return
+    for item in found:
+        yield f"{name}[{int(item)}]", select(messages, values == item)
+
+
+def select(messages: Messages, rows: npt.NDArray[Any]) -> Messages:
+    """The given rows of a message type."""
+    return replace(messages, columns={key: values[rows] for key, values in messages.columns.items()}, offset=messages.offset[rows])
+
+
+def _ordered(candidates: list[Candidate], log: DecodedLog, rules: Rules) -> list[Candidate]:
+    """The candidates that share a `choose` rule by their score, at the places that such candidates have; the others stay."""
+    result = list(candidates)
+    for rule in {item.source.choose for item in candidates if item.source.choose}:
+        places = [index for index, item in enumerate(candidates) if item.source.choose == rule and item.messages is not None]
+        scores = [rules.scores[rule](candidates[index].messages, log) for index in places]  # type: ignore[arg-type]
+        for place, (_, index) in zip(places, sorted(zip(scores, places, strict=True)), strict=True):
+            result[place] = candidates[index]
+    return result
+
+
+def _chosen(candidates: list[Candidate], wanted: str | None) -> Candidate | None:
+    usable = [item for item in candidates if item.messages is not None]
+    named = next((item for item in usable if wanted in (item.label, item.source.name)), None)
+    return named or next((item for item in usable if item.refused is None), None)
+
+
+def _stream(name: str, chosen: Candidate, candidates: list[Candidate], log: DecodedLog, rules: Rules) -> Stream:
+    messages, source = chosen.messages, chosen.source
+    assert messages is not None
+    columns = rules.compute[source.compute](messages, log) if source.compute else linear(name, messages, source)
+    if "time_us" not in columns:
+        time_us = rules.clock(messages, log)
+        assert time_us is not None
+        columns = {"time_us": time_us, **columns}
+    place = messages.offset if columns["time_us"].size == len(messages) else np.zeros(columns["time_us"].size, np.int64)
+    notes = [f"{name}: {source.note}"] if source.note else []
+    if chosen.refused is not None:
+        notes.append(f"{name} is taken from {chosen.label} because the manifest says so, although: {chosen.refused}")
+    status = [
+        {
+            "source": item.label,
+            "columns": ", ".join(item.source.columns),
+            "status": "used" if item is chosen else item.refused or "available",
+        }
+        for item in candidates
+    ]
+    return Stream(name, columns, place, chosen.label, tuple(status), tuple(notes))
+
+
+def linear(stream: str, messages: Messages, source: Source) -> Columns:
+    """Fields that are one column each: unit to SI, sign. The unit that the log itself declares goes before the one of the mapping."""
+    columns: Columns = {}
+    for name, rule in source.fields.items():
+        target = schema(stream).columns[name].unit
+        declared = messages.units.get(rule.column, "")
+        unit = declared if declared not in ("", "#") and convertible(declared, target) else rule.unit
+        factor, offset = factor_and_offset(unit, target)
+        columns[name] = rule.sign * (factor * np.asarray(messages.columns[rule.column], dtype=np.float64) + offset)
+    return columns

@@ -1,0 +1,220 @@
+"""What the mapping of DataFlash logs needs besides renaming: velocity from displacements, the choice of barometer, modes, arming."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .decoded import DecodedLog, Messages
+from .streams import Columns, Rules
+from .vehicle_modes import sub_mode
+
+PWM_OUTPUTS = 16
+PAIR_US = 20_000
+ARMED, DISARMED = 10, 11  # identifiers of the EV message
+DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270
+FIX_3D = 3
+GPS_EPOCH_US = 315_964_800_000_000  # 6 January 1980
+WEEK_US = 604_800_000_000
+LEAP_SECONDS_US = 18_000_000  # GPS minus UTC since 2017
+Ints = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float64]
+
+
+def clock(messages: Messages, log: DecodedLog) -> Ints | None:
+    """Boot time in microseconds: TimeUS, or TimeMS of logs before 2015."""
+    for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
+        if name in messages.columns:
+            return np.asarray(messages.columns[name]).astype(np.int64) * factor
+    return None
+
+
+def floats(messages: Messages, name: str) -> Array:
+    return np.asarray(messages.columns[name], dtype=np.float64)
+
+
+def displacement_over_interval(messages: Messages, log: DecodedLog) -> Columns:
+    """Body velocity (n,) in m/s from VISO: displacement over its own interval; NaN where the interval is not positive."""
+    interval = floats(messages, "dt")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(interval > 0.0, 1.0 / interval, np.nan)
+    columns: Columns = {f"{axis}_m_s": floats(messages, f"PosD{name}") * scale for axis, name in zip("uvw", "XYZ", strict=True)}
+    columns["interval_s"] = interval
+    if "conf" in messages.columns:
+        columns["quality"] = np.clip(floats(messages, "conf") / 100.0, 0.0, 1.0)
+    return columns
+
+
+def navigation_velocity(messages: Messages, log: DecodedLog) -> Columns:
+    """North-east-down velocity of the navigation filter turned into body axes with the attitude of the same record."""
+    phi, theta, psi = (np.radians(floats(messages, name)) for name in ("Roll", "Pitch", "Yaw"))
+    north_east_down = np.stack([floats(messages, name) for name in ("VN", "VE", "VD")])
+    return dict(zip(("u_m_s", "v_m_s", "w_m_s"), to_body(north_east_down, phi, theta, psi), strict=True))
+
+
+def to_body(vector: Array, phi: Array, theta: Array, psi: Array) -> Array:
+    """A north-east-down vector (3, n) in body axes (3, n), ZYX Euler angles in rad: the transpose of Fossen's R(Theta)."""
+    sf, cf, st, ct, sp, cp = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta), np.sin(psi), np.cos(psi)
+    rotation = np.array(
+        [
+            [cp * ct, sp * ct, -st],
+            [-sp * cf + cp * st * sf, cp * cf + sp * st * sf, ct * sf],
+            [sp * sf + cp * st * cf, -cp * sf + sp * st * cf, ct * cf],
+        ]
+    )
+    result: Array = np.einsum("ijn,jn->in", rotation, vector)
+    return result
+
+
+def aided(log: DecodedLog) -> str | None:
+    """Why velocity and position of the navigation filter mean nothing, or None if it had a velocity or position sensor."""
+    if log.counts.get("VISO", 0) or log.counts.get("XKFD", 0) or log.counts.get("BCN", 0):
+        return None
+    fix = log.messages.get("GPS")
+    if fix is not None and "Status" in fix.columns and len(fix) and float(np.mean(floats(fix, "Status") >= FIX_3D)) > 0.5:
+        return None
+    return "the navigation filter had no velocity or position sensor (no VISO, no beacon, no GPS fix)"
+
+
+def servo_outputs(messages: Messages, log: DecodedLog) -> Columns:
+    """Pulse widths of outputs 1 to 16; outputs without any pulse are left out. RCO2 is paired with RCOU within 20 ms."""
+    columns: Columns = {}
+    for number in range(1, PWM_OUTPUTS + 1):
+        name = next((key for key in (f"C{number}", f"Ch{number}", f"Chan{number}") if key in messages.columns), None)
+        if name is not None:
+            columns[f"pwm_{number}_us"] = floats(messages, name)
+    further, time_us = log.messages.get("RCO2"), clock(messages, log)
+    if further is not None and len(further) and time_us is not None:
+        other = clock(further, log)
+        assert other is not None
+        nearest = _nearest(time_us, other)
+        close = np.abs(other[nearest] - time_us) <= PAIR_US
+        for number in range(15, PWM_OUTPUTS + 1):
+            if f"C{number}" in further.columns:
+                columns[f"pwm_{number}_us"] = np.where(close, floats(further, f"C{number}")[nearest], np.nan)
+    return {name: values for name, values in columns.items() if bool(np.any(values > 0.0))}
+
+
+def _nearest(wanted: Ints, there: Ints) -> npt.NDArray[np.intp]:
+    order = np.argsort(there, kind="stable")
+    right = np.clip(np.searchsorted(there[order], wanted), 1, max(there.size - 1, 1))
+    left, right = right - 1, np.minimum(right, there.size - 1)
+    closer = np.abs(there[order[left]] - wanted) <= np.abs(there[order[right]] - wanted)
+    return order[np.where(closer, left, right)]
+
+
+def healthy(messages: Messages, log: DecodedLog) -> float:
+    """0 for an inertial unit that calls itself healthy most of the time, else 1."""
+    flags = [floats(messages, name) for name in ("GH", "AH") if name in messages.columns]
+    return float(any(np.mean(flag) < 0.5 for flag in flags))
+
+
+def submerged(messages: Messages, log: DecodedLog) -> float:
+    """How badly a barometer fits to the vehicle's own depth (median, m); without that, minus the range of its altitude.
+
+    An underwater vehicle has one barometer in its housing and one in the water, and the log does not say which is which.
+    """
+    altitude, time_us = floats(messages, "Alt"), clock(messages, log)
+    for name, column in (("CTUN", "BAlt"), ("CTUN", "BarAlt"), ("CTUN", "Alt")):
+        own = log.messages.get(name)
+        if own is None or not len(own) or column not in own.columns or time_us is None:
+            continue
+        own_time = clock(own, log)
+        assert own_time is not None
+        return float(np.nanmedian(np.abs(altitude[_nearest(own_time, time_us)] - floats(own, column))))
+    return -float(np.nanmax(altitude) - np.nanmin(altitude)) if altitude.size else np.inf
+
+
+def downward(messages: Messages, log: DecodedLog) -> float:
+    """0 for a range finder that looks down, else 1."""
+    return float("Orient" in messages.columns and np.median(floats(messages, "Orient")) != DOWNWARD)
+
+
+def modes(messages: Messages, log: DecodedLog) -> Columns:
+    """Changes of mode and of arming in time order; arming from ARM or EV records, absent where neither is logged."""
+    number = messages.columns["ModeNum" if "ModeNum" in messages.columns else "Mode"]
+    time_us = clock(messages, log)
+    assert time_us is not None
+    return merge_modes(time_us, [sub_mode(_mode_number(item)) for item in number], *_arming(log))
+
+
+def _mode_number(value: Any) -> int | str:
+    if isinstance(value, bytes):
+        return value.decode("ascii", "replace")
+    return int(value)
+
+
+def _arming(log: DecodedLog) -> tuple[Ints, npt.NDArray[np.bool_]]:
+    arm, event = log.messages.get("ARM"), log.messages.get("EV")
+    if arm is not None and len(arm) and "ArmState" in arm.columns:
+        times = clock(arm, log)
+        if times is not None:
+            return times, np.asarray(arm.columns["ArmState"]) != 0
+    if event is not None and len(event) and "Id" in event.columns:
+        times, code = clock(event, log), np.asarray(event.columns["Id"])
+        if times is not None:
+            kept = np.isin(code, (ARMED, DISARMED))
+            return times[kept], code[kept] == ARMED
+    return np.zeros(0, np.int64), np.zeros(0, np.bool_)
+
+
+def merge_modes(time_us: Ints, names: list[str], armed_us: Ints, armed: npt.NDArray[np.bool_]) -> Columns:
+    """One row per change: the mode and the arming that hold from then on. Rows before the first mode are `unknown`."""
+    times = np.unique(np.concatenate([time_us, armed_us]))
+    order = np.argsort(time_us, kind="stable")
+    at = np.searchsorted(time_us[order], times, side="right") - 1
+    columns: Columns = {
+        "time_us": times,
+        "mode": np.array([names[order[index]] if index >= 0 else "unknown" for index in at], dtype=object),
+    }
+    if armed_us.size:
+        by_time = np.argsort(armed_us, kind="stable")
+        since = np.searchsorted(armed_us[by_time], times, side="right") - 1
+        # Before the first arming event the state was the opposite of it.
+        columns["armed"] = np.where(since >= 0, armed[by_time][np.maximum(since, 0)], ~armed[by_time][0])
+    return columns
+
+
+def texts(messages: Messages, log: DecodedLog) -> Columns:
+    """Text messages in file order; several with one time stamp are set 1 us apart, because rows of a stream have distinct times."""
+    time_us = clock(messages, log)
+    assert time_us is not None
+    return apart(time_us, [bytes(item).decode("utf-8", "replace") for item in messages.columns["Message"]])
+
+
+def apart(time_us: Ints, words: list[str]) -> Columns:
+    steps = np.arange(time_us.size)
+    return {"time_us": np.maximum.accumulate(time_us - steps) + steps if time_us.size else time_us, "text": np.array(words, dtype=object)}
+
+
+def utc_offset_us(log: DecodedLog) -> int | None:
+    """UTC minus boot clock in us from the GPS week and time of week of records with a fix (median); None without a fix."""
+    fix = log.messages.get("GPS")
+    if fix is None or not {"GWk", "GMS", "Status"} <= set(fix.columns):
+        return None
+    time_us = clock(fix, log)
+    good = (floats(fix, "Status") >= FIX_3D) & (floats(fix, "GWk") > 0)
+    if time_us is None or not good.any():
+        return None
+    gps_us = (
+        GPS_EPOCH_US + np.asarray(fix.columns["GWk"]).astype(np.int64) * WEEK_US + np.asarray(fix.columns["GMS"]).astype(np.int64) * 1000
+    )
+    return int(np.median((gps_us - time_us)[good])) - LEAP_SECONDS_US
+
+
+RULES = Rules(
+    clock=clock,
+    utc=utc_offset_us,
+    compute={
+        "displacement_over_interval": displacement_over_interval,
+        "navigation_velocity": navigation_velocity,
+        "servo_outputs": servo_outputs,
+        "modes": modes,
+        "texts": texts,
+    },
+    conditions={"aided": aided},
+    scores={"healthy": healthy, "submerged": submerged, "downward": downward},
+    also=frozenset({"GPS"}),
+)
