@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,9 +50,8 @@ def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Re
     if stamps.dtype != np.int64:
         finite = np.isfinite(stamps) & (np.abs(stamps) < float(2**62))
         stream = keep(stream, finite, NO_TIME)
-        stream = Stream(
-            **{**stream.__dict__, "columns": {**stream.columns, "time_us": np.rint(stream.columns["time_us"]).astype(np.int64)}}
-        )
+        whole = np.rint(stream.columns["time_us"]).astype(np.int64)
+        stream = replace(stream, columns={**stream.columns, "time_us": whole})
     stream = keep(stream, complete_rows(stream.name, stream.columns), EMPTY)
     if set_us is not None:
         stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
@@ -74,7 +73,8 @@ def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
 def _there(values: npt.NDArray[Any]) -> Mask:
     if values.dtype == object:
         return np.array([item is not None for item in values], bool)
-    return np.isfinite(values)
+    finite: Mask = np.isfinite(values)
+    return finite
 
 
 def increasing(stamps: Ints) -> Mask:

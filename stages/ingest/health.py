@@ -126,23 +126,8 @@ def dropped_table(parts: Sequence[Part], rejected: Sequence[Rejected]) -> pa.Tab
 
 def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected]) -> dict[str, Any]:
     """The log in the report: files with the account of their bytes, streams with source, rate and gaps, what was rejected."""
-    start = info["start_us"]
-    files = [
-        [
-            item["name"],
-            item["format"],
-            item["size_bytes"],
-            sum(part["bytes"] for part in item["skipped"]),
-            item["status"],
-            item["seconds_lost"],
-        ]
-        for item in info["files"]
-    ]
-    streams = [
-        [name, item["source"], item["rows"], item["rate_hz"], (item["start_us"] - start) / 1e6, (item["end_us"] - start) / 1e6]
-        + [item["longest_gap_s"], item["rejected"]]
-        for name, item in info["streams"].items()
-    ]
+    files = [_file_row(item) for item in info["files"]]
+    streams = [_stream_row(name, item, info["start_us"]) for name, item in info["streams"].items()]
     blocks = [
         table("Files", ["file", "format", ("size", "bytes"), ("skipped", "bytes"), "status", ("lost", "s")], files),
         table(
@@ -176,3 +161,13 @@ def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
         if stream in tables
     ]
     return {"groups": groups}
+
+
+def _file_row(item: Mapping[str, Any]) -> list[Any]:
+    skipped = sum(part["bytes"] for part in item["skipped"])
+    return [item["name"], item["format"], item["size_bytes"], skipped, item["status"], item["seconds_lost"]]
+
+
+def _stream_row(name: str, item: Mapping[str, Any], start_us: int) -> list[Any]:
+    span = [(item[key] - start_us) / 1e6 for key in ("start_us", "end_us")]
+    return [name, item["source"], item["rows"], item["rate_hz"], *span, item["longest_gap_s"], item["rejected"]]

@@ -160,15 +160,18 @@ def _stream(name: str, chosen: Candidate, candidates: list[Candidate], log: Deco
     notes = [f"{name}: {source.note}"] if source.note else []
     if chosen.refused is not None:
         notes.append(f"{name} is taken from {chosen.label} because the manifest says so, although: {chosen.refused}")
+    logged = {item.source.name for item in candidates if item.messages is not None}
     status = [
-        {
-            "source": item.label,
-            "columns": ", ".join(item.source.columns),
-            "status": "used" if item is chosen else item.refused or "available",
-        }
+        {"source": item.label, "columns": ", ".join(item.source.columns), "status": _status(item, chosen)}
         for item in candidates
+        # Other column names of older firmware are not worth a line where the message is there under the newer ones.
+        if item.messages is not None or item.source.name not in logged
     ]
     return Stream(name, columns, place, chosen.label, tuple(status), tuple(notes))
+
+
+def _status(item: Candidate, chosen: Candidate) -> str:
+    return "used" if item is chosen else item.refused or "available"
 
 
 def linear(stream: str, messages: Messages, source: Source) -> Columns:
