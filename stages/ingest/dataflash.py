@@ -59,7 +59,7 @@ class DataFlashReader:
         data = np.frombuffer(head, np.uint8)
         offset = candidates(data)
         offset = offset[(data[offset + 2] == layout.FMT_ID) & (offset + layout.FMT_BYTES <= data.size)]
-        return head[:2] == layout.MAGIC or bool((propose(data, offset).reason == 0).any())
+        return head[:2] == layout.MAGIC or propose(data, offset).offset.size > 0
 
     def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
         """Decode a log held in memory or memory-mapped.
@@ -90,22 +90,22 @@ def build_index(buffer: Buffer) -> Index:
     offset = candidates(buffer)
     of_fmt = offset[buffer[offset + 2] == layout.FMT_ID]
     proposals = propose(buffer, of_fmt[of_fmt + layout.FMT_BYTES <= buffer.size])
-    usable = proposals.reason == 0
-    contradicted: set[int] = set()
+    usable = np.ones(proposals.offset.size, np.bool_)
+    contradicted = np.zeros(proposals.offset.size, np.bool_)
     for _ in range(ROUNDS):
         definitions = settle(proposals, np.flatnonzero(usable).tolist())
         clock = _clocks(proposals, definitions)
         chain = Walk(buffer, offset, definitions, clock).run()
         in_chain = np.isin(proposals.offset, chain.offset[chain.type == layout.FMT_ID])
-        wrong = _contradicted(chain, definitions)
-        contradicted.update(wrong)
-        believed = usable & in_chain
-        believed[wrong] = False
+        contradicted[_contradicted(chain, definitions)] = True
+        believed = usable & in_chain & ~contradicted
         if (believed == usable).all():
             break
         usable = believed
-    rows = np.flatnonzero(in_chain & ((proposals.reason > 0) | np.isin(np.arange(in_chain.size), list(contradicted))))
-    refused = {int(proposals.offset[row]): REASONS[proposals.reason[row]] or CONTRADICTED for row in rows.tolist()}
+    refused = dict.fromkeys(proposals.offset[in_chain & contradicted].tolist(), CONTRADICTED)
+    unsound = np.isin(proposals.unsound, chain.offset[chain.type == layout.FMT_ID])
+    reasons = [REASONS[code] for code in proposals.reason[unsound].tolist()]
+    refused.update(zip(proposals.unsound[unsound].tolist(), reasons, strict=True))
     return Index(chain, definitions, proposals, clock, refused)
 
 

@@ -20,20 +20,20 @@ REASONS = ("", UNNAMED, WRONG_COLUMNS, WRONG_LENGTH, UNKNOWN_FORMAT, WRONG_FMT, 
 
 Ints = npt.NDArray[np.int64]
 Buffer = npt.NDArray[np.uint8]
+ROWS = 4096  # FMT records judged at a time
 
 
 @dataclass(frozen=True)
 class Proposals:
     """All FMT records that the header candidates show, whether or not they belong to the record chain.
 
-    `offset`, `id`, `length`, `reason` have one entry per FMT; `reason` indexes REASONS, 0 for one that agrees with itself.
+    `offset` and `raw` (the 89 bytes) have one row per FMT that agrees with itself; `unsound` and `reason` (into REASONS) one per other.
     """
 
     offset: Ints
-    id: Ints
-    length: Ints
-    reason: Ints
     raw: npt.NDArray[np.uint8]
+    unsound: Ints
+    reason: npt.NDArray[np.int8]
 
     def definition(self, row: int) -> layout.Definition:
         record = self.raw[row].tobytes()
@@ -42,38 +42,42 @@ class Proposals:
         names = tuple(columns.split(",")) if columns else ()
         return layout.Definition(record[3], record[4], _text(record[5:9]), formats, names[: len(formats)])
 
-    def identity(self, row: int) -> bytes:
-        return self.raw[row, 3:].tobytes()
-
 
 def _text(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("ascii", "backslashreplace")
 
 
 def propose(buffer: Buffer, offsets: Ints) -> Proposals:
-    """Parse the FMT records at `offsets` and judge each by itself: length against format, names against format."""
-    raw = buffer[offsets[:, None] + np.arange(layout.FMT_BYTES)]
+    """Parse the FMT records at `offsets`, all of them whole inside the buffer, and judge each by itself."""
+    raws, reasons = [np.zeros((0, layout.FMT_BYTES), np.uint8)], [np.zeros(0, np.int8)]
+    for start in range(0, offsets.size, ROWS):
+        raw = buffer[offsets[start : start + ROWS, None] + np.arange(layout.FMT_BYTES)]
+        reasons.append(judge(raw))
+        raws.append(raw[reasons[-1] == 0])
+    reason = np.concatenate(reasons)
+    return Proposals(offsets[reason == 0], np.concatenate(raws), offsets[reason > 0], reason[reason > 0])
+
+
+def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
+    """For each FMT record (one row of 89 bytes) the reason to refuse it, as index into REASONS; 0 if it agrees with itself."""
     formats, columns, name = raw[:, 9:25], raw[:, 25:89], raw[:, 5:9]
-    in_format = np.logical_and.accumulate(formats != 0, axis=1)
-    in_columns = np.logical_and.accumulate(columns != 0, axis=1)
+    in_format, in_columns, in_name = (np.logical_and.accumulate(part != 0, axis=1) for part in (formats, columns, name))
     sizes = layout.FIELD_BYTES[formats]
     fields = in_format.sum(axis=1)
     names = ((columns == ord(",")) & in_columns).sum(axis=1) + in_columns[:, 0]
-    id, length = raw[:, 3].astype(np.int64), raw[:, 4].astype(np.int64)
     # Sixty-four bytes without a NUL are a list of names that was cut off: the fields that have a name are still sound.
     cut_off = in_columns.all(axis=1) & (names < fields)
-    itself = (id == layout.FMT_ID) & (length == layout.FMT_BYTES)
-    reason = np.zeros(offsets.size, np.int64)
-    in_name = np.logical_and.accumulate(name != 0, axis=1)
+    of_fmt = raw[:, 3] == layout.FMT_ID
+    reason = np.zeros(raw.shape[0], np.int8)
     for code, fault in (
-        (1, (~in_name[:, 0]) | (in_name & ((name < 0x20) | (name > 0x7E))).any(axis=1)),
+        (1, ~in_name[:, 0] | (in_name & ((name < 0x20) | (name > 0x7E))).any(axis=1)),
         (2, (names != fields) & ~cut_off),
-        (3, length != layout.HEADER_BYTES + (sizes * in_format).sum(axis=1)),
+        (3, raw[:, 4] != layout.HEADER_BYTES + (sizes * in_format).sum(axis=1)),
         (4, ((sizes == 0) & in_format).any(axis=1)),
-        (5, id == layout.FMT_ID),
     ):
-        reason[fault & ~itself] = code
-    return Proposals(offsets, id, length, reason, raw)
+        reason[fault & ~of_fmt] = code
+    reason[of_fmt & (raw[:, 4] != layout.FMT_BYTES)] = 5
+    return reason
 
 
 @dataclass(frozen=True)
@@ -108,10 +112,10 @@ def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
     lengths, kept = [layout.FMT_BYTES], [-1]
     current: dict[int, bytes] = {}
     changes: dict[int, list[tuple[int, int]]] = {}
-    ids, offsets, declared = proposals.id.tolist(), proposals.offset.tolist(), proposals.length.tolist()
+    ids, offsets, declared = proposals.raw[:, 3].tolist(), proposals.offset.tolist(), proposals.raw[:, 4].tolist()
     for row in rows:
         id = ids[row]
-        identity = proposals.identity(row)
+        identity = proposals.raw[row].tobytes()
         if id == layout.FMT_ID or current.get(id) == identity:
             continue
         if id not in current:

@@ -7,7 +7,6 @@ the file); between the two, single records are taken only if their own time stam
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +18,9 @@ from data_schemas.formats import dataflash as layout
 from .dataflash_definitions import Definitions
 
 BLOCK = 1 << 17
-TIME_SLACK_US = 1_000_000
+NEAR = 16  # candidates looked at for the clock beside a break
+SLACK_US = 1_000_000
+FAR_US = 10_000_000  # where only one side shows the clock
 LATEST_US = 1 << 62
 UNKNOWN_SHARE = 0.6  # share of equal gaps from which the length of an undefined type is inferred
 UNKNOWN_LEAST = 4
@@ -90,7 +91,7 @@ class Walk:
 
     def __init__(self, buffer: Buffer, offset: Ints, definitions: Definitions, clock: npt.NDArray[np.int8]) -> None:
         self.buffer, self.offset, self.definitions, self.clock = buffer, offset, definitions, clock
-        self.size = buffer.size
+        self.size, self.count = buffer.size, offset.size
         self.type = buffer[offset + 2]
         self.entry = definitions.entries(offset, self.type)
         length = definitions.length[self.entry]
@@ -99,6 +100,11 @@ class Walk:
         self.length = length
         self.end = offset + length
         self.valid = (length > 0) & (self.end <= self.size)
+        self.runs: list[tuple[int, int]] = []
+        self.gaps: list[Gap] = []
+        self.failed: list[int] = []
+
+    # What only a break needs is computed at the first break.
 
     @cached_property
     def confirmed(self) -> Ints:
@@ -106,108 +112,89 @@ class Walk:
         return np.flatnonzero(self.valid & (header_at(self.buffer, self.end) | (self.end == self.size)))
 
     @cached_property
-    def pair(self) -> npt.NDArray[np.uint16]:
-        """The types of each candidate and the next, as one number."""
-        return (self.type[:-1].astype(np.uint16) << 8 | self.type[1:]).astype(np.uint16)
+    def times_us(self) -> Ints:
+        """The time stamps of the valid candidates; -1 where there is none."""
+        return read_times(self.buffer, self.offset, np.where(self.valid, self.clock[self.entry], 0))
 
     @cached_property
     def pairs(self) -> Ints:
-        """How often each pair of types occurs."""
-        return np.bincount(self.pair, minlength=1 << 16)
+        """How often a candidate of one type is followed by one of another, as number first * 256 + second."""
+        return np.bincount(self.type[:-1].astype(np.uint16) << 8 | self.type[1:], minlength=1 << 16)
 
-    def next_confirmed(self, index: int) -> int:
-        """The first confirmed candidate at or behind candidate `index`; the number of candidates if there is none."""
-        place = int(np.searchsorted(self.confirmed, index))
-        return int(self.confirmed[place]) if place < self.confirmed.size else self.offset.size
-
-    def times_us(self, index: Ints) -> Ints:
-        """The time stamps of the records at the candidates; -1 where their type has none."""
-        return read_times(self.buffer, self.offset[index], self.clock[self.entry[index]])
-
-    def near_us(self, index: int, step: int) -> int | None:
-        """The median of the first five times found in direction `step`, within sixteen candidates."""
-        around = np.arange(index, index + 16 * step, step)
-        around = around[(around >= 0) & (around < self.offset.size)]
-        times = self.times_us(around[self.valid[around]])
-        times = np.sort(times[times >= 0][:5])
-        return int(times[times.size // 2]) if times.size else None
-
-    def in_time(self, index: Ints, before: int, after: int) -> Ints:
-        """Those of the candidates whose time lies between the clocks at candidates `before` and `after` (either may be outside)."""
-        if index.size == 0:
-            return index
-        early, late = self.near_us(before, -1), self.near_us(after, 1)
-        if early is None and late is None:
-            return index[:0]
-        low = (late if early is None else early) - TIME_SLACK_US * (10 if early is None else 1)  # type: ignore[operator]
-        high = (early if late is None else late) + TIME_SLACK_US * (10 if late is None else 1)  # type: ignore[operator]
-        times = self.times_us(index)
-        return index[(times >= max(low, 0)) & (times <= high)]
+    @cached_property
+    def lengths(self) -> frozenset[int]:
+        return frozenset(self.definitions.length.tolist())
 
     def run(self) -> Chain:
-        count = self.offset.size
-        linked = np.zeros(count, np.bool_)
+        linked = np.zeros(self.count, np.bool_)
         linked[:-1] = (self.end[:-1] == self.offset[1:]) & self.valid[:-1] & self.valid[1:]
-        breaks = np.flatnonzero(~linked).tolist()
-        runs: list[tuple[int, int]] = []
-        gaps: list[Gap] = []
-        failed: list[int] = []
-        at, behind = self._begin(runs, gaps)
-        while at < count:
-            behind = bisect_left(breaks, at, behind)
-            last = breaks[behind]
-            at = self._across(at, last, runs, gaps, failed)
-        taken = np.zeros(count + 1, np.int8)
-        for start, stop in runs:
+        breaks = np.flatnonzero(~linked)
+        at = self._begin()
+        while at < self.count:
+            at = self._across(at, int(breaks[breaks.searchsorted(at)]))
+        taken = np.zeros(self.count + 1, np.int8)
+        for start, stop in self.runs:
             taken[start] += 1
             taken[stop] -= 1
         kept = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
-        missed = self.entry[np.array(failed, np.int64)]
-        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], gaps, missed)
+        missed = self.entry[np.array(self.failed, np.int64)]
+        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], self.gaps, missed)
 
-    def _begin(self, runs: list[tuple[int, int]], gaps: list[Gap]) -> tuple[int, int]:
-        if self.offset.size and self.offset[0] == 0 and self.valid[0]:
-            return 0, 0
-        first = self.next_confirmed(0)
-        self._fill(0, self._place(first), -1, first, runs, gaps)
-        return first, 0
+    def _begin(self) -> int:
+        if self.count and self.offset[0] == 0 and self.valid[0]:
+            return 0
+        first = self._next_confirmed(0)
+        self._fill(0, self._place(first), -1, first)
+        return first
 
-    def _place(self, index: int) -> int:
-        return int(self.offset[index]) if index < self.offset.size else self.size
-
-    def _across(self, at: int, last: int, runs: list[tuple[int, int]], gaps: list[Gap], failed: list[int]) -> int:
+    def _across(self, at: int, last: int) -> int:
         """Take the run `at..last` and return where the chain goes on behind it (the number of candidates at the end)."""
-        offset, end = self.offset, int(self.end[last])
+        end = int(self.end[last])
         following = last + 1
-        if following < offset.size and offset[following] < end:
-            following += int(np.searchsorted(offset[following : following + layout.MAX_RECORD_BYTES], end))
-        meets = following < offset.size and offset[following] == end
+        if following < self.count and self.offset[following] < end:
+            following += int(self.offset[following : following + layout.MAX_RECORD_BYTES].searchsorted(end))
+        meets = following < self.count and int(self.offset[following]) == end
         if end == self.size or (meets and self.valid[following]):
-            inner = self._inner_record(last, following) if following > last + 1 else -1
+            inner = self._inner_record(last, following)
             if inner < 0:
-                runs.append((at, last + 1))
-                return following if end < self.size else offset.size
-            runs.append((at, last))
-            self._fill(int(offset[last]), int(offset[inner]), last - 1, inner, runs, gaps, spoilt=last)
+                self.runs.append((at, last + 1))
+                return following if end < self.size else self.count
+            self.runs.append((at, last))
+            self._fill(int(self.offset[last]), self._place(inner), last, inner)
             return inner
-        if not meets:
-            failed.append(last)
-        undefined = int(self.type[following]) if meets and self.entry[following] < 0 else -1
-        soft = -1 if meets else self._behind_soft_header(end)
-        resume = soft if soft >= 0 else self.next_confirmed(following if meets else last + 1)
-        spoilt = soft < 0 and not meets and (self._place(resume) < end or self._misnamed(last, resume) or self._out_of_time(last, resume))
-        runs.append((at, last if spoilt else last + 1))
-        start = int(offset[last]) if spoilt else end
-        self._fill(start, self._place(resume), last - 1 if spoilt else last, resume, runs, gaps, undefined, last)
+        if meets:
+            self.runs.append((at, last + 1))
+            resume = self._next_confirmed(following)
+            self._fill(end, self._place(resume), last, resume, int(self.type[following]) if self.entry[following] < 0 else -1)
+            return resume
+        self.failed.append(last)
+        resume = self._behind_soft_header(end)
+        spoilt = False
+        if resume < 0:
+            resume = self._next_confirmed(last + 1)
+            spoilt = self._place(resume) < end or self._misnamed(last, resume) or self._out_of_time(last, resume)
+        self.runs.append((at, last if spoilt else last + 1))
+        self._fill(int(self.offset[last]) if spoilt else end, self._place(resume), last, resume)
         return resume
 
+    def _place(self, index: int) -> int:
+        return int(self.offset[index]) if index < self.count else self.size
+
+    def _next_confirmed(self, index: int) -> int:
+        """The first confirmed candidate at or behind candidate `index`; the number of candidates if there is none."""
+        place = int(self.confirmed.searchsorted(index))
+        return int(self.confirmed[place]) if place < self.confirmed.size else self.count
+
     def _inner_record(self, last: int, following: int) -> int:
-        """A candidate inside record `last` that is a record of its own: it has a successor there and a fitting time stamp."""
-        inner = np.arange(last + 1, min(following, self.offset.size))
-        inner = inner[self.valid[inner] & (self.end[inner] <= self.end[last]) & (self.clock[self.entry[inner]] > 0)]
-        inner = inner[header_at(self.buffer, self.end[inner]) | (self.end[inner] == self.size)]
-        inner = self.in_time(inner, last - 1, following)
-        return int(inner[0]) if inner.size else -1
+        """A candidate inside record `last` that is a record of its own: it has a successor there and a fitting time stamp; else -1."""
+        end = int(self.end[last])
+        for inner in range(last + 1, following):
+            whole = self.valid[inner] and self.end[inner] <= end and self.clock[self.entry[inner]] > 0
+            if whole and (self.end[inner] == end or header_at(self.buffer, self.end[inner : inner + 1])[0]):
+                low, high = self._window(last - 1, following)
+                if low <= self.times_us[inner] <= high:
+                    return inner
+        return -1
 
     def _behind_soft_header(self, end: int) -> int:
         """The record behind one at `end` of which a magic byte is damaged, its type id and its place being right; else -1."""
@@ -217,53 +204,63 @@ class Walk:
         if entry < 0:
             return -1
         behind = end + int(self.definitions.length[entry])
-        place = int(np.searchsorted(self.offset, behind))
-        return place if place < self.offset.size and self.offset[place] == behind and self.valid[place] else -1
+        place = int(self.offset.searchsorted(behind))
+        return place if place < self.count and self.offset[place] == behind and self.valid[place] else -1
 
     def _misnamed(self, last: int, resume: int) -> bool:
         """Whether record `last`, behind which the chain breaks, looks like another one with a damaged type id.
 
         Its true length would end where the chain resumes, and its type follows that of the record before it nowhere else.
         """
-        span = self._place(resume) - int(self.offset[last])
-        if last == 0 or span > layout.MAX_RECORD_BYTES:
+        if last == 0 or self._place(resume) - int(self.offset[last]) not in self.lengths:
             return False
-        entry = self.definitions.entries(np.full(256, self.offset[last]), np.arange(256, dtype=np.uint8))
-        return bool((self.definitions.length[entry[entry >= 0]] == span).any()) and int(self.pairs[self.pair[last - 1]]) <= 1
+        return int(self.pairs[int(self.type[last - 1]) << 8 | int(self.type[last])]) <= 1
 
     def _out_of_time(self, last: int, resume: int) -> bool:
         """Whether the time stamp of record `last` does not fit the clock before it and behind the break."""
-        index = np.array([last])
-        return bool(self.clock[self.entry[last]] > 0) and last > 0 and self.in_time(index, last - 1, resume).size == 0
+        if last == 0 or not self.clock[self.entry[last]]:
+            return False
+        low, high = self._window(last - 1, resume)
+        return not low <= self.times_us[last] <= high
 
-    def _fill(
-        self,
-        start: int,
-        stop: int,
-        before: int,
-        after: int,
-        runs: list[tuple[int, int]],
-        gaps: list[Gap],
-        undefined: int = -1,
-        spoilt: int = -1,
-    ) -> None:
-        """Account for `start:stop`: single records whose time fits the clock between candidates `before` and `after`, else gaps."""
-        if start >= stop:
-            return
-        index = np.arange(before + 1, min(after, self.offset.size))
-        index = index[(index != spoilt) & (self.offset[index] >= start)]
-        index = index[self.valid[index] & (self.entry[index] >= 0) & (self.end[index] <= stop)]
-        for single in self.in_time(index[self.clock[self.entry[index]] > 0], before, after).tolist():
-            place = int(self.offset[single])
-            if place < start:
-                continue
-            if place > start:
-                gaps.append(Gap(start, place, undefined))
-                undefined = -1
-            runs.append((single, single + 1))
-            start = int(self.end[single])
+    def _window(self, before: int, after: int) -> tuple[int, int]:
+        """The times that a record between candidates `before` and `after` can have; nothing if neither side shows a clock."""
+        early, late = self._near_us(range(before, max(before - NEAR, -1), -1)), self._near_us(range(after, min(after + NEAR, self.count)))
+        if early is None and late is None:
+            return 1, 0
+        low = early - SLACK_US if early is not None else (late or 0) - FAR_US
+        high = late + SLACK_US if late is not None else (early or 0) + FAR_US
+        return max(low, 0), high
+
+    def _near_us(self, indices: range) -> int | None:
+        """The median of the first five times at `indices`, which one damaged stamp cannot move far."""
+        times = []
+        for index in indices:
+            if self.times_us[index] >= 0:
+                times.append(int(self.times_us[index]))
+                if len(times) == 5:
+                    break
+        return sorted(times)[len(times) // 2] if times else None
+
+    def _fill(self, start: int, stop: int, before: int, after: int, undefined: int = -1) -> None:
+        """Account for `start:stop`: the candidates between `before` and `after` whose time fits the clock there, else gaps."""
+        if start < stop and after > before + 1:
+            between = np.arange(before + 1, after)
+            timed = self.valid[between] & (self.clock[self.entry[between]] > 0)
+            between = between[timed & (self.offset[between] >= start) & (self.end[between] <= stop)]
+            if between.size:
+                low, high = self._window(before, after)
+                for single in between[(self.times_us[between] >= low) & (self.times_us[between] <= high)].tolist():
+                    place = int(self.offset[single])
+                    if place < start:
+                        continue
+                    if place > start:
+                        self.gaps.append(Gap(start, place, undefined))
+                        undefined = -1
+                    self.runs.append((single, single + 1))
+                    start = int(self.end[single])
         if start < stop:
-            gaps.append(Gap(start, stop, undefined))
+            self.gaps.append(Gap(start, stop, undefined))
 
 
 def read_times(buffer: Buffer, offset: Ints, kind: npt.NDArray[np.int8]) -> Ints:
