@@ -69,7 +69,10 @@ def _word_table(table: Checksums) -> Checksums:
 
 _BYTE_TABLE = _byte_table()
 _WORD_TABLE = _word_table(_BYTE_TABLE)
-_BATCH = 8192  # frames whose bytes and tables fit in the second-level cache
+_BATCH = 32768  # frames whose bytes and tables fit in the second-level cache
+_BLOCK_BYTES = 16
+_BLOCK_MASKS = np.where(np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0).astype(np.uint8).view(np.uint64)
+_LONGEST_CHECKED = 9 + LARGEST_PAYLOAD
 
 
 def checksum(data: bytes, crc_extra: int) -> int:
@@ -80,33 +83,57 @@ def checksum(data: bytes, crc_extra: int) -> int:
     return state
 
 
+def _start_by_length() -> Checksums:
+    state = np.full(_LONGEST_CHECKED + 1, CHECKSUM_START, dtype=np.uint16)
+    for length in range(1, state.size):
+        state[length] = _BYTE_TABLE[state[length - 1] & 0xFF] ^ (state[length - 1] >> 8)
+    return state
+
+
+_START_BY_LENGTH = _start_by_length()
+
+
 def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
     """Checksums of many frames: bytes start:stop of the buffer (after the magic byte, up to the checksum), plus crc_extra.
 
-    All frames advance together, two bytes per table look-up; the longest first, so that finished frames drop off the end.
+    All frames advance together, two bytes per table look-up, in blocks that end where the frame ends. The checksum is linear over
+    bits: zeros before the first byte change nothing when the state starts at zero, and the true start is added by length at the end.
     """
     out = np.empty(start.size, dtype=np.uint16)
-    words = np.ndarray((max(buffer.size - 1, 0),), np.dtype("<u2"), buffer=buffer, strides=(1,))
+    blocks = np.ndarray((max(buffer.size - _BLOCK_BYTES + 1, 0),), np.dtype(f"V{_BLOCK_BYTES}"), buffer=buffer, strides=(1,))
     for first in range(0, start.size, _BATCH):
         part = slice(first, first + _BATCH)
-        out[part] = _checksum_batch(buffer, words, start[part], stop[part], crc_extra[part])
+        out[part] = _checksum_batch(blocks, start[part], stop[part])
+    short = np.flatnonzero((stop - start) % -_BLOCK_BYTES + start < 0)  # their first block would begin before the file
+    out ^= _START_BY_LENGTH[stop - start]
+    out = _step(out, crc_extra)
+    for row in short:
+        out[row] = checksum(buffer[start[row] : stop[row]].tobytes(), int(crc_extra[row]))
     return out
 
 
-def _checksum_batch(buffer: Bytes, words: Checksums, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
+def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integers) -> Checksums:
+    """States from a zero start, without crc_extra; frames with more blocks first, so that those still waiting stand at the end."""
     size = (stop - start).astype(np.uint16)
-    order = np.argsort(size, kind="stable")[::-1]
-    at = start[order]
-    pairs = size[order] >> 1
-    active = np.searchsorted(pairs[::-1], np.arange(1, int(pairs[0]) + 1 if pairs.size else 1))
-    state = np.full(order.size, CHECKSUM_START, dtype=np.uint16)
-    for number in order.size - active:
-        state[:number] = _WORD_TABLE.take(state[:number] ^ words[at[:number]])
-        at[:number] += 2
-    odd = np.flatnonzero(size[order] & 1)
-    state[odd] = _step(state[odd], buffer[at[odd]])
+    number = (size + (_BLOCK_BYTES - 1)) // _BLOCK_BYTES
+    order = np.argsort(number, kind="stable")[::-1]
+    number = number[order]
+    missing = (_BLOCK_BYTES * number - size[order]).astype(np.uint8)
+    at = stop[order] - _BLOCK_BYTES * number.astype(np.int64)
+    np.maximum(at, 0, out=at)
+    state = np.zeros(order.size, dtype=np.uint16)
+    reached = np.cumsum(np.bincount(number, minlength=1)[::-1])[::-1]
+    running = 0
+    for left in range(int(number[0]) if number.size else 0, 0, -1):
+        active = int(reached[left])
+        content = blocks[at[:active]].view(np.uint64).reshape(active, 2)
+        content[running:] &= _BLOCK_MASKS[missing[running:active]]
+        for word in content.view("<u2").T:
+            state[:active] = _WORD_TABLE.take(state[:active] ^ word)
+        at[:active] += _BLOCK_BYTES
+        running = active
     result = np.empty_like(state)
-    result[order] = _step(state, crc_extra[order])
+    result[order] = state
     return result
 
 
@@ -119,7 +146,8 @@ def _step(state: Checksums, byte: Bytes) -> Checksums:
 class Layout:
     """The payload of one message type.
 
-    `dtype` is the full payload with extension fields, in wire order; `fields` are the names in the order of the definition;
+    `dtype` is the full payload with extension fields, in wire order; `columns` are name, shape of one value and element type in the
+    order of the definition;
     `units` the unit texts of the definition; `text` names the character arrays.
     """
 
@@ -127,7 +155,7 @@ class Layout:
     name: str
     crc_extra: int
     dtype: np.dtype[np.void]
-    fields: tuple[str, ...]
+    columns: tuple[tuple[str, tuple[int, ...], np.dtype[Any]], ...]
     text: frozenset[str]
     units: Mapping[str, str]
 
@@ -172,12 +200,13 @@ def layout(message_id: int) -> Layout:
             fields.append((name, f"<{_NUMPY_CODE[code]}", (size,)))
         else:
             fields.append((name, f"<{_NUMPY_CODE[code]}"))
+    dtype = np.dtype(fields)
     return Layout(
         id=message_id,
         name=str(message.msgname),
         crc_extra=int(message.crc_extra),
-        dtype=np.dtype(fields),
-        fields=tuple(message.fieldnames),
+        dtype=dtype,
+        columns=tuple((name, dtype[name].shape, dtype[name].base) for name in message.fieldnames),
         text=frozenset(text),
         units=dict(message.fieldunits_by_name),
     )

@@ -7,12 +7,13 @@ vehicle's autopilot, or, for types that it does not send, the component of no ot
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from data_schemas.formats import mavlink
-from stages.ingest.decoded import DecodedLog, Messages, RawFile
+from stages.ingest.decoded import DecodedLog, RawFile
 from stages.ingest.tlog_clock import leap_notes
 from stages.ingest.tlog_columns import decode, parameters, status_texts
 from stages.ingest.tlog_frames import Frames, explain, frames_at, places
@@ -26,9 +27,10 @@ _ROLES = {6: "ground station", 18: "companion computer", 26: "gimbal", 30: "came
 
 @dataclass(frozen=True)
 class Senders:
-    """Who sends what: messages by sender, MAV_AUTOPILOT and MAV_TYPE of those that send heartbeats, the autopilot that was chosen."""
+    """Who sends what: messages by sender and by type, MAV_AUTOPILOT and MAV_TYPE of those with heartbeats, and whose messages are read."""
 
     counts: dict[Sender, int]
+    by_type: dict[str, int]
     heartbeat: dict[Sender, tuple[int, int]]
     chosen: Sender | None
 
@@ -48,7 +50,7 @@ class TlogReader:
     def recognises(self, head: bytes) -> bool:
         """True if the first bytes hold two frames in a row with time stamps of this century, or are one such frame."""
         buffer = np.frombuffer(head[:HEAD_BYTES], dtype=np.uint8)
-        frames = frames_at(buffer, places(buffer))
+        frames = frames_at(buffer, places(buffer, 0, HEAD_BYTES))
         frames = frames.take((frames.stamp >= _YEAR_2000_US) & (frames.length > 0))
         if np.any(np.isin(frames.stop, frames.start)):
             return True
@@ -58,88 +60,89 @@ class TlogReader:
         """Decode the wanted message types (None: all); damage is counted, never an error."""
         buffer = np.ascontiguousarray(file.buffer)
         found = explain(buffer)
-        records = found.records
-        groups = _by_type(records)
-        senders = _senders(buffer, records, groups, self.system)
-        messages: dict[str, Messages] = {}
-        parts: dict[str, Messages] = {}
-        for name, rows in groups.items():
-            keep = wanted is None or name in wanted
-            if keep or name in _PARTS:
-                rows = _of_one_sender(records, rows, senders)
-                if rows.size:
-                    table = decode(buffer, records.take(rows), mavlink.layout(mavlink.ids_by_name()[name]))
-                    parts.update({name: table} if name in _PARTS else {})
-                    messages.update({name: table} if keep else {})
+        senders = _senders(buffer, found.records, self.system)
+        tables = {}
+        for frames in _by_type(found.records, senders, wanted):
+            table = decode(buffer, frames, mavlink.layout(int(frames.message_id[0])))
+            tables[table.name] = table
         autopilot = senders.heartbeat[senders.chosen][0] if senders.chosen in senders.heartbeat else mavlink.AUTOPILOT_INVALID
-        values = parameters(parts["PARAM_VALUE"], bytewise=autopilot == mavlink.AUTOPILOT_PX4) if "PARAM_VALUE" in parts else {}
+        values, texts = (tables.get(name) for name in _PARTS)
         return DecodedLog(
             format=self.name,
-            messages=messages,
-            counts={name: int(rows.size) for name, rows in groups.items()},
+            messages={name: table for name, table in tables.items() if wanted is None or name in wanted},
+            counts=senders.by_type,
             account=found.account,
             status=found.status,
             seconds_lost=found.seconds_lost,
-            parameters=values,
-            texts=status_texts(parts["STATUSTEXT"]) if "STATUSTEXT" in parts else (),
+            parameters=parameters(values, bytewise=autopilot == mavlink.AUTOPILOT_PX4) if values else {},
+            texts=status_texts(texts) if texts else (),
             notes=(
                 *_sender_notes(senders, self.system),
                 *_frame_notes(found.recut, "read although a router cut trailing zeros after the checksum was made"),
                 *_frame_notes(found.mismatched, "wrong checksum, not read"),
-                *leap_notes(records.stamp, records.start),
+                *leap_notes(found.records.stamp, found.records.start),
             ),
         )
 
 
-def _by_type(records: Frames) -> dict[str, npt.NDArray[np.intp]]:
-    """Rows of each message type, ascending; types in order of first appearance do not matter, so in order of id."""
-    order = np.argsort(records.message_id.astype(np.uint16), kind="stable")
-    ids = records.message_id[order]
-    edges = np.flatnonzero(np.diff(ids)) + 1
-    groups = np.split(order, edges) if order.size else []
-    return {str(mavlink.definitions()[int(records.message_id[rows[0]])].msgname): rows for rows in groups}
+def _keys(frames: Frames) -> npt.NDArray[np.uint16]:
+    return frames.system.astype(np.uint16) << np.uint16(8) | frames.component
 
 
-def _senders(buffer: npt.NDArray[np.uint8], records: Frames, groups: dict[str, npt.NDArray[np.intp]], system: int | None) -> Senders:
+def _count_senders(frames: Frames) -> dict[Sender, int]:
+    counts = np.bincount(_keys(frames))
+    return {(key >> 8, key & 0xFF): int(counts[key]) for key in np.flatnonzero(counts).tolist()}
+
+
+def _senders(buffer: npt.NDArray[np.uint8], records: Frames, system: int | None) -> Senders:
     counts = _count_senders(records)
+    names = mavlink.definitions()
+    ids = np.bincount(records.message_id)
+    by_type = {str(names[number].msgname): int(ids[number]) for number in np.flatnonzero(ids).tolist()}
     heartbeat: dict[Sender, tuple[int, int]] = {}
-    if "HEARTBEAT" in groups:
-        beats = decode(buffer, records.take(groups["HEARTBEAT"]), mavlink.layout(0)).columns
-        names = ("sysid", "compid", "autopilot", "type")
-        rows, times = np.unique(np.stack([beats[name] for name in names]), axis=1, return_counts=True)
+    if "HEARTBEAT" in by_type:
+        beats = decode(buffer, records.take(records.message_id == 0), mavlink.layout(0)).columns
+        four = np.stack([beats[name] for name in ("sysid", "compid", "autopilot", "type")], axis=1)
+        rows, times = np.unique(four.view(">u4"), return_counts=True)
         for row in np.argsort(times, kind="stable"):
-            sysid, compid, autopilot, kind = rows[:, row].tolist()
+            sysid, compid, autopilot, kind = int(rows[row]).to_bytes(4, "big")
             heartbeat[sysid, compid] = (autopilot, kind)
-    vehicles = Senders(counts, heartbeat, None).vehicles
+    vehicles = Senders(counts, by_type, heartbeat, None).vehicles
     if system is not None:
         others = [sender for sender in counts if sender[0] == system]
         vehicles = [sender for sender in vehicles if sender[0] == system]
     else:
         others = [sender for sender in counts if heartbeat.get(sender, (0, 0))[1] != 6] or list(counts)
     chosen = vehicles[0] if vehicles else max(others, key=lambda sender: (counts[sender], sender), default=None)
-    return Senders(counts, heartbeat, chosen)
+    return Senders(counts, by_type, heartbeat, chosen)
 
 
-def _count_senders(records: Frames) -> dict[Sender, int]:
-    keys, counts = np.unique(records.system.astype(np.uint16) << 8 | records.component, return_counts=True)
-    return {(int(key) >> 8, int(key) & 0xFF): int(count) for key, count in zip(keys, counts, strict=True)}
-
-
-def _of_one_sender(records: Frames, rows: npt.NDArray[np.intp], senders: Senders) -> npt.NDArray[np.intp]:
+def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -> list[Frames]:
+    """Frames of each wanted type and of parameters and texts, each type from one sender, in order of message id."""
     if senders.chosen is None:
-        return rows[:0]
-    system, component = records.system[rows], records.component[rows]
-    own = (system == senders.chosen[0]) & (component == senders.chosen[1])
-    if own.all():
-        return rows
-    if not own.any():
-        foreign = [sender[0] for sender in senders.vehicles if sender[0] != senders.chosen[0]]
-        own = ~np.isin(system, foreign)
-        if own.any():
-            counts = _count_senders(records.take(rows[own]))
-            most = max(counts, key=lambda sender: (counts[sender], sender))
-            own = (system == most[0]) & (component == most[1])
-    return np.asarray(rows[own])
+        return []
+    ids = mavlink.ids_by_name()
+    types = np.array(sorted(ids[name] for name in senders.by_type if wanted is None or name in wanted or name in _PARTS), dtype=np.int64)
+    place = np.zeros(int(records.message_id.max()) + 1, dtype=np.int16)
+    place[types] = np.arange(1, types.size + 1)
+    kind = place[records.message_id]
+    others = list(senders.counts)
+    number = np.zeros(1 << 16, dtype=np.int16)
+    number[[system << 8 | component for system, component in others]] = np.arange(len(others))
+    who = number[_keys(records)]
+    sent = np.bincount(kind.astype(np.int32) * np.int32(len(others)) + who, minlength=(types.size + 1) * len(others))
+    sent = sent.reshape(-1, len(others))
+    own = others.index(senders.chosen)
+    foreign = {sender[0] for sender in senders.vehicles} - {senders.chosen[0]}
+    sent[:, [sender[0] in foreign for sender in others]] = 0
+    speaker = np.where(sent[:, own] > 0, own, sent.argmax(axis=1)).astype(np.int16)
+    speaker[(sent.max(axis=1) == 0) | (np.arange(types.size + 1) == 0)] = -1
+    rows = np.flatnonzero(who == speaker[kind])
+    kind = kind[rows]
+    order = rows[np.argsort(kind, kind="stable")]
+    stops = np.cumsum(np.bincount(kind, minlength=types.size + 1)).tolist()
+    chosen = records.take(order)
+    return [chosen.take(slice(first, last)) for first, last in pairwise(stops) if last > first]
 
 
 def _sender_notes(senders: Senders, system: int | None) -> list[str]:

@@ -11,6 +11,7 @@ from stages.ingest.tlog_frames import Bytes, Frames, gather
 
 TEXT_BYTES = 50  # characters in one STATUSTEXT chunk
 LOST_CHUNK = "..."
+_BATCH = 8192  # rows whose payloads fit in the second-level cache
 _INTEGER_TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4"}  # MAV_PARAM_TYPE
 
 
@@ -21,21 +22,24 @@ def decode(buffer: Bytes, frames: Frames, layout: mavlink.Layout) -> Messages:
     layout (a newer definition) are not read. A message with a field `seq` of its own has the frame's as `frame_seq`.
     """
     width = layout.dtype.itemsize
-    rows = gather(buffer, frames.payload, width)
-    shortest = int(frames.length.min(initial=width))
-    if shortest < width:
-        rows[:, shortest:] *= np.arange(shortest, width, dtype=np.uint8) < frames.length[:, None]
-    table = rows.view(layout.dtype)[:, 0]
-    columns: dict[str, npt.NDArray[np.generic]] = {}
-    for name in layout.fields:
-        column = np.ascontiguousarray(table[name])
-        columns[name] = cut_at_nul(column) if name in layout.text else column
+    columns: dict[str, npt.NDArray[np.generic]] = {name: np.empty((len(frames), *shape), base) for name, shape, base in layout.columns}
+    for first in range(0, len(frames), _BATCH):
+        part = slice(first, first + _BATCH)
+        length = frames.length[part]
+        rows = gather(buffer, frames.start[part] + frames.header[part], width)
+        shortest = int(length.min())
+        if shortest < width:
+            rows[:, shortest:] *= np.arange(shortest, width, dtype=np.uint8) < length[:, None]
+        table = rows.view(layout.dtype)[:, 0]
+        for name, column in columns.items():
+            column[part] = table[name]
+    for name in layout.text:
+        columns[name] = cut_at_nul(columns[name])
     columns["time_unix_us"] = frames.stamp
     columns["sysid"] = frames.system
     columns["compid"] = frames.component
     columns["frame_seq" if "seq" in columns else "seq"] = frames.sequence
-    units = {"time_unix_us": "us", **layout.units}
-    return Messages(layout.name, columns, frames.start, units)
+    return Messages(layout.name, columns, frames.start, {"time_unix_us": "us", **layout.units})
 
 
 def cut_at_nul(text: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
@@ -52,18 +56,14 @@ def words(raw: bytes) -> str:
 
 def parameters(messages: Messages, *, bytewise: bool) -> dict[str, float]:
     """Last value of each parameter. `bytewise`: integers stand in the bytes of the float (PX4), not as its value (ArduPilot)."""
-    names = messages.columns["param_id"]
-    values = messages.columns["param_value"]
-    last = names.size - 1 - np.unique(names[::-1], return_index=True)[1]
-    found = {}
-    for row in np.sort(last):
-        value = values[row]
-        kind = _INTEGER_TYPES.get(int(messages.columns["param_type"][row])) if bytewise else None
-        if kind is not None:
-            value = np.frombuffer(value.tobytes(), dtype=kind)[0]
-        if names[row]:
-            found[words(bytes(names[row]))] = float(value)
-    return found
+    raw = messages.columns["param_value"]
+    values = raw.astype(np.float64)
+    if bytewise:
+        for kind, dtype in _INTEGER_TYPES.items():
+            rows = messages.columns["param_type"] == kind
+            values[rows] = raw[rows].view(np.uint8).reshape(-1, 4)[:, : np.dtype(dtype).itemsize].copy().view(dtype)[:, 0]
+    last = dict(zip(messages.columns["param_id"].tolist(), values.tolist(), strict=True))
+    return {words(name): value for name, value in last.items() if name}
 
 
 def status_texts(messages: Messages) -> tuple[tuple[int, str], ...]:

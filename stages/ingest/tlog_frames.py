@@ -38,14 +38,17 @@ _UNSTAMPED_RUN = 100  # frames in a row whose stamps are destroyed; a longer run
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames as columns, ascending by `start` (the first byte of the time stamp); `stop` is the byte after the last."""
+    """Frames as columns, ascending by `start`, the first byte of the time stamp; compact, because a file has many.
+
+    `header` and `size` count the bytes before the payload and in all, the time stamp included.
+    """
 
     start: Integers
-    stop: Integers
-    payload: Integers
-    length: Bytes
-    message_id: npt.NDArray[np.int32]
     stamp: Integers
+    message_id: npt.NDArray[np.int32]
+    size: npt.NDArray[np.uint16]
+    header: Bytes
+    length: Bytes
     system: Bytes
     component: Bytes
     sequence: Bytes
@@ -53,8 +56,35 @@ class Frames:
     def __len__(self) -> int:
         return int(self.start.size)
 
+    @property
+    def stop(self) -> Integers:
+        """The byte after the last."""
+        return self.start + self.size
+
+    @property
+    def payload(self) -> Integers:
+        """The first byte of the payload."""
+        return self.start + self.header
+
     def take(self, rows: npt.NDArray[np.intp] | Mask | slice) -> Frames:
-        return Frames(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
+        """Some of the rows."""
+        if isinstance(rows, np.ndarray) and rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        return Frames(**{name: getattr(self, name)[rows] for name in _COLUMNS})
+
+
+_COLUMNS = tuple(part.name for part in fields(Frames))
+
+
+def joined(parts: Sequence[Frames]) -> Frames:
+    """Several lots of frames, one after the other (at least one)."""
+    return Frames(**{name: np.concatenate([getattr(frames, name) for frames in parts]) for name in _COLUMNS})
+
+
+def merged(frames: Frames, few: Frames) -> Frames:
+    """Frames with a few more at their places."""
+    at = np.searchsorted(frames.start, few.start)
+    return Frames(**{name: np.insert(getattr(frames, name), at, getattr(few, name)) for name in _COLUMNS})
 
 
 @dataclass(frozen=True)
@@ -76,25 +106,23 @@ def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
         buffer = np.concatenate([buffer, np.zeros(width - buffer.size, dtype=np.uint8)])
     last = buffer.size - width
     window = np.ndarray((last + 1,), np.dtype(f"V{width}"), buffer=buffer, strides=(1,))
-    rows = window[np.minimum(start, last)].view(np.uint8).reshape(start.size, width)
-    for row in np.flatnonzero(start > last):
+    beyond = np.flatnonzero(start > last)
+    rows = window[np.minimum(start, last) if beyond.size else start].view(np.uint8).reshape(start.size, width)
+    for row in beyond:
         tail = buffer[start[row] :]
         rows[row] = 0
         rows[row, : tail.size] = tail
     return rows
 
 
-def places(buffer: Bytes) -> Integers:
-    """Offsets of everything that looks like a time stamp before 2100 followed by a magic byte."""
-    found = []
-    for first in range(0, buffer.size - mavlink.STAMP_BYTES, _SCAN_BYTES):
-        part = buffer[first : first + _SCAN_BYTES + mavlink.STAMP_BYTES]
-        number = part.size - mavlink.STAMP_BYTES
-        hit = (part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2)) <= 1
-        hit &= part[:number] == 0
-        hit &= part[1 : number + 1] <= _LATEST_YEAR_BYTE
-        found.append(np.flatnonzero(hit) + first)
-    return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+def places(buffer: Bytes, first: int, last: int) -> Integers:
+    """Offsets from first to last - 1 of everything that looks like a time stamp before 2100 followed by a magic byte."""
+    part = buffer[first : last + mavlink.STAMP_BYTES]
+    number = max(part.size - mavlink.STAMP_BYTES, 0)
+    hit = (part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2)) <= 1
+    hit &= part[:number] == 0
+    hit &= part[1 : number + 1] <= _LATEST_YEAR_BYTE
+    return np.flatnonzero(hit) + first
 
 
 def frames_at(buffer: Bytes, start: Integers) -> Frames:
@@ -103,22 +131,35 @@ def frames_at(buffer: Bytes, start: Integers) -> Frames:
     head = rows.view(mavlink.STAMPED_HEADER_V2)[:, 0]
     usable = (head["magic"] == mavlink.MAGIC_V1) | ((head["magic"] == mavlink.MAGIC_V2) & (head["incompatible"] <= mavlink.SIGNED_FLAG))
     if not usable.all():
-        rows, head, start = rows[usable], head[usable], start[usable]
+        return frames_at(buffer, start[np.flatnonzero(usable)])
     length = head["length"].copy()
     message_id = head["id_low"].astype(np.int32)
     message_id += head["id_high"].astype(np.int32) << 16
     system, component, sequence = (head[name].copy() for name in ("system", "component", "sequence"))
-    payload = start + mavlink.STAMPED_HEADER_V2.itemsize
-    stop = payload + length + mavlink.CHECKSUM_BYTES + mavlink.SIGNATURE_BYTES * head["incompatible"].astype(np.int64)
+    header = np.full(start.size, mavlink.STAMPED_HEADER_V2.itemsize, dtype=np.uint8)
+    size = length + np.uint16(mavlink.STAMPED_HEADER_V2.itemsize + mavlink.CHECKSUM_BYTES)
+    size += np.uint16(mavlink.SIGNATURE_BYTES) * head["incompatible"]
     old = np.flatnonzero(head["magic"] == mavlink.MAGIC_V1)
     if old.size:
         first = np.ascontiguousarray(rows[old, : mavlink.STAMPED_HEADER_V1.itemsize]).view(mavlink.STAMPED_HEADER_V1)[:, 0]
         message_id[old] = first["id"]
         system[old], component[old], sequence[old] = first["system"], first["component"], first["sequence"]
-        payload[old] = start[old] + mavlink.STAMPED_HEADER_V1.itemsize
-        stop[old] = payload[old] + length[old] + mavlink.CHECKSUM_BYTES
-    stamp = head["stamp"].astype(np.int64)
-    return Frames(start, stop, payload, length, message_id, stamp, system, component, sequence)
+        header[old] = mavlink.STAMPED_HEADER_V1.itemsize
+        size[old] = length[old] + np.uint16(mavlink.STAMPED_HEADER_V1.itemsize + mavlink.CHECKSUM_BYTES)
+    return Frames(start, head["stamp"].astype(np.int64), message_id, size, header, length, system, component, sequence)
+
+
+def scan(buffer: Bytes) -> tuple[Frames, Frames]:
+    """All places that look like frames: those whose checksum is right, and the others."""
+    right, wrong = [], []
+    for first in range(0, max(buffer.size, 1), _SCAN_BYTES):
+        seen = frames_at(buffer, places(buffer, first, first + _SCAN_BYTES))
+        good = proven(buffer, seen)
+        if not good.all():
+            wrong.append(seen.take(~good))
+            seen = seen.take(good)
+        right.append(seen)
+    return joined(right), joined(wrong) if wrong else right[0].take(slice(0))
 
 
 def known(frames: Frames) -> Mask:
@@ -129,12 +170,12 @@ def known(frames: Frames) -> Mask:
 
 def proven(buffer: Bytes, frames: Frames) -> Mask:
     """True where the frame is whole, its message defined and its checksum right."""
-    whole = np.flatnonzero(known(frames) & (frames.stop <= buffer.size))
-    end = frames.payload[whole] + frames.length[whole]
-    extra = mavlink.crc_extras()[frames.message_id[whole]].astype(np.uint8)
-    computed = mavlink.checksums(buffer, frames.start[whole] + mavlink.STAMP_BYTES + 1, end, extra)
-    right = np.zeros(len(frames), dtype=np.bool_)
-    right[whole] = computed == _stored(buffer, end)
+    right = known(frames) & (frames.stop <= buffer.size)
+    rows = np.flatnonzero(right)
+    start = frames.start[rows]
+    end = start + frames.header[rows] + frames.length[rows]
+    extra = mavlink.crc_extras()[frames.message_id[rows]].astype(np.uint8)
+    right[rows] = mavlink.checksums(buffer, start + (mavlink.STAMP_BYTES + 1), end, extra) == _stored(buffer, end)
     return right
 
 
@@ -145,20 +186,26 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
     payload ended with a field of its definition, perhaps an older one without the last fields, or with the NUL of a string.
     """
     right = np.zeros(len(frames), dtype=np.bool_)
-    usable = known(frames) & (frames.stop <= buffer.size) & (frames.payload - frames.start == mavlink.STAMPED_HEADER_V2.itemsize)
+    usable = known(frames) & (frames.stop <= buffer.size) & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
     rows = np.flatnonzero(usable)
+    if not rows.size:
+        return right
     ids, which = np.unique(frames.message_id[rows], return_inverse=True)
     ends = np.zeros((ids.size, _OLDER_DEFINITIONS), dtype=np.int64)
     for row, number in enumerate(ids.tolist()):
         layout = mavlink.layout(number)
-        last = sorted({layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())})[-_OLDER_DEFINITIONS:]
+        last = sorted({layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())})[
+            : -_OLDER_DEFINITIONS - 1 : -1
+        ]
         ends[row, : len(last)] = last
     length = frames.length[rows].astype(np.int64)
-    for size in (*ends[which].T, np.where(length < ends[which].max(axis=1, initial=0), length + 1, 0)):
-        trial = np.flatnonzero((size > length) & ~right[rows])
+    tries = np.column_stack([ends[which], np.where(length < ends[which].max(axis=1), length + 1, 0)])
+    for sizes in (tries[:, :1], tries[:, 1:]):
+        trial, column = np.nonzero((sizes > length[:, None]) & ~right[rows, None])
         for first in range(0, trial.size, _UNCUT_BATCH):
-            part = trial[first : first + _UNCUT_BATCH]
-            right[rows[part]] = _right_at_size(buffer, frames.take(rows[part]), size[part])
+            some, of = trial[first : first + _UNCUT_BATCH], column[first : first + _UNCUT_BATCH]
+            found = _right_at_size(buffer, frames.take(rows[some]), sizes[some, of])
+            right[rows[some[found]]] = True
     return right
 
 
@@ -184,7 +231,7 @@ def _stored(buffer: Bytes, at: Integers) -> npt.NDArray[np.uint16]:
 def first_of_overlapping(start: Integers, stop: Integers) -> Mask:
     """Of intervals that overlap, keep the one that begins first (`start` ascending)."""
     keep = np.ones(start.size, dtype=np.bool_)
-    if start.size < 2:
+    if not np.any(start[1:] < stop[:-1]):
         return keep
     reach = np.maximum.accumulate(stop)
     last = previous = -1
@@ -201,24 +248,21 @@ def first_of_overlapping(start: Integers, stop: Integers) -> Mask:
 
 def explain(buffer: Bytes) -> Explained:
     """Every byte of the file: proven records, frames that cannot be used, and the rest, each with its reason."""
-    seen = frames_at(buffer, places(buffer))
-    right = proven(buffer, seen)
-    uncut = np.zeros(len(seen), dtype=np.bool_)
-    if not right.all():
-        uncut[~right] = proven_uncut(buffer, seen.take(~right))
-        right |= uncut
-    whole = seen.take(right)
+    whole, seen = scan(buffer)
+    uncut = proven_uncut(buffer, seen)
+    recut = seen.take(uncut)
+    if len(recut):
+        whole, seen = merged(whole, recut), seen.take(~uncut)
     distinct = first_of_overlapping(whole.start, whole.stop)
     if not distinct.all():
         whole = whole.take(distinct)
     spoilt = implausible(whole.stamp)
     records = whole.take(~spoilt) if spoilt.any() else whole
-    recut = records.take(np.isin(records.start, seen.start[uncut])) if uncut.any() else records.take(slice(0))
-    record_bytes = int((records.stop - records.start).sum())
+    record_bytes = int(records.size.sum(dtype=np.int64))
     if record_bytes == buffer.size:
         return Explained(records, recut, records.take(slice(0)), ByteAccount(buffer.size, record_bytes, 0), "complete", 0.0)
     unstamped = _unstamped(buffer, whole)
-    odd = _linked(seen.take(~right & (seen.stop <= buffer.size)), _joined(whole, unstamped), buffer.size)
+    odd = _linked(seen.take(seen.stop <= buffer.size), _both(whole, unstamped), buffer.size)
     defined = known(odd)
     pieces = [(BAD_STAMP, part.start, part.stop) for part in (whole.take(spoilt), unstamped)]
     pieces += [(MISMATCH, odd.start[defined], odd.stop[defined]), *_unknown(odd.take(~defined))]
@@ -238,7 +282,7 @@ def explain(buffer: Bytes) -> Explained:
     return Explained(records, recut, odd.take(defined), account, status, _seconds_lost(records, rest_start))
 
 
-def _joined(first: Frames, second: Frames) -> tuple[Integers, Integers]:
+def _both(first: Frames, second: Frames) -> tuple[Integers, Integers]:
     start = np.concatenate([first.start, second.start])
     order = np.argsort(start, kind="stable")
     return start[order], np.concatenate([first.stop, second.stop])[order]
@@ -260,8 +304,8 @@ def _unstamped(buffer: Bytes, whole: Frames) -> Frames:
             break
         found.append(frames)
         at = frames.stop
-    joined = {part.name: np.concatenate([getattr(frames, part.name) for frames in found]) for part in fields(Frames)}
-    return Frames(**joined).take(np.argsort(joined["start"], kind="stable"))
+    every = joined(found)
+    return every.take(np.argsort(every.start, kind="stable"))
 
 
 def _linked(frames: Frames, taken: tuple[Integers, Integers], size: int) -> Frames:

@@ -1,0 +1,104 @@
+"""Telemetry log to columns: pymavlink against auvid's reader, on one real log repeated, in one run.
+
+    python benchmarks/decode_tlog.py LOG.tlog
+
+pymavlink's messages are collected into one array per field, as the reader returns them. Peak memory is measured in a run of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import mavlink
+from stages.ingest.decoded import DecodedLog, RawFile
+from stages.ingest.tlog import TLOG
+from stages.ingest.tlog_frames import explain
+
+PAUSE_US = 50_000
+
+
+def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
+    """The proven records of a log, repeated to at least `megabytes`, with time stamps that go on from copy to copy."""
+    records = explain(data).records
+    span = int(records.stamp[-1] - records.stamp[0]) + PAUSE_US
+    inside = np.zeros(data.size + 1, dtype=np.int64)
+    np.add.at(inside, records.start, 1)
+    np.add.at(inside, records.stop, -1)
+    kept = np.cumsum(inside)[:-1] > 0
+    stamp_at = records.start[:, None] + np.arange(mavlink.STAMP_BYTES)
+    copies = []
+    for number in range(int(np.ceil(megabytes * 1e6 / np.count_nonzero(kept)))):
+        copy = data.copy()
+        copy[stamp_at] = (records.stamp + number * span).astype(">u8").view(np.uint8).reshape(-1, mavlink.STAMP_BYTES)
+        copies.append(copy[kept])
+    return np.concatenate(copies)
+
+
+def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic]]]:
+    """Every message that pymavlink finds, as arrays by message type and field."""
+    from pymavlink import mavutil
+
+    link = mavutil.mavlink_connection(path, dialect="ardupilotmega")
+    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
+    while (message := link.recv_msg()) is not None:
+        name = message.get_type()
+        if name == "BAD_DATA" or name.startswith("UNKNOWN"):
+            continue
+        columns = lists[name]
+        columns["time_unix_s"].append(message._timestamp)
+        for field in message.get_fieldnames():
+            columns[field].append(getattr(message, field))
+    link.close()
+    return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
+
+
+def columns_bytes(log: DecodedLog) -> int:
+    """Bytes of all decoded columns."""
+    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
+
+
+def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
+    """MB/s of both readers and their ratio; peak memory over input plus decoded columns; best of three for ours."""
+    data = repeated(np.fromfile(log_path, dtype=np.uint8), megabytes)
+    size_mb = data.size / 1e6
+    mavlink.crc_extras()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "repeated.tlog"
+        data.tofile(path)
+        begin = time.perf_counter()
+        theirs = read_with_pymavlink(str(path))
+        theirs_s = time.perf_counter() - begin
+        ours_s = float("inf")
+        for _ in range(3):
+            begin = time.perf_counter()
+            log = TLOG.read(RawFile(path.name, np.memmap(path, dtype=np.uint8, mode="r")))
+            ours_s = min(ours_s, time.perf_counter() - begin)
+    del log
+    their_messages = sum(next(iter(columns.values())).size for columns in theirs.values())
+    del theirs
+    tracemalloc.start()
+    log = TLOG.read(RawFile("repeated.tlog", data))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return {
+        "size_mb": size_mb,
+        "messages": float(sum(log.counts.values())),
+        "pymavlink_messages": float(their_messages),
+        "pymavlink_mb_s": size_mb / theirs_s,
+        "auvid_mb_s": size_mb / ours_s,
+        "ratio": theirs_s / ours_s,
+        "peak_over_input_and_columns": (peak + data.size) / (data.size + columns_bytes(log)),
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
