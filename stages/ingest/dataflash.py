@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,21 +15,19 @@ import numpy.typing as npt
 from data_schemas.errors import LogError
 from data_schemas.formats import dataflash as layout
 
-from .dataflash_columns import Column, merge, unit_texts, unpack
+from .dataflash_columns import merge, unpack
 from .dataflash_definitions import CONTRADICTED, REASONS, Definitions, Proposals, propose, settle
 from .dataflash_health import byte_account, clock_notes, lost_seconds, status_of
 from .dataflash_scan import Chain, Walk, candidates
+from .dataflash_tables import NEEDED, UNTIMED, Table, Units, parameters_of, texts_of
 from .decoded import DecodedLog, Messages, RawFile
 
 FORMAT = "ArduPilot DataFlash"
-NEEDED = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})  # read for units, parameters and texts whatever is wanted
-UNTIMED = layout.DEFINITION_NAMES | {"PARM", "MSG"}
 ROUNDS = 6  # of settling which definitions stand in the chain; two are enough unless a log is made to deceive
 CONTRADICTIONS = 4
 
 Ints = npt.NDArray[np.int64]
 Buffer = npt.NDArray[np.uint8]
-Table = tuple[dict[str, Column], Ints]
 Part = tuple[layout.Definition, int, Ints]  # layout, its entry in Definitions, offsets of its records
 
 
@@ -144,8 +141,8 @@ def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> Deco
         account=account,
         status=status_of(account),
         seconds_lost=lost_seconds(buffer, index.chain, index.clock),
-        parameters=_parameters(tables.get("PARM")),
-        texts=_texts(tables.get("MSG")),
+        parameters=parameters_of(tables.get("PARM")),
+        texts=texts_of(tables.get("MSG")),
         notes=tuple(_notes(buffer, index, groups)),
     )
 
@@ -173,71 +170,14 @@ def _columns(buffer: Buffer, parts: list[Part]) -> Table:
 
 
 def _units(index: Index, groups: dict[str, list[Part]], tables: Mapping[str, Table], names: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Unit texts by message name and field, from the last FMTU record of each definition."""
+    units = Units.of(tables)
     texts: dict[str, dict[str, str]] = {name: {} for name in names}
-    fmtu, fmtu_offset = tables.get("FMTU", ({}, np.zeros(0, np.int64)))
-    if not {"FmtType", "UnitIds", "MultIds"} <= set(fmtu):
-        return texts
-    labels, factors = (_letters(tables.get(name), value) for name, value in (("UNIT", "Label"), ("MULT", "Mult")))
-    units = {letter: _decode_text(label) for letter, label in labels.items()}
-    # Multipliers are single precision cast to double: seven digits name them.
-    multipliers = {letter: float(f"{factor:.7g}") for letter, factor in factors.items()}
-    rows: dict[int, list[int]] = {}
-    for row, id in enumerate(fmtu["FmtType"].tolist()):
-        rows.setdefault(id, []).append(row)
     for name in texts:
         for definition, entry, _ in groups[name]:
-            until = _replaced_at(index.definitions, definition.id, entry)
-            usable = [row for row in rows.get(definition.id, ()) if until is None or fmtu_offset[row] < until]
-            if usable:
-                ids = (bytes(fmtu["UnitIds"][usable[-1]]), bytes(fmtu["MultIds"][usable[-1]]))
-                texts[name].update(unit_texts(definition, ids, units, multipliers))
+            begins, entries = index.definitions.changes.get(definition.id, (np.zeros(0, np.int64), np.zeros(0, np.int32)))
+            later = begins[entries > entry]
+            texts[name].update(units.texts(definition, int(later[0]) if later.size else None))
     return texts
-
-
-def _replaced_at(definitions: Definitions, id: int, entry: int) -> int | None:
-    begins, entries = definitions.changes.get(id, (np.zeros(0, np.int64), np.zeros(0, np.int32)))
-    later = begins[entries > entry]
-    return int(later[0]) if later.size else None
-
-
-def _letters(table: Table | None, value: str) -> dict[str, Any]:
-    columns = table[0] if table else {}
-    if not {"Id", value} <= set(columns):
-        return {}
-    return {chr(id & 0xFF): item for id, item in zip(columns["Id"].tolist(), columns[value].tolist(), strict=True)}
-
-
-def _decode_text(raw: bytes) -> str:
-    """Text as the firmware wrote it; bytes that are not UTF-8 are read as Latin-1, as other log tools do."""
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
-
-
-def _parameters(table: Table | None) -> dict[str, float]:
-    columns = table[0] if table else {}
-    if not {"Name", "Value"} <= set(columns):
-        return {}
-    return {_decode_text(name): float(value) for name, value in zip(columns["Name"].tolist(), columns["Value"].tolist(), strict=True)}
-
-
-def _texts(table: Table | None) -> tuple[tuple[int, str], ...]:
-    """The texts of MSG with their TimeUS (0 without one). Firmware 4.7 splits a long text: equal ID and ascending Seq are joined."""
-    columns = table[0] if table else {}
-    if "Message" not in columns:
-        return ()
-    count = columns["Message"].size
-    zeros = [0] * count
-    times, ids, parts = (columns[name].tolist() if name in columns else zeros for name in ("TimeUS", "ID", "Seq"))
-    texts: list[tuple[int, str]] = []
-    for i, raw in enumerate(columns["Message"].tolist()):
-        if i and parts[i] == parts[i - 1] + 1 and ids[i] == ids[i - 1]:
-            texts[-1] = (texts[-1][0], texts[-1][1] + _decode_text(raw))
-        else:
-            texts.append((int(times[i]), _decode_text(raw)))
-    return tuple(texts)
 
 
 def _notes(buffer: Buffer, index: Index, groups: dict[str, list[Part]]) -> list[str]:

@@ -97,26 +97,3 @@ def _as_text(piece: Column) -> Column:
     if piece.ndim > 1:
         return np.array([str(row.tolist()) for row in piece], "S")
     return piece if piece.dtype.kind == "S" else piece.astype("S")
-
-
-def unit_texts(
-    definition: layout.Definition, ids: tuple[bytes, bytes], units: Mapping[str, str], multipliers: Mapping[str, float]
-) -> dict[str, str]:
-    """The unit of each field from the unit and multiplier letters of its FMTU record; `#` marks the instance of a sensor.
-
-    The multiplier stands before the unit (`cm`, `µs`), unless the format character already scales the field.
-    """
-    texts: dict[str, str] = {}
-    unit_ids, mult_ids = (letters.split(b"\0", 1)[0].decode("latin-1") for letters in ids)
-    for i, (name, char) in enumerate(zip(definition.columns, definition.formats, strict=False)):
-        if unit_ids[i : i + 1] == layout.INSTANCE_UNIT:
-            texts[name] = layout.INSTANCE_UNIT
-            continue
-        unit = units.get(unit_ids[i : i + 1], "")
-        if not unit:
-            continue
-        factor = multipliers.get(mult_ids[i : i + 1])
-        if factor is not None and layout.FIELD_FORMATS[char].factor is None:
-            unit = layout.PREFIXES[factor] + unit if factor in layout.PREFIXES else f"{factor:.4g} {unit}"
-        texts[name] = unit
-    return texts

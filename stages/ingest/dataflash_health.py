@@ -85,24 +85,31 @@ def status_of(account: ByteAccount) -> LogStatus:
 
 
 def lost_seconds(buffer: Buffer, chain: Chain, clock: Clock) -> float:
-    """Seconds between the clock before and the clock behind each damaged part; overlapping parts count once.
-
-    Undefined types and the end of the file cost no seconds that the clock could show. Medians over five records on either side keep
-    one damaged time stamp from counting; parts over which the clock leaps by more than a day, or goes back, are left out.
-    """
-    gaps = [gap for gap in chain.gaps if gap.id < 0 and gap.stop < buffer.size]
-    timed = np.flatnonzero(clock[chain.entry] > 0)
-    if not gaps or timed.size == 0:
+    """Seconds that the damaged parts cover. Undefined types and the end of the file cost none that the clock could show."""
+    starts = sorted(gap.start for gap in chain.gaps if gap.id < 0 and gap.stop < buffer.size)
+    if not starts:
         return 0.0
-    times = read_times(buffer, chain.offset[timed], clock[chain.entry[timed]])
-    behind = np.searchsorted(chain.offset[timed], [gap.start for gap in gaps])
+    timed = np.flatnonzero(clock[chain.entry] > 0)
+    offset = chain.offset[timed]
+    return covered_seconds(offset, read_times(buffer, offset, clock[chain.entry[timed]]), starts)
+
+
+def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> float:
+    """Seconds between the clock before and behind each place in `starts`; places within the same stretch count once.
+
+    Args:
+        offset, times_us: places and time stamps of the records that have one, in file order.
+        starts: ascending offsets where something is missing.
+
+    Medians over five records on either side keep one damaged time stamp from counting; a stretch over which the clock leaps by more
+    than a day, or goes back, is left out.
+    """
     lost, covered = 0, -1
-    for place in behind.tolist():
-        if place == 0 or place == timed.size:
+    for place in np.searchsorted(offset, starts).tolist():
+        if place == 0 or place == offset.size:
             continue
-        start = int(np.median(times[max(0, place - 5) : place]))
-        stop = int(np.median(times[place : place + 5]))
-        start = max(start, covered)
+        start = max(int(np.median(times_us[max(0, place - 5) : place])), covered)
+        stop = int(np.median(times_us[place : place + 5]))
         if 0 < stop - start < LEAP_US:
             lost += stop - start
             covered = stop
