@@ -15,15 +15,16 @@ from stages.base import Document, RawLog, Stage, param, port
 
 from .clean import Rejected, clean, clock_set
 from .health import dropped_table, log_info, report_section, report_views
-from .merge import Part, merge_parts, on_one_clock, read_part, wanted_sources
+from .merge import Part, forced_readers, merge_parts, on_one_clock, read_part, vehicle_sources, wanted_sources
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """One log, and the manifest that may name the sources of its streams."""
+    """One log; the manifest that may name the sources of its streams; the vehicle that may name its barometer."""
 
     raw_log: RawLog = port("raw_log")
     campaign: Document | None = port("campaign", optional=True)
+    vehicle: Document | None = port("vehicle", optional=True)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     """
     log = inputs.raw_log
     wanted = wanted_sources(log, inputs.campaign)
-    parts = on_one_clock([read_part(file, log.reader, wanted) for file in log.files], log=log.id)
+    preferred = {**vehicle_sources(inputs.vehicle), **wanted}
+    forced = forced_readers(log, inputs.campaign)
+    parts = on_one_clock([read_part(file, forced.get(file.name, log.reader), preferred) for file in log.files], log=log.id)
     merged = merge_parts(parts, wanted, log=log.id)
     set_us = clock_set({name: stream.columns for name, stream in merged.items()})
     rejected: list[Rejected] = []
@@ -104,7 +107,8 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
             file=f"log '{log}'",
             value=round(lost / count, 3),
             allowed=f"at most {share:g} of a stream",
-            remedy="Choose another source for the stream (sources: in the manifest), or raise stages.ingest.max_dropped_share.",
+            remedy=f"Choose another source for the stream, or none (sources: {{{rejected[0].stream}: none}} in the manifest), "
+            "or raise stages.ingest.max_dropped_share.",
         )
 
 

@@ -10,16 +10,39 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from data_schemas.schemas import schema
 from data_schemas.streams import NEEDED
 
 from .streams import Columns, Stream
 
 EMPTY = "empty or non-finite cell"
+IMPOSSIBLE = "impossible value"
 NO_TIME = "no time stamp"
 REPEATED = "repeated time stamp"
 BACKWARD = "time stamp out of order"
 BEFORE_LEAP = "before the clock was set"
 LEAP_US = 30 * 86_400_000_000  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
+# Limits that no underwater vehicle reaches; damaged records that still look like records are far beyond them.
+POSSIBLE: Mapping[str, tuple[float, float]] = {
+    "gyro": (-100.0, 100.0),
+    "accel": (-1000.0, 1000.0),
+    "phi_rad": (-7.0, 7.0),
+    "theta_rad": (-7.0, 7.0),
+    "depth_m": (-1000.0, 12_000.0),
+    "u_m_s": (-50.0, 50.0),
+    "v_m_s": (-50.0, 50.0),
+    "w_m_s": (-50.0, 50.0),
+    "interval_s": (0.0, 3600.0),
+    "x_m": (-1e7, 1e7),
+    "y_m": (-1e7, 1e7),
+    "z_m": (-12_000.0, 12_000.0),
+    "psi_rad": (-1e5, 1e5),
+    "current_a": (-10_000.0, 10_000.0),
+    "range_m": (-1.0, 20_000.0),
+    "command": (-1e3, 1e3),
+    "fin": (-7.0, 7.0),
+    "propeller_rev_s": (-1e3, 1e3),
+}
 Mask = npt.NDArray[np.bool_]
 Ints = npt.NDArray[np.int64]
 
@@ -53,6 +76,7 @@ def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Re
         whole = np.rint(stream.columns["time_us"]).astype(np.int64)
         stream = replace(stream, columns={**stream.columns, "time_us": whole})
     stream = keep(stream, complete_rows(stream.name, stream.columns), EMPTY)
+    stream = keep(stream, possible_rows(stream.name, stream.columns), IMPOSSIBLE)
     if set_us is not None:
         stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
     stamps = stream.columns["time_us"]
@@ -68,6 +92,16 @@ def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
     if needed:
         return np.asarray(np.all([_there(values) for values in needed], axis=0))
     return np.asarray(np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0))
+
+
+def possible_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
+    """Rows (n,) without a value outside the range of its schema, or outside what an underwater vehicle can reach."""
+    good = np.ones(columns["time_us"].size, bool)
+    for name, values in columns.items():
+        limits = schema(stream).columns[name].range or next((span for key, span in POSSIBLE.items() if name.startswith(key)), None)
+        if limits is not None:
+            good &= ~((values < limits[0]) | (values > limits[1]))
+    return good
 
 
 def _there(values: npt.NDArray[Any]) -> Mask:

@@ -19,6 +19,7 @@ from .merge import Part
 from .streams import Stream
 
 ORDER = 10
+ON_CHANGE = ("mode", "events")
 STATUS = ("complete", "truncated", "damaged")
 FIRMWARE = re.compile(r"^(Ardu\w+|PX4|APM:\w+) ?V?\d")
 LATEST_START_S = 3600.0
@@ -103,12 +104,12 @@ def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> d
         "columns": [name for name in stream.columns if name != "time_us"],
         "rows": len(stream),
         "rejected": sum(item.count for item in rejected if item.stream == stream.name),
-        "rate_hz": float(1.0 / np.median(steps)) if steps.size else None,
+        "rate_hz": float(1.0 / np.median(steps)) if steps.size and stream.name not in ON_CHANGE else None,
         "start_us": int(stamps[0]),
         "end_us": int(stamps[-1]),
         "duration_s": float(stamps[-1] - stamps[0]) / 1e6,
         "longest_gap_s": float(steps.max()) if steps.size else 0.0,
-        "gaps": int(np.count_nonzero(steps > gap_s)),
+        "gaps": int(np.count_nonzero(steps > gap_s)) if stream.name not in ON_CHANGE else 0,
     }
 
 

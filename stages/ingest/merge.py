@@ -18,6 +18,7 @@ from .decoded import DecodedLog, RawFile
 from .readers import MAPPINGS, reader_of
 from .streams import Rules, Stream, map_streams
 
+LEFT_OUT = "none"  # as a source: the stream is not wanted
 FIRST_BYTES = 1 << 18  # enough to find the first time stamp of a log whatever it starts with
 
 
@@ -42,8 +43,7 @@ class Part:
 
 def wanted_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
     """The sources that the manifest names for the streams of this log. Raises `CampaignError` for an unknown stream."""
-    entries = campaign.get("logs", ()) if campaign else ()
-    found: Mapping[str, Any] = next((entry for entry in entries if entry.get("id") == log.id), {})
+    found = _entry(log, campaign)
     wanted = {str(stream): str(source) for stream, source in found.get("sources", {}).items()}
     for stream in wanted:
         if stream not in STREAMS:
@@ -51,6 +51,22 @@ def wanted_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
                 "unknown stream", field=f"logs.{log.id}.sources", value=stream, allowed=STREAMS, remedy=nearest(stream, STREAMS)
             )
     return wanted
+
+
+def _entry(log: RawLog, campaign: Document | None) -> Mapping[str, Any]:
+    entries = campaign.get("logs", ()) if campaign else ()
+    return next((entry for entry in entries if entry.get("id") == log.id), {})
+
+
+def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
+    """File name -> reader, where the manifest forces one for a file of several."""
+    return {item["file"]: item["reader"] for item in _entry(log, campaign).get("files", ()) if "reader" in item}
+
+
+def vehicle_sources(vehicle: Document | None) -> Mapping[str, str]:
+    """The source of depth that the vehicle prefers: the instance of the barometer that sits in the water."""
+    instance = vehicle.get("sensors", {}).get("depth", {}).get("barometer_instance") if vehicle else None
+    return {} if instance is None else {"depth": f"BARO[{instance}]"}
 
 
 def read_part(file: RawFile, forced: str | None, wanted: Mapping[str, str]) -> Part:
@@ -101,6 +117,8 @@ def merge_parts(parts: Sequence[Part], wanted: Mapping[str, str], *, log: str) -
     """
     merged = {}
     for name in STREAMS:
+        if wanted.get(name) == LEFT_OUT:
+            continue
         holders = [part for part in parts if name in part.streams]
         if name in wanted:
             holders = [part for part in holders if _is_source(part, name, wanted[name])]

@@ -6,15 +6,17 @@ from collections.abc import Mapping
 
 from data_schemas.errors import LogError, nearest
 
-from . import streams_dataflash
+from . import streams_dataflash, streams_tlog
 from .csv_reader import CSV
 from .dataflash import DATAFLASH
 from .decoded import LogReader, RawFile
 from .streams import Rules
+from .tlog import TLOG
 
-READERS: tuple[LogReader, ...] = (DATAFLASH, CSV)
+READERS: tuple[LogReader, ...] = (DATAFLASH, TLOG, CSV)
 MAPPINGS: Mapping[str, tuple[str, Rules]] = {
     "dataflash": ("dataflash", streams_dataflash.RULES),
+    "tlog": ("tlog", streams_tlog.RULES),
 }
 """Reader -> name of its mapping in formats/streams.yaml, and its rules. A reader that is not here (CSV) gives streams itself."""
 

@@ -21,7 +21,7 @@ from .decoded import DecodedLog, Messages
 
 Columns = dict[str, npt.NDArray[Any]]
 Compute = Callable[[Messages, DecodedLog], Columns]
-Condition = Callable[[DecodedLog], str | None]
+Condition = Callable[[Messages, DecodedLog], str | None]
 Score = Callable[[Messages, DecodedLog], float]
 Clock = Callable[[Messages, DecodedLog], npt.NDArray[np.int64] | None]
 FEW = 2
@@ -105,7 +105,7 @@ def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStrea
     if missing:
         yield Candidate(source, source.name, None, f"has no column {', '.join(missing)}")
         return
-    refused = rules.conditions[source.when](log) if source.when else None
+    refused = rules.conditions[source.when](messages, log) if source.when else None
     if rules.clock(messages, log) is None:
         refused = "has no time stamp"
     for label, rows in _instances(source.name, messages, spec.instance):
@@ -168,6 +168,12 @@ def _stream(name: str, chosen: Candidate, candidates: list[Candidate], log: Deco
         if item.messages is not None or item.source.name not in logged
     ]
     return Stream(name, columns, place, chosen.label, tuple(status), tuple(notes))
+
+
+def rate_hz(time_us: npt.NDArray[np.int64]) -> float:
+    """Median sample rate; 0 for fewer than two samples."""
+    step = float(np.median(np.diff(np.sort(time_us)))) if time_us.size > 1 else 0.0
+    return 1e6 / step if step > 0.0 else 0.0
 
 
 def _status(item: Candidate, chosen: Candidate) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from .decoded import DecodedLog, Messages
 from .streams import Columns, Rules
-from .vehicle_modes import sub_mode
+from .vehicle_modes import mode_name
 
 PWM_OUTPUTS = 16
 PAIR_US = 20_000
@@ -68,7 +69,7 @@ def to_body(vector: Array, phi: Array, theta: Array, psi: Array) -> Array:
     return result
 
 
-def aided(log: DecodedLog) -> str | None:
+def aided(messages: Messages, log: DecodedLog) -> str | None:
     """Why velocity and position of the navigation filter mean nothing, or None if it had a velocity or position sensor."""
     if log.counts.get("VISO", 0) or log.counts.get("XKFD", 0) or log.counts.get("BCN", 0):
         return None
@@ -127,9 +128,13 @@ def submerged(messages: Messages, log: DecodedLog) -> float:
     return -float(np.nanmax(altitude) - np.nanmin(altitude)) if altitude.size else np.inf
 
 
-def downward(messages: Messages, log: DecodedLog) -> float:
-    """0 for a range finder that looks down, else 1."""
-    return float("Orient" in messages.columns and np.median(floats(messages, "Orient")) != DOWNWARD)
+def downward_score(column: str) -> Callable[[Messages, DecodedLog], float]:
+    """A score that is 0 for a range finder that looks down (its orientation stands in `column`), else 1."""
+
+    def score(messages: Messages, log: DecodedLog) -> float:
+        return float(column in messages.columns and np.median(floats(messages, column)) != DOWNWARD)
+
+    return score
 
 
 def modes(messages: Messages, log: DecodedLog) -> Columns:
@@ -137,7 +142,7 @@ def modes(messages: Messages, log: DecodedLog) -> Columns:
     number = messages.columns["ModeNum" if "ModeNum" in messages.columns else "Mode"]
     time_us = clock(messages, log)
     assert time_us is not None
-    return merge_modes(time_us, [sub_mode(_mode_number(item)) for item in number], *_arming(log))
+    return merge_modes(time_us, [mode_name(_mode_number(item)) for item in number], *_arming(log))
 
 
 def _mode_number(value: Any) -> int | str:
@@ -215,6 +220,6 @@ RULES = Rules(
         "texts": texts,
     },
     conditions={"aided": aided},
-    scores={"healthy": healthy, "submerged": submerged, "downward": downward},
+    scores={"healthy": healthy, "submerged": submerged, "downward": downward_score("Orient")},
     also=frozenset({"GPS"}),
 )

@@ -1,7 +1,8 @@
-"""Names of the flight modes of ArduSub by number (ArduSub/mode.h)."""
+"""Names of flight modes by number (ArduSub/mode.h). Other vehicles of the family number theirs differently and keep the number."""
 
 from __future__ import annotations
 
+SUBMARINE = 12  # MAV_TYPE_SUBMARINE
 SUB_MODES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -17,6 +18,8 @@ SUB_MODES = {
 }
 
 
-def sub_mode(number: int | str) -> str:
-    """The name of a mode; the number as text where it is unknown, a text as it is."""
-    return number if isinstance(number, str) else SUB_MODES.get(number, str(number))
+def mode_name(number: int | str, *, vehicle_type: int = SUBMARINE) -> str:
+    """The name of a mode; the number as text where it is unknown or the vehicle is no submarine, a text as it is."""
+    if isinstance(number, str):
+        return number
+    return SUB_MODES.get(number, str(number)) if vehicle_type == SUBMARINE else str(number)
