@@ -47,14 +47,14 @@ def _excursion(stamp: Stamps, index: int) -> slice:
         first = low + int(before[-1]) + 1
         if stamp[first] - stamp[first - 1] > OFF_US:
             blamed.append(slice(first, index))
-    elif index == 1:
-        blamed.append(slice(0, 1))
     if after.size:
         end = index + 1 + int(after[0])
         if stamp[end] - stamp[end - 1] > OFF_US:
             blamed.append(slice(index, end))
-    elif index == stamp.size - 1:
-        blamed.append(slice(index, index + 1))
+    if not blamed and index == 1:
+        return slice(0, 1)
+    if not blamed and index == stamp.size - 1:
+        return slice(index, index + 1)
     return min(blamed, key=lambda run: run.stop - run.start, default=slice(0, 0))
 
 

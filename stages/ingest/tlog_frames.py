@@ -184,6 +184,7 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
 
     Some routers do so with what companion computers send; it explains every wrong checksum of the BlueROV2 logs at hand. The sender's
     payload ended with a field of its definition, perhaps an older one without the last fields, or with the NUL of a string.
+    As several ends are tried, one hit of a sender may be chance: two are asked for.
     """
     right = np.zeros(len(frames), dtype=np.bool_)
     usable = known(frames) & (frames.stop <= buffer.size) & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
@@ -206,7 +207,9 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
             some, of = trial[first : first + _UNCUT_BATCH], column[first : first + _UNCUT_BATCH]
             found = _right_at_size(buffer, frames.take(rows[some]), sizes[some, of])
             right[rows[some[found]]] = True
-    return right
+    sender = frames.system.astype(np.uint16) << np.uint16(8) | frames.component
+    hits = np.bincount(sender[right], minlength=1 << 16)
+    return np.asarray(right & (hits[sender] > 1))
 
 
 def _right_at_size(buffer: Bytes, frames: Frames, size: Integers) -> Mask:
