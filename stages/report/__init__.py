@@ -1,0 +1,61 @@
+"""The report and the recording: what all stages show, arranged; and a first screen that says what came out.
+
+The stage knows no other stage: it renders the sections, views and tables that they emit, in their order. Its own are the summary
+(`summary.py`), the list of logs and legs, and the provenance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pyarrow as pa
+
+from stages.base import Collection, Document, Stage, every, param, port
+from stages.report.html import render
+from stages.report.own_sections import legs_section, provenance_section, vehicle_line
+from stages.report.recording import record
+from stages.report.summary import summarise
+
+
+@dataclass(frozen=True)
+class Inputs:
+    campaign: Document = port("campaign")
+    vehicle: Document = port("vehicle")
+    log_info: Collection[Document] = port("log_info")
+    segment: Collection[Document] = port("segment")
+    fused: Collection[pa.Table] = port("fused")
+    model_card: Collection[Document] = port("model_card")
+    error_table: pa.Table = port("error_table")
+    sections: Collection[Document] = every("section")
+    views: Collection[Document] = every("views")
+    tables: Collection[pa.Table] = every("table")
+
+
+@dataclass(frozen=True)
+class Params:
+    path_rate_hz: float = param("Hz", 10.0, meaning="rate of the vehicle's pose in the 3D view", low=0.1, high=1000.0)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    report_html: bytes = port("report_html")
+    recording: bytes = port("recording")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    sections = dict(inputs.sections.items())
+    cards, segments, logs = dict(inputs.model_card.items()), dict(inputs.segment.items()), dict(inputs.log_info.items())
+    summary = summarise(cards, inputs.error_table, segments, logs, sections)
+    title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
+    notes = str(inputs.campaign.get("notes") or "")
+    own: dict[str, dict[str, Any]] = {
+        "campaign": legs_section(segments, logs),
+        "provenance": provenance_section(inputs.campaign, cards, logs),
+    }
+    page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own})
+    recording = record(title, summary, inputs.views, inputs.tables, inputs.fused, segments, logs, params.path_rate_hz)
+    return Outputs(report_html=page, recording=recording)
+
+
+STAGE = Stage("report", "HTML report and Rerun recording of what all stages found", "campaign", Inputs, Params, Outputs, run)

@@ -1,0 +1,115 @@
+"""One colour per axis, role, force component and model, the same in the report and in the Rerun recording.
+
+Hues are those of Okabe and Ito (2008), which stay apart for colour-blind readers; each is darkened for paper and lightened for a dark
+screen until it stands out at 3:1 (WCAG 2.1, 1.4.11). Where hues run out, the line is dashed.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+PAPER = "#ffffff"
+SCREEN = "#14181f"
+
+
+@dataclass(frozen=True)
+class Ink:
+    """How a line is drawn: colour on paper, colour on a dark screen, dash pattern in pixels (empty: solid), width in pixels."""
+
+    light: str
+    dark: str
+    dash: str = ""
+    width: float = 1.5
+
+    @property
+    def rgb(self) -> tuple[int, int, int]:
+        """The colour on a dark screen as 0..255, for Rerun."""
+        return int(self.dark[1:3], 16), int(self.dark[3:5], 16), int(self.dark[5:7], 16)
+
+
+BLACK = ("#1b2430", "#e9edf2")
+GREY = ("#868f9b", "#848d99")
+BLUE = ("#0072b2", "#4aa3dc")
+VERMILLION = ("#c95600", "#ee7d31")
+GREEN = ("#00875f", "#1fb98c")
+PURPLE = ("#b0588a", "#d98ab6")
+ORANGE = ("#b27800", "#e6a52a")
+SKY = ("#2a8cc4", "#7cc7f0")
+OLIVE = ("#857b00", "#ded34b")
+
+AXES: Mapping[str, Ink] = {
+    **dict.fromkeys(("x", "u", "p", "phi", "k", "surge", "roll"), Ink(*VERMILLION)),
+    **dict.fromkeys(("y", "v", "q", "theta", "m", "sway", "pitch"), Ink(*GREEN)),
+    **dict.fromkeys(("z", "w", "r", "psi", "n", "heave", "yaw"), Ink(*BLUE)),
+}
+ROLES: Mapping[str, Ink] = {
+    "raw": Ink(*GREY, width=1.2),
+    "dropped": Ink(*VERMILLION, dash="2 3"),
+    "resampled": Ink(*SKY),
+    "fused": Ink(*BLUE, width=1.8),
+    "measured": Ink(*BLACK, width=1.8),
+    "true": Ink(*PURPLE, dash="6 3"),
+    "desired": Ink(*PURPLE, dash="6 3"),
+    "band": Ink(*SKY, width=1.0),
+    "predicted": Ink(*VERMILLION),
+    "difference": Ink(*ORANGE),
+    "training": Ink(*BLUE),
+    "validation": Ink(*VERMILLION),
+}
+COMPONENTS: Mapping[str, Ink] = {
+    "tau_bar": ROLES["measured"],
+    "rigid_body_inertia": Ink(*BLUE),
+    "added_mass_inertia": Ink(*SKY, dash="5 2"),
+    "rigid_body_coriolis": Ink(*GREEN),
+    "added_mass_coriolis": Ink(*OLIVE, dash="5 2"),
+    "restoring": Ink(*PURPLE),
+    "fins": Ink(*ORANGE),
+    "propeller": Ink(*VERMILLION),
+    "thrusters": Ink(*VERMILLION),
+}
+MODELS: Mapping[str, Ink] = {
+    "linear": Ink(*BLUE),
+    "mcfarland": Ink(*VERMILLION),
+    "mcfarland_whitcomb": Ink(*VERMILLION),
+    "gertler_hagen": Ink(*GREEN),
+    "prestero": Ink(*PURPLE),
+    "pitch_yaw": Ink(*ORANGE),
+    "coe": Ink(*SKY, dash="7 3"),
+    "uncoupled": Ink(*OLIVE),
+    "fossen": Ink(*GREY, dash="2 3", width=2.0),
+}
+SPARE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, OLIVE)
+
+
+def key(role: str) -> str:
+    """A role, axis or model name as a plain word: `Gertler-Hagen` -> `gertler_hagen`."""
+    return re.sub(r"[^a-z0-9]+", "_", role.lower()).strip("_")
+
+
+def ink(role: str) -> Ink:
+    """The ink of a role, force component, model or axis; an unknown name gets one that depends on the name alone."""
+    name = key(role)
+    for family in (ROLES, COMPONENTS, MODELS, AXES):
+        if name in family:
+            return family[name]
+    return Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
+
+
+def is_model(role: str) -> bool:
+    """Whether a role names a viscous model that has a colour of its own."""
+    return key(role) in MODELS
+
+
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio of two sRGB colours `#rrggbb`, 1 to 21 (WCAG 2.1, relative luminance)."""
+    low, high = sorted((_luminance(first), _luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    parts = [int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5)]
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

@@ -1,0 +1,194 @@
+"""The report page: sections arranged by order, rendered through one template into one file that needs no network.
+
+Every string that comes from a log or a manifest is escaped; control and direction characters are made visible. The page forbids itself
+any script but its own (content security policy with the script's hash), so that a hostile string could not run even if it got through.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from itertools import groupby
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from stages.report.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, ink, is_model, key
+from stages.report.equations import mathml
+from stages.report.plots import lay_out
+from stages.report.summary import AXIS_WORDS, Summary
+
+Document = Mapping[str, Any]
+VERDICTS = {
+    "identified": "good",
+    "excited": "good",
+    "complete": "good",
+    "weak": "fair",
+    "truncated": "fair",
+    "inseparable": "fair",
+    "not excited": "poor",
+    "damaged": "poor",
+    "not applicable": "none",
+}
+RATIOS = ("J/J0", "J/J₀", "ratio")
+HIDDEN = {"Cc", "Cf", "Co", "Cs"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One table cell as shown: text, the value it sorts by (None: last), and its class."""
+
+    text: str
+    sort: float | str | None
+    kind: str = ""
+    swatch: str = ""
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A heading of the report with the parts under it: (label, section) with an empty label where there is one part only."""
+
+    title: str
+    anchor: str
+    look_for: str
+    parts: tuple[tuple[str, str, Document], ...]
+
+
+def render(title: str, subtitle: str, notes: str, summary: Summary, sections: Mapping[str, Document]) -> bytes:
+    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the manifest's word on the data."""
+    script = _text("plots.js") + _text("page.js")
+    page = _environment().get_template("page.html.j2")
+    preferred = [model.name for model in summary.models]
+    if summary.take:
+        preferred.insert(0, summary.take)
+    words = page.render(
+        title=title,
+        subtitle=subtitle,
+        notes=notes,
+        summary=summary,
+        axis_words=AXIS_WORDS,
+        chapters=arrange(sections),
+        style=Markup(_text("style.css") + inks(_roles(sections))),
+        script=Markup(script),
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        lay_out=lambda block: lay_out(block, preferred),
+        mathml=lambda latex: Markup(mathml(visible(latex))),
+        cell=cell,
+        heat=heat,
+        ink_of=lambda name: f"--ink-{key(name) or 'none'}",
+        is_model=is_model,
+    )
+    return words.encode("utf-8")
+
+
+def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
+    """Chapters in order: sections of one stage that differ only in their item come under one heading."""
+    ordered = sorted(sections.items(), key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0]))
+    chapters = []
+    for (_, stage), pairs in groupby(ordered, key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])):
+        named = [(path.partition("/")[2], document) for path, document in pairs]
+        stems = {_stem(str(document["title"]), item) for item, document in named}
+        if len(named) > 1 and len(stems) == 1:
+            parts = tuple((item, anchor(stage, item), document) for item, document in named)
+            chapters.append(Chapter(stems.pop(), anchor(stage), str(named[0][1].get("look_for", "")), parts))
+            continue
+        for item, document in named:
+            parts = (("", anchor(stage, item, "part"), document),)
+            chapters.append(Chapter(str(document["title"]), anchor(stage, item), str(document.get("look_for", "")), parts))
+    return tuple(chapters)
+
+
+def _stem(title: str, item: str) -> str:
+    if item and title.endswith(item):
+        return title[: -len(item)].rstrip(" :,-–—(").removesuffix(" of").removesuffix(" in").removesuffix(" on") or title
+    return title
+
+
+def anchor(*names: str) -> str:
+    """An id for a link: plain ASCII words joined by dashes; other characters by their code, so that two names never meet."""
+    return "-".join("".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name) for name in names if name) or "section"
+
+
+def visible(value: Any) -> Any:
+    """Strings with control, direction and unpaired surrogate characters shown as signs, so that they cannot act."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return "".join(_shown(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c for c in value)
+
+
+def _shown(character: str) -> str:
+    code = ord(character)
+    return chr(0x2400 + code) if code < 0x20 else "\ufffd"
+
+
+def cell(value: Any, column: str) -> Cell:
+    """A table cell: numbers to four figures with their full value to sort by; verdicts and models marked."""
+    if value is None:
+        return Cell("–", None, "empty")
+    if isinstance(value, bool):
+        return Cell("yes" if value else "no", str(value))
+    if isinstance(value, int | float):
+        kind = f"number {heat(float(value))}" if column in RATIOS else "number"
+        return Cell(number(value), float(value), kind)
+    words = str(value)
+    verdict = next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
+    return Cell(words, words, f"verdict {verdict}" if verdict else "", f"--ink-{key(words)}" if is_model(words) else "")
+
+
+def number(value: float) -> str:
+    """A number to four figures, integers whole, with a true minus sign."""
+    if isinstance(value, int) or (value == int(value) and abs(value) < 1e6):
+        words = f"{int(value)}"
+    elif abs(value) >= 1000:
+        words = f"{value:.0f}" if abs(value) < 1e6 else f"{value:.3e}"
+    else:
+        words = f"{value:.4g}"
+    return words.replace("-", "−")
+
+
+def heat(ratio: float | None) -> str:
+    """The class of a J/J0 figure: h0 (best) to h4 (1 or more: no better than predicting no force)."""
+    if ratio is None:
+        return ""
+    return f"h{sum(ratio >= edge for edge in (0.25, 0.5, 0.75, 1.0))}"
+
+
+def inks(roles: Sequence[str]) -> str:
+    """CSS variables of all colours, on paper and on a dark screen."""
+    known: dict[str, Ink] = {**AXES, **MODELS, **COMPONENTS, **ROLES}
+    for role in roles:
+        known.setdefault(key(role) or "none", ink(role))
+    known.setdefault("none", Ink(*SPARE[0]))
+    light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
+    dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
+    system = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}}}}}"
+    return f":root{{{light}}}\n{system}\n@media screen{{:root[data-theme=dark]{{{dark}}}}}\n"
+
+
+def _roles(sections: Mapping[str, Document]) -> list[str]:
+    blocks = [block for document in sections.values() for block in document["blocks"] if block["kind"] == "plot"]
+    return sorted({str(series["role"]) for block in blocks for panel in block["panels"] for series in panel["series"]})
+
+
+@cache
+def _text(name: str) -> str:
+    return (resources.files(__package__) / name).read_text(encoding="utf-8")
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    templates = {"page.html.j2": _text("page.html.j2"), "blocks.html.j2": _text("blocks.html.j2")}
+    return jinja2.Environment(
+        loader=jinja2.DictLoader(templates),
+        autoescape=True,
+        finalize=visible,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,74 @@
+"""The sections that belong to no other stage: the logs and legs of the campaign, and where the results come from."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
+
+from stages.sections import Block, remark, section, table, text
+
+Document = Mapping[str, Any]
+PACKAGES = ("auvid", "numpy", "scipy", "pyarrow", "filterpy", "pymavlink", "pint", "rerun-sdk")
+FIRST, LAST = 1, 1000
+
+
+def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
+    """Logs with their files, and the segments that the legs gave."""
+    files = [
+        [name, item.get("name"), item.get("format"), item.get("size_bytes"), item.get("status"), log.get("vehicle")]
+        for name, log in logs.items()
+        for item in log["files"]
+    ]
+    rows = [
+        [name, item["use"], item["log"], item["leg_start_s"], item["duration_s"], item["samples"], item["rate_hz"], len(item["gaps"])]
+        for name, item in segments.items()
+    ]
+    heads = ("segment", "use", "log", ("start", "s"), ("length", "s"), "samples", ("rate", "Hz"), "gaps")
+    blocks: list[Block] = [
+        table("Logs", ["log", "file", "format", ("size", "bytes"), "status", "vehicle"], files),
+        table(
+            "Segments", heads, rows, note="Start in seconds from the first time-stamped record of the log. Gaps split a leg into segments."
+        ),
+    ]
+    notes = [(name, words) for name, item in (*logs.items(), *segments.items()) for words in item["notes"]]
+    blocks += [remark(f"{name}: {words}") for name, words in notes]
+    return section(
+        "Logs and legs", blocks, order=FIRST, look_for="Every file whole, training and validation on different stretches of data."
+    )
+
+
+def provenance_section(campaign: Document, cards: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
+    """Parameters that the manifest sets, package versions, assumed figures, and the source of each model form."""
+    settings = [
+        [stage, name, _setting(value)] for stage, values in (campaign.get("stages") or {}).items() for name, value in values.items()
+    ]
+    bytes_in = sum(int(item.get("size_bytes") or 0) for log in logs.values() for item in log["files"])
+    blocks: list[Block] = [
+        text(f"{len(logs)} log{'s' * (len(logs) != 1)}, {bytes_in} bytes. What is not listed below has its default from params.yaml."),
+        table("Parameters set by the campaign", ["stage", "parameter", "value"], settings),
+    ]
+    assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card["assumed"]))
+    if assumed:
+        blocks.append(table("Assumed figures of the vehicle", ["figure"], [[item] for item in assumed]))
+    forms = [[card["title"], card["n_bar"], card["n_bar_declared"], card["source"]] for card in cards.values()]
+    blocks.append(table("Model forms", ["model", "terms fitted", "terms declared", "source"], forms))
+    packages = [["python", platform.python_version()], *([name, version(name)] for name in PACKAGES)]
+    blocks.append(table("Versions", ["package", "version"], packages))
+    return section("Provenance", blocks, order=LAST)
+
+
+def vehicle_line(vehicle: Document) -> str:
+    """The vehicle in one line: its title, and the mass where the document has one."""
+    parts = [str(vehicle.get("title") or vehicle.get("name") or "Vehicle")]
+    mass = (vehicle.get("rigid_body") or {}).get("mass")
+    if isinstance(mass, Mapping) and "value" in mass:
+        parts.append(f"{mass['value']:g} {mass['unit']}" + (" (assumed)" if mass.get("assumed") else ""))
+    return ", ".join(parts)
+
+
+def _setting(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_setting(item)}" for key, item in value.items())
+    return {True: "true", False: "false", None: "null"}.get(value, str(value)) if isinstance(value, bool | None) else str(value)

@@ -1,0 +1,212 @@
+"""A plot as markup that needs no script: panels of SVG paths above one another, tick labels in HTML, a legend of buttons.
+
+The samples live once, in the path itself: `M x y l dx dy dx dy ...` in whole steps, x in `X_STEPS` steps of the plot's time range and y in
+`Y_STEPS` steps of the series' own range, so a value is exact to 1/16000 of its range. Lines keep their width under any scale
+(`vector-effect`), so plots.js zooms by changing `viewBox`, and reads values back from the path. Colours are CSS variables: themes and
+print need no redrawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from stages.report.colours import ink, is_model, key
+
+Array = npt.NDArray[np.float64]
+X_STEPS = 30_000
+Y_STEPS = 8_000
+PANEL_STEPS = 8_000
+MARGIN = 0.06
+MODELS_SHOWN = 3
+
+
+@dataclass(frozen=True)
+class Line:
+    """One drawn series: legend entry, path, and the matrix that puts its steps into the panel. A value is top - step * y."""
+
+    entry: int
+    path: str
+    scale: float
+    shift: float
+    top: float
+    step: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A label at `percent` of the axis (from the left, or from the top)."""
+
+    percent: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One legend entry: name, ink variable, dash, width, and whether its lines are drawn at first."""
+
+    name: str
+    ink: str
+    dash: str
+    width: float
+    shown: bool
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One y-axis: label, unit, range, ticks and lines."""
+
+    label: str
+    unit: str
+    low: float
+    high: float
+    ticks: tuple[Tick, ...]
+    lines: tuple[Line, ...]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Everything that the page needs to draw one plot."""
+
+    title: str
+    look_for: str
+    group: str
+    x_label: str
+    x_unit: str
+    low: float
+    high: float
+    ticks: tuple[Tick, ...]
+    panels: tuple[Panel, ...]
+    entries: tuple[Entry, ...]
+
+    @property
+    def hidden(self) -> int:
+        """How many legend entries are not drawn at first."""
+        return sum(not entry.shown for entry in self.entries)
+
+
+def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = ()) -> Plot:
+    """Lay out a plot block. Of many models only `preferred` (best first) are drawn at first; the legend shows the others.
+
+    A panel without a finite sample keeps its place, so that the reader sees that there was nothing.
+    """
+    panels = block["panels"]
+    data = [[_samples(series) for series in panel["series"]] for panel in panels]
+    finite = [x[np.isfinite(x)] for lines in data for x, _ in lines]
+    times = np.concatenate([x for x in finite if x.size] or [np.array([0.0, 1.0])])
+    low, high = float(times.min()), float(times.max())
+    high = high if high > low else low + 1.0
+    entries = _entries(panels, preferred)
+    return Plot(
+        title=str(block.get("title", "")),
+        look_for=str(block.get("look_for", "")),
+        group=str(block.get("group", "")),
+        x_label=str(block["x"]["label"]),
+        x_unit=str(block["x"]["unit"]),
+        low=low,
+        high=high,
+        ticks=ticks(low, high, 7),
+        panels=tuple(_panel(panel, lines, list(entries), entries, (low, high)) for panel, lines in zip(panels, data, strict=True)),
+        entries=tuple(entries.values()),
+    )
+
+
+def _samples(series: Mapping[str, Any]) -> tuple[Array, Array]:
+    x = np.array([np.nan if value is None else value for value in series["x"]], dtype=np.float64)
+    y = np.array([np.nan if value is None else value for value in series["y"]], dtype=np.float64)
+    return x, y
+
+
+def _entries(panels: Sequence[Mapping[str, Any]], preferred: Sequence[str]) -> dict[str, Entry]:
+    roles = {str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]}
+    models = [role for role in dict.fromkeys(roles.values()) if is_model(role)]
+    ranked = sorted(models, key=lambda role: _place(role, preferred))
+    shown = {key(role) for role in ranked[:MODELS_SHOWN]} if len(models) > MODELS_SHOWN else {key(role) for role in models}
+    entries = {}
+    for name, role in roles.items():
+        drawn = ink(role)
+        visible = not is_model(role) or key(role) in shown
+        entries[name] = Entry(name=name, ink=f"--ink-{key(role) or 'none'}", dash=drawn.dash, width=drawn.width, shown=visible)
+    return entries
+
+
+def _place(role: str, preferred: Sequence[str]) -> int:
+    order = [key(name) for name in preferred]
+    return order.index(key(role)) if key(role) in order else len(order)
+
+
+def _panel(
+    panel: Mapping[str, Any],
+    data: Sequence[tuple[Array, Array]],
+    names: list[str],
+    entries: Mapping[str, Entry],
+    span: tuple[float, float],
+) -> Panel:
+    drawn = [y for (_, y), series in zip(data, panel["series"], strict=True) if entries[str(series["name"])].shown]
+    low, high = padded_range(drawn or [y for _, y in data])
+    lines = []
+    for (x, y), series in zip(data, panel["series"], strict=True):
+        good = np.isfinite(x) & np.isfinite(y)
+        if good.any():
+            lines.append(_line(x, y, good, names.index(str(series["name"])), span, (low, high)))
+    return Panel(
+        label=str(panel["label"]), unit=str(panel["unit"]), low=low, high=high, ticks=ticks(low, high, 4, upward=True), lines=tuple(lines)
+    )
+
+
+def padded_range(signals: Sequence[Array]) -> tuple[float, float]:
+    """Smallest and largest finite value with a margin; a constant signal gets room on either side."""
+    kept = [y[np.isfinite(y)] for y in signals]
+    values = np.concatenate([y for y in kept if y.size] or [np.zeros(1)])
+    low, high = float(values.min()), float(values.max())
+    room = MARGIN * (high - low) if high > low else max(abs(high) * 0.1, 1e-3)
+    return low - room, high + room
+
+
+def _line(x: Array, y: Array, good: npt.NDArray[np.bool_], entry: int, span: tuple[float, float], limits: tuple[float, float]) -> Line:
+    low, high = float(y[good].min()), float(y[good].max())
+    step = (high - low) / Y_STEPS or 1.0
+    x_steps = np.rint((np.where(good, x, span[0]) - span[0]) / (span[1] - span[0]) * X_STEPS).astype(np.int64)
+    y_steps = np.rint((high - np.where(good, y, high)) / step).astype(np.int64)
+    per_panel = PANEL_STEPS / (limits[1] - limits[0])
+    path = "".join(_run(x_steps[part], y_steps[part]) for part in _runs(good))
+    return Line(entry, path, scale=step * per_panel, shift=(limits[1] - high) * per_panel, top=high, step=step, samples=int(good.sum()))
+
+
+def _runs(good: npt.NDArray[np.bool_]) -> list[slice]:
+    """The stretches of samples between gaps."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    return [slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
+    start = f"M{x[0]} {y[0]}"
+    if x.size == 1:
+        return start + "l0 0"
+    steps = np.column_stack([np.diff(x), np.diff(y)]).ravel().tolist()
+    return start + "l" + " ".join(map(str, steps)).replace(" -", "-")
+
+
+def ticks(low: float, high: float, wanted: int, *, upward: bool = False) -> tuple[Tick, ...]:
+    """About `wanted` round values between `low` and `high`, with labels that tell neighbours apart."""
+    span = high - low
+    power = 10.0 ** np.floor(np.log10(span / wanted))
+    step = next((m * power for m in (1, 2, 2.5, 5, 10) if span / (m * power) <= wanted), 10 * power)
+    values = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    digits = max(0, -int(np.floor(np.log10(step) + 1e-9)) + (1 if f"{step:.3e}".startswith("2.5") else 0))
+    made = []
+    for value in values:
+        share = (value - low) / span * 100
+        made.append(Tick(round(100 - share if upward else share, 3), _label(float(value), digits)))
+    return tuple(made)
+
+
+def _label(value: float, digits: int) -> str:
+    if digits > 5 or abs(value) >= 1e6:
+        return f"{value:.3g}".replace("-", "−")
+    return f"{value:.{digits}f}".replace("-", "−") if value else "0"
