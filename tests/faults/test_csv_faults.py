@@ -1,0 +1,101 @@
+"""What a wrong CSV file or column map is told: file, row or key, value, what is allowed, and the remedy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from data_schemas.errors import PipelineError
+from stages.ingest.csv_reader import read_csv
+from stages.ingest.decoded import RawFile
+
+GOOD = "t,d\n0,1\n1,2\n"
+DEPTH = {"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}
+
+
+def message(text: str = GOOD, columns: list[dict[str, Any]] | None = None, **keys: Any) -> str:
+    mapping = {"time": {"column": "t", "unit": "s"}, "columns": columns or [DEPTH], **keys}
+    with pytest.raises(PipelineError) as caught:
+        read_csv(RawFile("dive.csv", np.frombuffer(text.encode(), np.uint8), mapping))
+    return str(caught.value)
+
+
+def changed(**keys: Any) -> list[dict[str, Any]]:
+    return [{**DEPTH, **keys}]
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (changed(column="dd"), ("columns[0].column", "'dd'", "Did you mean 'd'?")),
+        (changed(stream="dept"), ("columns[0].stream", "Did you mean 'depth'?")),
+        (changed(field="depth"), ("columns[0].field", "Did you mean 'depth_m'?")),
+        (changed(unit="kg"), ("columns[0].unit", "'kg'", "a unit of m")),
+        (changed(unit="banana"), ("columns[0].unit", "'banana'")),
+        (changed(sing=1), ("unknown key", "columns[0].sing", "Did you mean 'sign'?")),
+        (changed(sign=2), ("columns[0].sign", "found 2")),
+        ([DEPTH, DEPTH], ("mapped twice",)),
+        ([{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s"}], ("stream 'velocity' is incomplete", "v_m_s, w_m_s")),
+        ([{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s", "frame": "enu"}], ("body axis", "frd, flu")),
+    ],
+)
+def test_wrong_column_maps(columns: list[dict[str, Any]], words: tuple[str, ...]) -> None:
+    text = message(columns=columns)
+    assert all(word in text for word in words), text
+
+
+def test_all_faults_of_a_column_map_come_together() -> None:
+    text = message(columns=[{**DEPTH, "unit": "kg"}, {**DEPTH, "stream": "nothing"}, {**DEPTH, "column": "no", "field": "depth_m"}])
+    assert text.count("column map of dive.csv") == 5  # three entries, the field mapped twice, and the headline
+    assert "4 faults" in text
+
+
+def test_gram_is_not_gravity() -> None:
+    columns = [{"column": "d", "stream": "imu", "field": "accel_x_m_s2", "unit": "g"}]
+    assert "write g0" in message(columns=columns)
+
+
+def test_accelerometer_without_its_convention() -> None:
+    fields = [f"gyro_{axis}_rad_s" for axis in "xyz"]
+    columns = [{"column": "d", "stream": "imu", "field": field, "unit": "rad/s"} for field in fields]
+    columns.append({"column": "d", "stream": "imu", "field": "accel_x_m_s2", "unit": "m/s^2"})
+    assert "specific_force, inertial, derivative" in message(columns=columns)
+
+
+def test_cells_that_are_no_numbers_are_named_with_their_rows() -> None:
+    rows = "".join(f"{index},{'x' if index % 2 else index}\n" for index in range(60))
+    text = message("t,d\n" + rows)
+    assert "dive.csv, row 3, field 'd': not a number; found 'x'" in text
+    assert "30 faults" in text
+    assert "... and 10 more" in text
+    assert "'missing'" in text
+
+
+def test_blank_lines_do_not_shift_the_row() -> None:
+    assert "row 5, field 'd'" in message("t,d\n0,1\n\n\n1,abc\n")
+
+
+def test_a_time_that_is_no_time() -> None:
+    text = message("t,d\n2024-05-01T10:00:00,1\nyesterday,2\n", time={"column": "t", "unit": "iso8601"})
+    assert "row 3" in text
+    assert "'yesterday'" in text
+    assert "wrong unit" in message(time={"column": "t", "unit": "m"})
+
+
+def test_without_a_column_map_the_header_is_shown() -> None:
+    with pytest.raises(PipelineError) as caught:
+        read_csv(RawFile("dive.csv", np.frombuffer(GOOD.encode(), np.uint8)))
+    text = str(caught.value)
+    assert "needs a column map; found 't, d'" in text
+    assert "columns: FILE" in text
+
+
+@pytest.mark.parametrize("text", ["", "\n\n"])
+def test_an_empty_file(text: str) -> None:
+    assert "the file is empty" in message(text)
+
+
+def test_a_held_stream_that_is_not_mapped() -> None:
+    assert "field 'held'" in message(held=["velocity"])
