@@ -1,0 +1,173 @@
+"""Load a campaign: the manifest checked against its schema and in itself, its vehicle, and where its logs lie."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from pipeline.yaml_files import YamlFile, load_yaml
+
+ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """One file of a log: its name as the manifest writes it, where it lies, and its checked column map."""
+
+    name: str
+    path: Path
+    columns: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A loaded campaign. `log_order` and `legs` are in the order of the manifest."""
+
+    name: str
+    folder: Path
+    file: YamlFile
+    vehicle_file: Path
+    vehicle: Mapping[str, Any]
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        value: Mapping[str, Any] = self.file.value
+        return value
+
+    @property
+    def logs(self) -> dict[str, Mapping[str, Any]]:
+        return {log["id"]: log for log in self.document["logs"]}
+
+    @property
+    def legs(self) -> dict[str, Mapping[str, Any]]:
+        return {leg["id"]: leg for leg in self.document["legs"]}
+
+    def log_files(self, log: str) -> tuple[LogFile, ...]:
+        """The files of a log. Raises `CampaignError` or `PipelineError` for what is missing, unreadable or outside the folder."""
+        entry = self.logs[log]
+        files = entry.get("files") or [entry]
+        return tuple(self._log_file(item, log) for item in files)
+
+    def _log_file(self, item: Mapping[str, Any], log: str) -> LogFile:
+        columns = None
+        if item.get("columns"):
+            found = load_yaml(
+                inside(self.folder, item["columns"], self.file.path), named_in=self.file.path, what=f"column map of log '{log}'"
+            )
+            found.check("column_map")
+            columns = found.value
+        return LogFile(item["file"], inside(self.folder, item["file"], self.file.path), columns)
+
+    def seen_by(self, log: str | None = None, leg: str | None = None) -> Mapping[str, Any]:
+        """The manifest as an item sees it: an item smaller than the campaign gets only the entries that concern it.
+
+        So a changed leg or parameter does not rerun the logs that it has nothing to do with.
+        """
+        if log is None:
+            return self.document
+        legs = [self.legs[leg]] if leg is not None else []
+        return {"kind": self.document["kind"], "vehicle": self.document["vehicle"], "logs": [self.logs[log]], "legs": legs}
+
+
+def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicles: Mapping[str, Path]) -> Campaign:
+    """The campaign in a folder. `kinds`: stage names per kind; `vehicles`: vehicle files by name.
+
+    Raises `CampaignError` (all faults of the manifest together) or `SchemaError`.
+    """
+    file = load_yaml(folder / "campaign.yaml")
+    file.check("campaign")
+    faults = [file.located(fault) for fault in _faults(file, kinds)]
+    raise_faults(faults, file=file.path)
+    vehicle_file = _vehicle_path(file, folder, vehicles)
+    vehicle = load_yaml(vehicle_file, named_in=file.path, what="vehicle")
+    vehicle.check("vehicle")
+    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value)
+
+
+def inside(folder: Path, name: str, file: object) -> Path:
+    """The path that a manifest names; relative ones may not leave the campaign folder."""
+    path = Path(name)
+    if path.is_absolute():
+        return path
+    joined = folder / path
+    if not joined.resolve().is_relative_to(folder.resolve()):
+        remedy = "Put the file under the folder, or write an absolute path if you mean it."
+        raise CampaignError("path leaves the campaign folder", file=file, value=name, remedy=remedy)
+    return joined
+
+
+def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[PipelineError]:
+    manifest, path = file.value, file.path
+    if manifest["kind"] not in kinds:
+        yield CampaignError("unknown kind", file=path, field="kind", value=manifest["kind"], allowed=kinds)
+        return
+    for part in ("logs", "legs"):
+        if not manifest[part]:
+            yield CampaignError("the list is empty", file=path, field=part, remedy="A campaign needs at least one.")
+        yield from _id_faults(manifest[part], part, path)
+    for index, log in enumerate(manifest["logs"]):
+        yield from _log_faults(log, f"logs[{index}]", path)
+    known = [log["id"] for log in manifest["logs"]]
+    for index, leg in enumerate(manifest["legs"]):
+        at = f"legs[{index}]"
+        if leg["log"] not in known:
+            yield CampaignError(
+                "no such log", file=path, field=f"{at}.log", value=leg["log"], allowed=known, remedy=nearest(leg["log"], known)
+            )
+        start, end = leg.get("start_s"), leg.get("end_s")
+        if end is not None and (start or 0) >= end:
+            yield CampaignError(
+                "the leg ends before it starts", file=path, field=f"{at}.end_s", value=end, allowed=f"more than start_s = {start or 0}"
+            )
+    for name in manifest.get("stages") or {}:
+        allowed = kinds[manifest["kind"]]
+        if name not in allowed:
+            yield CampaignError("unknown stage", file=path, field=f"stages.{name}", allowed=allowed, remedy=nearest(name, allowed))
+
+
+def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Iterator[PipelineError]:
+    seen: dict[str, int] = {}
+    for index, entry in enumerate(entries):
+        name = entry["id"]
+        if not ID.fullmatch(name):
+            yield CampaignError(
+                "not a name", file=path, field=f"{part}[{index}].id", value=name, allowed="letters, digits, _ and -, not starting with -"
+            )
+        if name.lower() in seen:
+            yield CampaignError(f"the same name as {part}[{seen[name.lower()]}]", file=path, field=f"{part}[{index}].id", value=name)
+        seen.setdefault(name.lower(), index)
+
+
+def _log_faults(log: Mapping[str, Any], at: str, path: Path) -> Iterator[PipelineError]:
+    single, several = "file" in log, bool(log.get("files"))
+    if single == several:
+        found = "both" if single else "neither"
+        yield CampaignError(f"a log needs either file or files, this one has {found}", file=path, field=f"{at}.id", value=log["id"])
+    if several and "columns" in log:
+        yield CampaignError("a column map goes with each entry of files", file=path, field=f"{at}.columns", value=log["columns"])
+    for index, item in enumerate(log.get("files") or [log] if single or several else []):
+        where = f"{at}.files[{index}]" if several else at
+        for key in ("file", "columns"):
+            if key in item:
+                try:
+                    inside(path.parent, item[key], path)
+                except CampaignError as fault:
+                    fault.field = f"{where}.{key}"
+                    yield fault
+
+
+def _vehicle_path(file: YamlFile, folder: Path, vehicles: Mapping[str, Path]) -> Path:
+    name = file.value["vehicle"]
+    if name in vehicles:
+        return vehicles[name]
+    if "/" in name or name.endswith(".yaml"):
+        return inside(folder, name, file.path)
+    raise file.located(
+        CampaignError(
+            "no such vehicle", file=file.path, field="vehicle", value=name, allowed=vehicles or "none", remedy=nearest(name, vehicles)
+        )
+    )

@@ -1,0 +1,149 @@
+"""The command line. Heavy modules are imported by the command that needs them, so that help and refusals are quick."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from data_schemas.errors import PipelineError
+
+if TYPE_CHECKING:
+    pass
+
+FINE, FAILED, LOSSES, INTERRUPTED = 0, 1, 3, 130
+
+app = typer.Typer(
+    name="auvid",
+    help="From an underwater vehicle's field logs to identified six-degree-of-freedom hydrodynamic models.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+CampaignName = Annotated[
+    str, typer.Argument(metavar="CAMPAIGN", help="Name of a folder under campaigns/, or a path to one or to its campaign.yaml.")
+]
+
+
+@app.command(epilog="Example: auvid run bluerov2_dvl --until fuse")
+def run(
+    campaign: CampaignName,
+    only: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left.")] = None,
+    until: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")] = None,
+    strict: Annotated[bool, typer.Option(help="Exit with 3 if a log was damaged or samples were rejected.")] = False,
+    engine: Annotated[str, typer.Option(metavar="serial|processes", help="Where items run; results are the same.")] = "serial",
+    jobs: Annotated[int | None, typer.Option(metavar="N", help="Processes of the engine; as many as cores unless said.")] = None,
+    force: Annotated[bool, typer.Option(help="Run again what is up to date.")] = False,
+) -> None:
+    """Run a campaign: only what is stale runs."""
+    from pipeline import engines, session
+
+    opened = session.open_run(campaign)
+    stages = session.select(opened.graph, only=only, until=until)
+    with session.progress() as progress:
+        count = opened.execute(stages, engines.make_engine(engine, jobs), progress, force=force)
+    print("nothing to do: everything is up to date" if not count else f"{count} item{'s' * (count != 1)} run")
+    if only is None:
+        session.print_summary(opened)
+    if strict and session.losses(opened):
+        raise typer.Exit(LOSSES)
+
+
+@app.command(epilog="Example: auvid report bluerov2_dvl --open")
+def report(
+    campaign: CampaignName,
+    rebuild: Annotated[bool, typer.Option(help="Make the report again from the artefacts.")] = False,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+) -> None:
+    """Say where the report of a campaign is, rebuild it, or open it."""
+    from pipeline import engines, session
+
+    opened = session.open_run(campaign)
+    if rebuild:
+        with session.progress() as progress:
+            opened.execute(session.select(opened.graph, only="report"), engines.Serial(), progress, force=True)
+    page = session.places(opened).get("report")
+    if page is None or not page.is_file():
+        raise PipelineError("there is no report yet", value=opened.campaign.name, remedy=f"auvid run {opened.campaign.name}")
+    print(page)
+    if open_it:
+        typer.launch(page.resolve().as_uri())
+
+
+@app.command(epilog="Example: auvid stages fuse")
+def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
+    """List the stages with inputs, outputs and parameters, from their declarations."""
+    from pipeline import listings
+
+    listings.print_stages(name)
+
+
+@app.command(epilog="Example: auvid models linear")
+def models(name: Annotated[str | None, typer.Argument(metavar="MODEL", help="Show the terms of this model.")] = None) -> None:
+    """List the viscous force models, from their declarations."""
+    from pipeline import listings
+
+    listings.print_models(name)
+
+
+@app.command(epilog="Example: auvid vehicles")
+def vehicles() -> None:
+    """List the vehicles of this workspace and those that come with auvid."""
+    from pipeline import listings
+
+    listings.print_vehicles()
+
+
+@app.command(epilog="Example: auvid new ~/campaigns_2026")
+def new(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not hold anything yet.")]) -> None:
+    """Make a workspace with a small example campaign that runs."""
+    from pipeline import scaffold
+
+    scaffold.make_workspace(folder)
+    print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
+
+
+@app.command(hidden=True, epilog="Example: auvid code")
+def code() -> None:
+    """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC depends."""
+    from pipeline import session
+
+    session.write_codes()
+
+
+def main() -> None:
+    """Entry point of `auvid`. Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses (--strict)."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        app(standalone_mode=True)
+    except PipelineError as fault:
+        sys.exit(_say(f"error: {fault}", FAILED))
+    except KeyboardInterrupt:
+        sys.exit(_say("interrupted: what was finished is kept", INTERRUPTED))
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
+    except Exception as crash:
+        sys.exit(_say(_internal(crash), FAILED))
+
+
+def _internal(crash: Exception) -> str:
+    """A fault of auvid in one line, or with its traceback if AUVID_TRACEBACK is set."""
+    import traceback
+
+    trace = getattr(crash, "trace", "") or "".join(traceback.format_exception(crash))
+    words = str(crash) if hasattr(crash, "trace") else f"{type(crash).__name__}: {crash}"
+    if os.environ.get("AUVID_TRACEBACK"):
+        return f"{trace}\ninternal fault: {words}"
+    return f"internal fault: {words}\nThis is a fault of auvid, not of your data. AUVID_TRACEBACK=1 shows where it happened."
+
+
+def _say(line: str, status: int) -> int:
+    print(line, file=sys.stderr)
+    return status

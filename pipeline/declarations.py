@@ -1,0 +1,120 @@
+"""params.yaml and dvc.yaml as the stages declare them: made for a new workspace, and held against the repository's by a test."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, fields
+from typing import Any
+
+from data_schemas.schemas import schema
+from pipeline.graph import WHOLE, AnyStage, Graph
+from stages.base import ports
+
+COMMENT_AT = 44
+CODE = "runs/.code"
+
+
+def default_of(item: Field[Any]) -> Any:
+    """The default of a parameter, tuples as lists."""
+    value = item.default if item.default_factory is MISSING else item.default_factory()
+    return list(value) if isinstance(value, tuple) else value
+
+
+def bounds(meta: Mapping[str, Any]) -> str:
+    """What values a parameter allows, in words; empty if any."""
+    if meta.get("allowed"):
+        return ", ".join(str(value) for value in meta["allowed"])
+    low, high = meta.get("low"), meta.get("high")
+    if low is None and high is None:
+        return ""
+    return (
+        f"{low:g} to {high:g}" if low is not None and high is not None else f"at least {low:g}" if low is not None else f"at most {high:g}"
+    )
+
+
+def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
+    """params.yaml with every parameter of every stage at its default, with unit, bounds and meaning."""
+    lines = [
+        "# Defaults of every stage parameter, one section per stage. A campaign sets what differs under `stages:` in its manifest.",
+        "# The comment gives unit, allowed values and meaning; `auvid stages` prints the same.",
+        "",
+        "campaigns:                                  # those that dvc repro runs",
+        *(f"  - {name}" for name in campaigns),
+    ]
+    for stage in stages:
+        lines += ["", f"# {stage.summary}", f"{stage.name}:" if fields(stage.params) else f"{stage.name}: {{}}"]
+        for item in fields(stage.params):
+            unit, allowed = item.metadata["unit"], bounds(item.metadata)
+            notes = [*([f"[{unit}]"] if unit != "1" else []), item.metadata["meaning"], *([f"({allowed})"] if allowed else [])]
+            lines.append(f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT) + f"# {' '.join(notes)}")
+    return "\n".join(lines) + "\n"
+
+
+def _scalar(value: Any) -> str:
+    """A YAML scalar or flow list; JSON is YAML except for words that need no quotes."""
+    if isinstance(value, str) and value.isidentifier() and value not in ("null", "true", "false", "yes", "no", "on", "off"):
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def dvc_yaml(graph: Graph) -> str:
+    """dvc.yaml with an entry per stage of a graph, over the campaigns of params.yaml."""
+    lines = [
+        "# One entry per stage, for each campaign of params.yaml. `auvid run CAMPAIGN` does the same in one process; either may follow",
+        "# the other, for what is fresh is decided by the manifests under runs/. The hash of a stage's code (its own imports and schemas)",
+        "# stands in a small file that `code` brings up to date each time: an edited equation reruns what uses it.",
+        "stages:",
+        "  code:",
+        "    desc: Hash of the code of each stage",
+        "    cmd: auvid code",
+        "    always_changed: true",
+        "    outs:",
+        *(f"      - {CODE}/{stage.name}.txt: {{cache: false, persist: true}}" for stage in graph.stages),
+    ]
+    for stage in graph.stages:
+        lines += ["", *_entry(graph, stage)]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(graph: Graph, stage: AnyStage) -> list[str]:
+    deps = [f"{CODE}/{stage.name}.txt"]
+    feeds = graph.feeds(stage)
+    manifest = {feed.schema for feed in feeds}
+    deps.append("campaigns/${item}" if "raw_log" in manifest else "campaigns/${item}/campaign.yaml")
+    deps += ["vehicles"] * ("vehicle" in manifest)
+    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers}
+    if stage.maps_over == "segment":
+        producers |= {other.name: other for other in graph.stages if other.yields == "segment"}
+    for other in graph.stages:
+        if other.name in producers:
+            deps += [path for path, _ in _outs(other)]
+    plain = [(path, notes) for path, notes in _outs(stage) if "metrics" not in notes]
+    metrics = [path for path, notes in _outs(stage) if "metrics" in notes]
+    keys = [f"{stage.name}.{item.name}" for item in fields(stage.params)]
+    lines = [
+        f"  {stage.name}:",
+        "    foreach: ${campaigns}",
+        "    do:",
+        f"      desc: {stage.summary}",
+        f"      cmd: auvid run ${{item}} --only {stage.name}",
+        "      deps:",
+        *(f"        - {path}" for path in deps),
+    ]
+    lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
+    lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
+    lines += ["      metrics:", *(f"        - {path}: {{cache: false, persist: true}}" for path in metrics)] if metrics else []
+    return lines
+
+
+def _outs(stage: AnyStage) -> list[tuple[str, str]]:
+    """Paths that a stage leaves: its folder, or, where a metric lies in it, each artefact by itself."""
+    folder = f"runs/${{item}}/{stage.name}"
+    specs = ports(stage.outputs)
+    if not any(spec["port"].endswith("_metrics") for spec in specs.values()) or stage.maps_over != WHOLE:
+        return [(folder, "")]
+    found = [(f"{folder}/manifest.json", "")]
+    for name, spec in specs.items():
+        note = "metrics" if spec["port"].endswith("_metrics") else ""
+        found.append((f"{folder}/{name}" if spec["many"] else f"{folder}/{name}{schema(spec['port']).suffix}", note))
+    return found

@@ -1,0 +1,87 @@
+"""Where work items run: one after the other in this process, or spread over processes. Results are the same."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Protocol
+
+from data_schemas.errors import PipelineError, nearest
+from pipeline.work import Outcome, Task, execute
+
+ENGINES = ("serial", "processes")
+
+
+class Engine(Protocol):
+    """Runs tasks and gives their outcomes as they finish."""
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]: ...
+
+    def close(self) -> None: ...
+
+
+class Serial:
+    """One item after the other."""
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        return map(execute, tasks)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Processes:
+    """A pool of fresh interpreters, started with the first stage that has work for more than one.
+
+    Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no state of the parent.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        if self._jobs < 2 or len(tasks) < 2:
+            yield from map(execute, tasks)
+            return
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent)
+        futures: dict[Future[Outcome], Task] = {self._pool.submit(execute, task): task for task in tasks}
+        for future in as_completed(futures):
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                self._pool = None
+                yield Outcome(futures[future].item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)")
+
+    def close(self) -> None:
+        """Stop the workers at once; what they had not finished is not in any manifest."""
+        if self._pool is None:
+            return
+        workers = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.terminate()
+        for worker in workers:
+            worker.join()
+        self._pool = None
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def make_engine(name: str, jobs: int | None = None) -> Engine:
+    """The engine of a name; `jobs` processes, as many as the machine has cores unless said."""
+    if name not in ENGINES:
+        raise PipelineError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
+    if jobs is not None and jobs < 1:
+        raise PipelineError("needs at least one job", field="--jobs", value=jobs)
+    if name == "serial":
+        return Serial()
+    return Processes(jobs if jobs is not None else (os.cpu_count() or 1))

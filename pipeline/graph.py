@@ -1,0 +1,139 @@
+"""The graph of stages, wired by schema: the input port of a schema is fed by the one stage that outputs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from data_schemas.errors import PipelineError, nearest
+from data_schemas.schemas import schema
+from stages.base import Item, Stage, ports
+
+AnyStage = Stage[Any, Any, Any]
+MANIFEST_PORTS = ("vehicle", "campaign", "leg", "raw_log", "provenance")
+WHOLE = "campaign"
+SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
+
+
+class WiringError(Exception):
+    """The declared stages do not fit together: a fault in auvid, not in the user's campaign."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """An output port of a stage."""
+
+    stage: AnyStage
+    name: str
+    schema: str
+    many: bool
+
+    @property
+    def level(self) -> Item:
+        """What an artefact of this port belongs to."""
+        return self.stage.yields if self.stage.yields and self.many else self.stage.maps_over
+
+    @property
+    def keyed(self) -> bool:
+        """Whether one item gives several artefacts that are not items themselves."""
+        return self.many and not self.stage.yields
+
+    def owner(self, item: str, key: str | None) -> str:
+        """The item that an artefact belongs to."""
+        return str(key) if self.stage.yields and self.many else item
+
+    def path(self, item: str, key: str | None = None) -> str:
+        """Place of an artefact in the folder of its stage. `key` is None for a port that is not many."""
+        suffix = schema(self.schema).suffix
+        if self.stage.yields and self.many:
+            return f"{key}/{self.name}{suffix}"
+        folder = "" if self.stage.maps_over == WHOLE else f"{item}/"
+        return f"{folder}{self.name}{suffix}" if key is None else f"{folder}{self.name}/{key}{suffix}"
+
+
+@dataclass(frozen=True)
+class Feed:
+    """How an input port is fed: by the manifest (no producers), by one port, or by all ports of a schema (`every`)."""
+
+    port: str
+    schema: str
+    optional: bool
+    producers: tuple[Port, ...] = ()
+    every: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Stages in the order in which they run. Raises `WiringError` when made from stages that do not fit together."""
+
+    stages: tuple[AnyStage, ...]
+
+    def __post_init__(self) -> None:
+        for stage in self.stages:
+            self.feeds(stage)
+
+    @cached_property
+    def outputs(self) -> tuple[Port, ...]:
+        return tuple(
+            Port(stage, name, spec["port"], bool(spec["many"])) for stage in self.stages for name, spec in ports(stage.outputs).items()
+        )
+
+    def stage(self, name: str) -> AnyStage:
+        """The stage of a name. Raises `PipelineError` for an unknown one."""
+        for stage in self.stages:
+            if stage.name == name:
+                return stage
+        known = [stage.name for stage in self.stages]
+        raise PipelineError("no such stage in this kind of campaign", value=name, allowed=known, remedy=nearest(name, known))
+
+    def producers(self, schema_name: str) -> tuple[Port, ...]:
+        """Output ports of a schema; `table` stands for all tables."""
+        if schema_name == "table":
+            return tuple(port for port in self.outputs if schema(port.schema).kind == "table")
+        return tuple(port for port in self.outputs if port.schema == schema_name)
+
+    def feeds(self, stage: AnyStage) -> tuple[Feed, ...]:
+        """How each input port of a stage is fed."""
+        return tuple(self._feed(stage, name, spec) for name, spec in ports(stage.inputs).items())
+
+    def _feed(self, stage: AnyStage, name: str, spec: Mapping[str, Any]) -> Feed:
+        wanted, optional = spec["port"], bool(spec.get("optional"))
+        if wanted in MANIFEST_PORTS:
+            return Feed(name, wanted, optional)
+        found = tuple(port for port in self.producers(wanted) if port.stage is not stage)
+        late = [port for port in found if self.stages.index(port.stage) > self.stages.index(stage)]
+        if spec.get("every"):
+            return Feed(name, wanted, optional, tuple(port for port in found if port not in late), every=True)
+        if not found and optional:
+            return Feed(name, wanted, optional)
+        if len(found) != 1 or late:
+            givers = ", ".join(port.stage.name for port in found) or "none"
+            raise WiringError(f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is: {givers}")
+        if SIZE[found[0].level] > SIZE[stage.maps_over]:
+            raise WiringError(f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a {found[0].level}")
+        return Feed(name, wanted, optional, found)
+
+    def ancestors(self, stage: AnyStage) -> tuple[AnyStage, ...]:
+        """The stages that a stage needs, directly or through others, in running order."""
+        needed = {port.stage.name for feed in self.feeds(stage) for port in feed.producers}
+        for name in tuple(needed):
+            needed |= {other.name for other in self.ancestors(self.stage(name))}
+        return tuple(other for other in self.stages if other.name in needed)
+
+
+def select(graph: Graph, *, only: str | None = None, until: str | None = None) -> tuple[AnyStage, ...]:
+    """The stages to run: one, one with all that it needs, or all."""
+    if only is not None and until is not None:
+        raise PipelineError("--only and --until exclude each other")
+    if only is not None:
+        return (graph.stage(only),)
+    if until is not None:
+        return (*graph.ancestors(graph.stage(until)), graph.stage(until))
+    return graph.stages
+
+
+def stages_of_kind(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], kind: str) -> tuple[AnyStage, ...]:
+    """The stages of a campaign kind, in the order of STAGES."""
+    return tuple(stage for stage in stages if stage.name in kinds[kind])

@@ -1,0 +1,35 @@
+"""Make a workspace: the files that `make` and `dvc` need, and an example campaign with its own synthetic data."""
+
+from __future__ import annotations
+
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from data_schemas.errors import PipelineError
+from pipeline.declarations import dvc_yaml, params_yaml
+from pipeline.files import write_atomically
+from pipeline.graph import Graph, stages_of_kind
+from stages import KINDS, STAGES
+
+EXAMPLE = "example"
+
+
+def make_workspace(folder: Path) -> None:
+    """Write the workspace into a new or empty folder. Raises `PipelineError` if the folder holds anything."""
+    folder = folder.expanduser()
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        raise PipelineError("there is something already, and nothing is overwritten", file=folder, remedy="Choose a new folder.")
+    stages = stages_of_kind(STAGES, KINDS, "identification")
+    made = {"params.yaml": params_yaml(STAGES, [EXAMPLE]), "dvc.yaml": dvc_yaml(Graph(stages))}
+    for name, text in made.items():
+        write_atomically(folder / name, text.encode())
+    _copy(resources.files("pipeline") / "templates", folder)
+
+
+def _copy(source: Traversable, target: Path) -> None:
+    for entry in source.iterdir():
+        if entry.is_dir():
+            _copy(entry, target / entry.name.replace("dot_", "."))
+        else:
+            write_atomically(target / entry.name.replace("dot_", "."), entry.read_bytes())

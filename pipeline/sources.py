@@ -1,0 +1,133 @@
+"""Where an input of a work item comes from: values of the manifest, artefacts on disk, collections of them, and raw logs.
+
+Sources are small and picklable; they are opened by the process that runs the item.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.errors import LogError
+from pipeline import artefacts
+from pipeline.campaign import Campaign
+from pipeline.files import readable
+from pipeline.fingerprints import FileHashes, hash_value
+from stages.base import Collection, RawLog
+from stages.ingest.decoded import RawFile
+
+
+class Source(Protocol):
+    """An input: `fingerprint` stands for its content, `load` gives it."""
+
+    @property
+    def fingerprint(self) -> Any: ...
+
+    def load(self) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Value:
+    """A document of the manifest, or None for an optional input that nothing feeds."""
+
+    value: Any
+
+    @property
+    def fingerprint(self) -> Any:
+        return None if self.value is None else hash_value(self.value)
+
+    def load(self) -> Any:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """One artefact on disk, by its content."""
+
+    path: Path
+    schema: str
+    hash: str
+
+    @property
+    def fingerprint(self) -> str:
+        return self.hash
+
+    def load(self) -> Any:
+        return artefacts.load(self.path, self.schema, self.hash)
+
+
+@dataclass(frozen=True)
+class Many:
+    """Artefacts by key, loaded one at a time when asked for."""
+
+    entries: Mapping[str, Artefact]
+
+    @property
+    def fingerprint(self) -> dict[str, str]:
+        return {key: entry.hash for key, entry in self.entries.items()}
+
+    def load(self) -> Collection[Any]:
+        return Collection({key: partial(Artefact.load, entry) for key, entry in self.entries.items()})
+
+
+@dataclass(frozen=True)
+class LogPart:
+    """One file of a raw log as it was when its hash was taken."""
+
+    name: str
+    path: Path
+    hash: str
+    size: int
+    changed_ns: int
+    columns: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Log:
+    """A raw log: its files are mapped into memory, and must be the same after reading as they were before."""
+
+    id: str
+    reader: str | None
+    parts: tuple[LogPart, ...]
+
+    @property
+    def fingerprint(self) -> dict[str, Any]:
+        files = [{"name": part.name, "content": part.hash, "columns": part.columns and hash_value(part.columns)} for part in self.parts]
+        return {"id": self.id, "reader": self.reader, "files": files}
+
+    def load(self) -> RawLog:
+        self.check_unchanged()
+        return RawLog(self.id, tuple(RawFile(part.name, _map(part.path), part.columns) for part in self.parts), self.reader)
+
+    def check_unchanged(self) -> None:
+        """Raises `LogError` if a file is not what it was when its hash was taken."""
+        for part in self.parts:
+            with readable(part.path, file=part.name, what=f"file of log '{self.id}'"):
+                status = part.path.stat()
+            if (status.st_size, status.st_mtime_ns) != (part.size, part.changed_ns):
+                remedy = "Wait until the copy or download has finished, and run again."
+                raise LogError(f"the file of log '{self.id}' changed while it was read", file=part.name, remedy=remedy)
+
+
+def log_source(campaign: Campaign, log: str, hashes: FileHashes) -> Log:
+    """The source of a log. Errors of missing or unreadable files name the manifest and the log."""
+    parts = []
+    for file in campaign.log_files(log):
+        with readable(file.path, file=campaign.file.path, what=f"file of log '{log}'"):
+            status = file.path.stat()
+            parts.append(LogPart(file.name, file.path, hashes.of(file.path), status.st_size, status.st_mtime_ns, file.columns))
+    return Log(log, campaign.logs[log].get("reader"), tuple(parts))
+
+
+def _map(path: Path) -> npt.NDArray[np.uint8]:
+    if path.stat().st_size == 0:
+        empty = np.zeros(0, dtype=np.uint8)
+        empty.flags.writeable = False
+        return empty
+    return np.memmap(path, dtype=np.uint8, mode="r")
