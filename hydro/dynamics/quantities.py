@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import CampaignError
-from data_schemas.units import factor_and_offset
+from data_schemas.units import convertible, factor_and_offset
 from hydro.dynamics.arrays import Array, read_only
 
 
@@ -57,6 +57,8 @@ class Quantities:
             raise CampaignError("wrong shape", field=f"{self.where(key)}.value", value=value.shape, allowed=shape)
         if not np.all(np.isfinite(value)):
             raise CampaignError("not finite", field=f"{self.where(key)}.value", value=quantity["value"])
+        if not convertible(str(quantity["unit"]), unit):
+            raise CampaignError("wrong unit", field=f"{self.where(key)}.unit", value=quantity["unit"], allowed=f"a unit of {unit}")
         factor, offset = factor_and_offset(str(quantity["unit"]), unit)
         if quantity.get("assumed"):
             self.assumed.append(f"{self.where(key)} = {quantity['value']} {quantity['unit']} ({str(quantity.get('source', '')).strip()})")

@@ -93,8 +93,8 @@ class Vehicle:
 def vehicle_from_document(document: Mapping[str, Any]) -> Vehicle:
     """The vehicle of a document that agrees with schema `vehicle`.
 
-    Raises `CampaignError` when a number is missing, has a wrong unit or shape, when M = M_RB - M_A is not positive definite, when the
-    displaced mass is not positive, or when the vehicle has no actuator.
+    Raises `CampaignError` when a number is missing, has a wrong unit or shape, when M = M_RB - M_A is not positive definite, when
+    an added mass on the diagonal is positive, a mass is not, or when the vehicle has no actuator.
     """
     read = Quantities(document)
     body, sensors, actuators = read.part("rigid_body"), read.part("sensors"), read.part("actuators")
@@ -130,13 +130,21 @@ def _check(vehicle: Vehicle) -> None:
         raise CampaignError("a mass must be positive", field="rigid_body", value=(vehicle.mass_kg, vehicle.displaced_mass_kg))
     if not np.allclose(vehicle.inertia, vehicle.inertia.T):
         raise CampaignError("the inertia matrix is not symmetric", field="rigid_body.inertia.value", value=vehicle.inertia.tolist())
+    positive = [f"{AXES[i]}_{VELOCITIES[i]}dot" for i in range(6) if vehicle.added_mass[i, i] > 0.0]
+    if positive:
+        raise CampaignError(
+            "an added mass is positive",
+            field=f"added_mass.{positive[0]}.value",
+            value=", ".join(positive),
+            remedy="These are McCarter's derivatives, X_udot <= 0; turn the sign of figures given as positive masses.",
+        )
     smallest = float(np.linalg.eigvalsh(vehicle.mass_matrix)[0])
     if smallest <= 0.0:
         raise CampaignError(
             "the mass matrix M = M_RB - M_A is not positive definite",
             field="rigid_body, added_mass",
             value=f"smallest eigenvalue {smallest:.4g}",
-            remedy="Added mass is negative here (X_udot <= 0); off-diagonals of the inertia matrix are minus the products of inertia.",
+            remedy="Check units and signs; the off-diagonals of the inertia matrix are minus the products of inertia.",
         )
     if vehicle.propeller is None and vehicle.fins is None and vehicle.thrusters is None:
         raise CampaignError("the vehicle has no actuator", field="actuators", remedy="Give a propeller, fins or thrusters.")
