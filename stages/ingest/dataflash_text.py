@@ -48,12 +48,12 @@ Declared = list[tuple[int, layout.Definition]]  # the layouts of one name, each 
 
 @dataclass(frozen=True)
 class Lines:
-    """Every line of the file: `start`, `stop` (behind its line feed), `commas`, and `name`, the letters before the first comma if any."""
+    """Every line of the file: `start`, `stop` (behind its line feed), number of `commas`, `name` (the letters before the first one)."""
 
     start: Ints
     stop: Ints
     commas: Ints
-    name: npt.NDArray[np.bytes_]
+    name: npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True)
@@ -112,22 +112,27 @@ class DataFlashTextReader:
         return log
 
 
-def split_lines(buffer: Buffer) -> Lines:
+def split_lines(data: bytes) -> Lines:
+    """All lines of the file; the name of a line is packed into four bytes, 0 if no comma follows within them."""
+    buffer = np.frombuffer(data, np.uint8)
     feeds = np.flatnonzero(buffer == ord("\n")) + 1
     stop = feeds if feeds.size and feeds[-1] == buffer.size else np.append(feeds, buffer.size)
     start = np.concatenate([[0], stop[:-1]])
     commas = np.flatnonzero(buffer == ord(","))
-    count = np.diff(np.searchsorted(commas, np.append(start, buffer.size)))
-    letters = np.zeros((start.size, NAME_BYTES + 1), np.uint8)
-    for i in range(NAME_BYTES + 1):
-        letters[:, i] = np.where(start + i < stop, buffer[np.minimum(start + i, buffer.size - 1)], 0)
+    count = np.diff(commas.searchsorted(np.append(start, buffer.size)))
+    padded = np.minimum(start, max(buffer.size - NAME_BYTES - 1, 0))  # the last few bytes hold no record with its name and fields
+    width = min(buffer.size, NAME_BYTES + 1)
+    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", data, 0, (1,))[padded].view(np.uint8).reshape(-1, width)
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
-    letters[~before_comma | before_comma[:, -1:]] = 0
-    return Lines(start, stop, count, np.ascontiguousarray(letters[:, :NAME_BYTES]).view(f"S{NAME_BYTES}")[:, 0])
+    before_comma[(padded != start) | before_comma[:, -1]] = False
+    name = np.zeros((start.size, NAME_BYTES), np.uint8)
+    name[:, : width - 1] = (letters * before_comma)[:, :NAME_BYTES]
+    return Lines(start, stop, count, name.view(np.uint32)[:, 0])
 
 
 def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
-    lines, data = split_lines(buffer), memoryview(buffer.data)
+    data = buffer.tobytes()
+    lines = split_lines(data)
     losses = Losses(lines)
     members = _members(data, lines, losses)
     declared, members["FMT"] = _declare(data, lines, members.get("FMT", np.zeros(0, np.int64)), losses)
@@ -167,34 +172,35 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     )
 
 
-def _members(data: memoryview, lines: Lines, losses: Losses) -> dict[str, Ints]:
+def _members(data: bytes, lines: Lines, losses: Losses) -> dict[str, Ints]:
     """The line numbers of each message name; lines without one are put to the losses."""
     names, group = np.unique(lines.name, return_inverse=True)
     parts = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
     members: dict[str, Ints] = {}
     last = lines.start.size - 1
-    first = next((int(index[0]) for name, index in zip(names.tolist(), parts, strict=True) if name == b"FMT"), last + 1)
-    unended = bytes(data[-1:]) != b"\n"
-    for raw, index in zip(names.tolist(), parts, strict=True):
+    labels = [name.tobytes().rstrip(b"\0") for name in names]
+    first = next((int(index[0]) for label, index in zip(labels, parts, strict=True) if label == b"FMT"), last + 1)
+    unended = data[-1:] != b"\n"
+    for raw, index in zip(labels, parts, strict=True):
         if unended and index[-1] == last:
             losses.add(CUT_OFF, index[-1:])
             index = index[:-1]
         if NAME.fullmatch(raw):
             members[raw.decode("ascii")] = index
             continue
-        blank = np.array([not bytes(data[lines.start[i] : lines.stop[i]]).strip() for i in index.tolist()], np.bool_)
+        blank = np.array([not data[lines.start[i] : lines.stop[i]].strip() for i in index.tolist()], np.bool_)
         losses.add(BLANK, index[blank])
         losses.add(LEADING, index[~blank & (index < first)])
         losses.add(NO_RECORD, index[~blank & (index > first)])
     return members
 
 
-def _declare(data: memoryview, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
+def _declare(data: bytes, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
     """The layouts of each message name with the line numbers from which they hold, and the lines of FMT that are sound."""
     declared: dict[str, Declared] = {"FMT": [(0, layout.FMT)]}
     sound = []
     for i in index.tolist():
-        parts = [part.strip().decode("ascii", "backslashreplace") for part in bytes(data[lines.start[i] : lines.stop[i]]).split(b",", 5)]
+        parts = [part.strip().decode("ascii", "backslashreplace") for part in data[lines.start[i] : lines.stop[i]].split(b",", 5)]
         if len(parts) < 6 or not (parts[1].isdigit() and parts[2].isdigit()):
             losses.add(WRONG_FIELDS, np.array([i]))
             continue
@@ -232,14 +238,14 @@ def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints, l
     return index[good]
 
 
-def _parse(data: memoryview, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> tuple[dict[str, Column], Ints]:
+def _parse(data: bytes, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> tuple[dict[str, Column], Ints]:
     """The columns of the lines `index` and the numbers of the lines that could be read."""
     rows = [data[start:stop] for start, stop in zip(lines.start[index].tolist(), lines.stop[index].tolist(), strict=True)]
     if len(rows) >= FEW_LINES and definition.formats and not any(map(_is_text, definition.formats)):
         columns = _parse_block(b"".join(rows), definition)
         if columns is not None:
             return columns, index
-    cells = [[cell.strip() for cell in bytes(row).split(b",", len(definition.formats))[1:]] for row in rows]
+    cells = [[cell.strip() for cell in row.split(b",", len(definition.formats))[1:]] for row in rows]
     values: list[npt.NDArray[np.generic]] = []
     good = np.ones(index.size, np.bool_)
     for k, char in enumerate(definition.formats):
