@@ -1,0 +1,146 @@
+"""DataFlash log to columns: pymavlink, auvid's reader and the floor, on one real log repeated, in one run.
+
+    python benchmarks/decode_dataflash.py LOG.BIN
+
+pymavlink's messages are collected into one array per field, as the reader returns them. The floor is what no reader of this kind can
+go below: read the file, look for headers, gather the records of each type (their places are given) and copy each field to a column.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import dataflash as layout
+from stages.ingest.dataflash import DATAFLASH, Index, build_index
+from stages.ingest.dataflash_columns import GATHER_BYTES
+from stages.ingest.dataflash_scan import candidates, read_times
+from stages.ingest.decoded import DecodedLog, RawFile
+
+PAUSE_US = 10_000
+RUNS = 5
+
+
+def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
+    """The records of a log, repeated to at least `megabytes`; FMT only once, time stamps that go on from copy to copy."""
+    index = build_index(data)
+    chain = index.chain
+    kept = np.zeros(data.size, np.bool_)
+    for start, length in zip(chain.offset.tolist(), chain.length.tolist(), strict=True):
+        kept[start : start + length] = True
+    first = data[kept]
+    for start in chain.offset[chain.type == layout.FMT_ID].tolist():
+        kept[start : start + layout.FMT_BYTES] = False
+    timed = np.flatnonzero(index.clock[chain.entry] == 1)
+    stamps = read_times(data, chain.offset[timed], index.clock[chain.entry[timed]])
+    span = int(np.max(stamps) - np.min(stamps)) + PAUSE_US
+    place = chain.offset[timed][:, None] + layout.HEADER_BYTES + np.arange(8)
+    copies = [first]
+    for number in range(1, int(np.ceil(megabytes * 1e6 / max(int(np.count_nonzero(kept)), 1)))):
+        copy = data.copy()
+        copy[place] = (stamps + number * span).astype("<u8").view(np.uint8).reshape(-1, 8)
+        copies.append(copy[kept])
+    return np.concatenate(copies)
+
+
+def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic]]]:
+    """Every message that pymavlink finds, as arrays by message type and field."""
+    from pymavlink.DFReader import DFReader_binary
+
+    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
+    with contextlib.redirect_stderr(io.StringIO()):
+        log = DFReader_binary(path)
+        while (message := log.recv_match()) is not None:
+            columns = lists[message.get_type()]
+            for field in message.get_fieldnames():
+                columns[field].append(getattr(message, field))
+        log.close()
+    return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
+
+
+def read_floor(path: str, index: Index) -> int:
+    """Read, scan, gather and copy: nothing is checked, scaled or counted. Returns the bytes of the columns."""
+    data = np.fromfile(path, np.uint8)
+    candidates(data)
+    chain, total = index.chain, 0
+    order = np.argsort(chain.type, kind="stable")
+    for part in np.split(chain.offset[order], np.cumsum(np.bincount(chain.type, minlength=256))[:-1]):
+        if part.size == 0:
+            continue
+        entry = int(index.definitions.first[data[part[0] + 2]])
+        definition = index.definition(entry)
+        dtype = definition.record
+        records = np.ndarray((data.size - definition.length + 1,), f"V{definition.length}", data, 0, (1,))
+        columns = [np.empty((part.size, *dtype[name].shape), dtype[name].base) for name in dtype.names or ()]
+        step = max(1, GATHER_BYTES // definition.length)
+        for start in range(0, part.size, step):
+            block = records[part[start : start + step]].view(dtype)
+            for i, column in enumerate(columns):
+                column[start : start + step] = block[f"f{i}"]
+        total += sum(column.nbytes for column in columns)
+    return total
+
+
+def best(run: Callable[[], object]) -> float:
+    """The shortest of a few runs, seconds."""
+    times = []
+    for _ in range(RUNS):
+        begin = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def columns_bytes(log: DecodedLog) -> int:
+    """Bytes of all decoded columns."""
+    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
+
+
+def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
+    """MB/s of pymavlink (one run), of the floor and of auvid (best of five), their ratios, the time for a 20 kB log, and peak memory."""
+    original = np.fromfile(log_path, np.uint8)
+    data = repeated(original, megabytes)
+    size_mb = data.size / 1e6
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "repeated.BIN"
+        data.tofile(path)
+        begin = time.perf_counter()
+        theirs = read_with_pymavlink(str(path))
+        theirs_s = time.perf_counter() - begin
+        their_messages = sum(next(iter(columns.values())).size for columns in theirs.values())
+        del theirs
+        index = build_index(data)
+        ours_s = best(lambda: DATAFLASH.read(RawFile(path.name, np.memmap(path, np.uint8, "r"))))
+        floor_s = best(lambda: read_floor(str(path), index))
+    small_s = best(lambda: DATAFLASH.read(RawFile("small.BIN", original[:20_000])))
+    tracemalloc.start()
+    log = DATAFLASH.read(RawFile("repeated.BIN", data))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return {
+        "size_mb": size_mb,
+        "messages": float(sum(log.counts.values())),
+        "pymavlink_messages": float(their_messages),
+        "pymavlink_mb_s": size_mb / theirs_s,
+        "auvid_mb_s": size_mb / ours_s,
+        "floor_mb_s": size_mb / floor_s,
+        "ratio": theirs_s / ours_s,
+        "of_floor": floor_s / ours_s,
+        "small_log_ms": small_s * 1e3,
+        "peak_over_input_and_columns": (peak + data.size) / (data.size + columns_bytes(log)),
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
