@@ -81,6 +81,8 @@ def test_fin_force_is_the_sum_of_b4_and_scales_with_u_squared_only():
     linear_n = -1.9695e-05 * 0.1 - 0.00088374 * 0.2 + 0.00097045 * 0.03
     quadratic_n = -0.00015519 * 0.1**2 + 6.7519e-05 * 0.05**2 + 4.6321e-05 * 0.2**2 + 1.2038e-05 * 0.03**2
     assert tau[5] == pytest.approx(z * 2.057 * (linear_n + quadratic_n), rel=1e-12)
+    coefficients = VT690.fins.linear @ delta + VT690.fins.quadratic @ delta**2
+    np.testing.assert_allclose(tau, z * np.array([1.0, 1.0, 1.0, 2.057, 2.057, 2.057]) * coefficients, rtol=1e-12)
     still = fin_force(VT690.fins, [0.0, 0.5, 0.3, 0, 0, 0], delta, water_density=1000.0)
     np.testing.assert_array_equal(still, 0.0)
     np.testing.assert_allclose(fin_force(VT690.fins, [4.0, 0, 0, 0, 0, 0], delta, water_density=1000.0), 4.0 * tau, rtol=1e-12)
