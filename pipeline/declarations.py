@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields
+from pathlib import Path
 from typing import Any
 
 from data_schemas.schemas import schema
@@ -118,3 +119,24 @@ def _outs(stage: AnyStage) -> list[tuple[str, str]]:
         note = "metrics" if spec["port"].endswith("_metrics") else ""
         found.append((f"{folder}/{name}" if spec["many"] else f"{folder}/{name}{schema(spec['port']).suffix}", note))
     return found
+
+
+def main() -> None:
+    """Write params.yaml and dvc.yaml of the current folder anew; the list of campaigns stays."""
+    from pipeline.files import write_atomically
+    from pipeline.graph import stages_of_kind
+    from pipeline.yaml_files import load_yaml
+    from stages import KINDS, STAGES
+
+    params = Path("params.yaml")
+    campaigns = (
+        load_yaml(params).value["campaigns"]
+        if params.is_file()
+        else [path.parent.name for path in Path("campaigns").glob("*/campaign.yaml")]
+    )
+    write_atomically(params, params_yaml(STAGES, sorted(campaigns)).encode())
+    write_atomically(Path("dvc.yaml"), dvc_yaml(Graph(stages_of_kind(STAGES, KINDS, "identification"))).encode())
+
+
+if __name__ == "__main__":
+    main()

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from data_schemas.errors import PipelineError
 from pipeline.declarations import dvc_yaml, params_yaml
+from pipeline.example_data import example_log
 from pipeline.files import write_atomically
 from pipeline.graph import Graph, stages_of_kind
+from pipeline.yaml_files import load_yaml
 from stages import KINDS, STAGES
 
 EXAMPLE = "example"
@@ -25,6 +27,8 @@ def make_workspace(folder: Path) -> None:
     for name, text in made.items():
         write_atomically(folder / name, text.encode())
     _copy(resources.files("pipeline") / "templates", folder)
+    vehicle = load_yaml(folder / "vehicles" / "example_rov.yaml")
+    write_atomically(folder / "campaigns" / EXAMPLE / "logs" / "synthetic_run.csv", example_log(vehicle.value))
 
 
 def _copy(source: Traversable, target: Path) -> None:

@@ -1,0 +1,74 @@
+# make demo: set up .venv, run the bundled dive, say where the report is. make test: set up, run all tests. make help lists all.
+PYTHON ?= python3
+NAME ?= bluerov2_dvl
+VENV := .venv
+STAMP := $(VENV)/.installed
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+
+.PHONY: help setup demo campaign report test lint format declarations lock bench clean
+
+help:
+	@echo "make demo                 set up .venv and run the bundled real dive"
+	@echo "make campaign NAME=x      bring campaign x up to date through DVC"
+	@echo "make report NAME=x        open the report of campaign x"
+	@echo "make test                 set up and run all tests"
+	@echo "make lint                 ruff and mypy"
+	@echo "make bench                benchmarks"
+	@echo "make declarations         write params.yaml and dvc.yaml anew from the stages"
+	@echo "make lock                 pin the dependencies anew"
+	@echo "make clean                remove results and caches, not .venv"
+
+setup: $(STAMP)
+
+# uv when present (seconds), pip otherwise. Nothing is fetched again until the lock or pyproject.toml changes.
+$(STAMP): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "auvid needs Python 3.11 or newer. Say which one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
+	@test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	@if command -v uv >/dev/null; then \
+		uv pip install --quiet --python $(VENV)/bin/python --require-hashes -r requirements.lock && \
+		uv pip install --quiet --python $(VENV)/bin/python --no-deps --no-build-isolation -e . ; \
+	else \
+		$(VENV)/bin/python -m pip install --quiet --require-hashes -r requirements.lock && \
+		$(VENV)/bin/python -m pip install --quiet --no-deps --no-build-isolation -e . ; \
+	fi
+	@touch $@
+
+demo: $(STAMP)
+	auvid run bluerov2_dvl
+
+campaign: $(STAMP) .dvc/config.local
+	dvc repro report@$(NAME)
+	@auvid report $(NAME)
+
+report: $(STAMP)
+	@auvid report $(NAME) --open
+
+test: $(STAMP)
+	pytest
+
+lint: $(STAMP)
+	ruff check .
+	ruff format --check .
+	mypy
+
+format: $(STAMP)
+	ruff check --fix .
+	ruff format .
+
+declarations: $(STAMP)
+	python -m pipeline.declarations
+
+lock:
+	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+		--no-emit-index-url --no-emit-find-links --quiet -o requirements.lock
+
+bench: $(STAMP)
+	@for script in benchmarks/*.py; do echo "== $$script"; python $$script || exit 1; done
+
+clean:
+	rm -rf runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# DVC works with git, and without it (an unpacked archive) if told so.
+.dvc/config.local: | $(STAMP)
+	@if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then touch $@; else dvc config --local core.no_scm true; fi
