@@ -221,16 +221,16 @@ class Walk:
         if last == 0 or not self.clock[self.entry[last]]:
             return False
         low, high = self._window(last - 1, resume)
-        return not low <= self.times_us[last] <= high
+        return low <= high and not low <= self.times_us[last] <= high
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
         """The times that a record between candidates `before` and `after` can have; nothing if neither side shows a clock."""
-        early, late = self._near_us(range(before, max(before - NEAR, -1), -1)), self._near_us(range(after, min(after + NEAR, self.count)))
-        if early is None and late is None:
+        sides = (self._near_us(range(before, max(before - NEAR, -1), -1)), self._near_us(range(after, min(after + NEAR, self.count))))
+        known = [time for time in sides if time is not None]
+        if not known:
             return 1, 0
-        low = early - SLACK_US if early is not None else (late or 0) - FAR_US
-        high = late + SLACK_US if late is not None else (early or 0) + FAR_US
-        return max(low, 0), high
+        slack = SLACK_US if len(known) == 2 else FAR_US
+        return max(min(known) - slack, 0), max(known) + slack
 
     def _near_us(self, indices: range) -> int | None:
         """The median of the first five times at `indices`, which one damaged stamp cannot move far."""
