@@ -21,7 +21,7 @@ import numpy.typing as npt
 from data_schemas.formats import mavlink
 from stages.ingest.decoded import DecodedLog, RawFile
 from stages.ingest.tlog import TLOG
-from stages.ingest.tlog_frames import explain
+from stages.ingest.tlog_account import explain
 
 PAUSE_US = 50_000
 

@@ -71,14 +71,19 @@ _BYTE_TABLE = _byte_table()
 _WORD_TABLE = _word_table(_BYTE_TABLE)
 _BATCH = 32768  # frames whose bytes and tables fit in the second-level cache
 _BLOCK_BYTES = 16
-_BLOCK_MASKS = np.where(np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0).astype(np.uint8).view(np.uint64)
+_LEFT_IN_BLOCK = np.where(np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0).astype(np.uint8)
+_HALF_MASKS = np.ascontiguousarray(_LEFT_IN_BLOCK.view(np.uint64).T)  # of both halves of a block, by the number of bytes to clear
 _LONGEST_CHECKED = 9 + LARGEST_PAYLOAD
 
 
 def checksum(data: bytes, crc_extra: int) -> int:
     """Checksum of one frame: `data` is header and payload without the magic byte."""
+    return _state(data + bytes([crc_extra]))
+
+
+def _state(data: bytes) -> int:
     state = CHECKSUM_START
-    for byte in data + bytes([crc_extra]):
+    for byte in data:
         state = int(_BYTE_TABLE[(state ^ byte) & 0xFF]) ^ (state >> 8)
     return state
 
@@ -94,7 +99,21 @@ _START_BY_LENGTH = _start_by_length()
 
 
 def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
-    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte, up to the checksum), plus crc_extra.
+    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte, up to the checksum), plus crc_extra."""
+    return _step(_states(buffer, start, stop), crc_extra)
+
+
+def implied_crc_extras(buffer: Bytes, start: Integers, stop: Integers, stored: Checksums) -> npt.NDArray[np.int16]:
+    """The crc_extra that makes the checksum of each frame the stored one, or -1 where none does (255 of 256 damaged frames)."""
+    state = _states(buffer, start, stop)
+    entry = np.full(1 << 16, -1, dtype=np.int16)
+    entry[_BYTE_TABLE] = np.arange(256)
+    index = entry[stored ^ (state >> np.uint16(8))]
+    return np.where(index < 0, np.int16(-1), index ^ (state & np.uint16(0xFF)).astype(np.int16))
+
+
+def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
+    """Checksum states after bytes start:stop.
 
     All frames advance together, two bytes per table look-up, in blocks that end where the frame ends. The checksum is linear over
     bits: zeros before the first byte change nothing when the state starts at zero, and the true start is added by length at the end.
@@ -104,11 +123,9 @@ def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) 
     for first in range(0, start.size, _BATCH):
         part = slice(first, first + _BATCH)
         out[part] = _checksum_batch(blocks, start[part], stop[part])
-    short = np.flatnonzero((stop - start) % -_BLOCK_BYTES + start < 0)  # their first block would begin before the file
     out ^= _START_BY_LENGTH[stop - start]
-    out = _step(out, crc_extra)
-    for row in short:
-        out[row] = checksum(buffer[start[row] : stop[row]].tobytes(), int(crc_extra[row]))
+    for row in np.flatnonzero((stop - start) % -_BLOCK_BYTES + start < 0):  # their first block would begin before the file
+        out[row] = _state(buffer[start[row] : stop[row]].tobytes())
     return out
 
 
@@ -127,9 +144,11 @@ def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integer
     for left in range(int(number[0]) if number.size else 0, 0, -1):
         active = int(reached[left])
         content = blocks[at[:active]].view(np.uint64).reshape(active, 2)
-        content[running:] &= _BLOCK_MASKS[missing[running:active]]
+        for half, masks in zip(content.T, _HALF_MASKS, strict=True):
+            half[running:] &= masks.take(missing[running:active])
+        now = state[:active]
         for word in content.view("<u2").T:
-            state[:active] = _WORD_TABLE.take(state[:active] ^ word)
+            _WORD_TABLE.take(now ^ word, out=now, mode="clip")
         at[:active] += _BLOCK_BYTES
         running = active
     result = np.empty_like(state)

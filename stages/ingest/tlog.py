@@ -14,15 +14,16 @@ import numpy.typing as npt
 
 from data_schemas.formats import mavlink
 from stages.ingest.decoded import DecodedLog, RawFile
+from stages.ingest.tlog_account import explain
 from stages.ingest.tlog_clock import leap_notes
 from stages.ingest.tlog_columns import decode, parameters, status_texts
-from stages.ingest.tlog_frames import Frames, explain, frames_at, places
+from stages.ingest.tlog_frames import Frames, frames_at, places
 
 Sender = tuple[int, int]
 HEAD_BYTES = 8192
 _YEAR_2000_US = 946_684_800_000_000
 _PARTS = ("PARAM_VALUE", "STATUSTEXT")
-_ROLES = {6: "ground station", 18: "companion computer", 26: "gimbal", 30: "camera", 27: "ADSB", 32: "servo", 34: "parachute"}
+_ROLES = {6: "ground station", 18: "companion computer", 26: "gimbal", 27: "ADSB", 30: "camera"}  # MAV_TYPE
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,17 @@ class TlogReader:
         buffer = np.ascontiguousarray(file.buffer)
         found = explain(buffer)
         senders = _senders(buffer, found.records, self.system)
+        notes = (
+            *_sender_notes(senders, self.system),
+            *_frame_notes(found.recut, "read although a router cut trailing zeros after the checksum was made"),
+            *_frame_notes(found.mismatched, "wrong checksum, not read"),
+            *leap_notes(found.records.stamp, found.records.start),
+        )
+        account, status, seconds_lost = found.account, found.status, found.seconds_lost
+        groups = _by_type(found.records, senders, wanted)
+        del found  # the records are copied in groups: columns and both copies together would be the peak of memory
         tables = {}
-        for frames in _by_type(found.records, senders, wanted):
+        for frames in groups:
             table = decode(buffer, frames, mavlink.layout(int(frames.message_id[0])))
             tables[table.name] = table
         autopilot = senders.heartbeat[senders.chosen][0] if senders.chosen in senders.heartbeat else mavlink.AUTOPILOT_INVALID
@@ -71,17 +81,12 @@ class TlogReader:
             format=self.name,
             messages={name: table for name, table in tables.items() if wanted is None or name in wanted},
             counts=senders.by_type,
-            account=found.account,
-            status=found.status,
-            seconds_lost=found.seconds_lost,
+            account=account,
+            status=status,
+            seconds_lost=seconds_lost,
             parameters=parameters(values, bytewise=autopilot == mavlink.AUTOPILOT_PX4) if values else {},
             texts=status_texts(texts) if texts else (),
-            notes=(
-                *_sender_notes(senders, self.system),
-                *_frame_notes(found.recut, "read although a router cut trailing zeros after the checksum was made"),
-                *_frame_notes(found.mismatched, "wrong checksum, not read"),
-                *leap_notes(found.records.stamp, found.records.start),
-            ),
+            notes=notes,
         )
 
 
@@ -140,6 +145,7 @@ def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -
     rows = np.flatnonzero(who == speaker[kind])
     kind = kind[rows]
     order = rows[np.argsort(kind, kind="stable")]
+    del rows
     stops = np.cumsum(np.bincount(kind, minlength=types.size + 1)).tolist()
     chosen = records.take(order)
     return [chosen.take(slice(first, last)) for first, last in pairwise(stops) if last > first]
@@ -172,7 +178,9 @@ def _frame_notes(frames: Frames, what: str) -> list[str]:
         rows = (frames.system == sender[0]) & (frames.component == sender[1])
         ids, counts = np.unique(frames.message_id[rows], return_counts=True)
         most = np.argsort(-counts, kind="stable")[:5]
-        text = ", ".join(f"{counts[row]} {mavlink.definitions()[int(ids[row])].msgname}" for row in most)
+        defined = mavlink.definitions()
+        named = {number: defined[number].msgname if number in defined else f"id {number}" for number in ids.tolist()}
+        text = ", ".join(f"{counts[row]} {named[int(ids[row])]}" for row in most)
         notes.append(f"{_named(sender)}: {what}: {text}")
     return notes
 

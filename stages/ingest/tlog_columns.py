@@ -29,7 +29,7 @@ def decode(buffer: Bytes, frames: Frames, layout: mavlink.Layout) -> Messages:
         rows = gather(buffer, frames.start[part] + frames.header[part], width)
         shortest = int(length.min())
         if shortest < width:
-            rows[:, shortest:] *= np.arange(shortest, width, dtype=np.uint8) < length[:, None]
+            rows[:, shortest:] *= (np.arange(shortest, width, dtype=np.uint8) < length[:, None]).view(np.uint8)
         table = rows.view(layout.dtype)[:, 0]
         for name, column in columns.items():
             column[part] = table[name]

@@ -10,8 +10,8 @@ import pytest
 
 from stages.ingest.decoded import DecodedLog, RawFile
 from stages.ingest.tlog import TLOG
+from stages.ingest.tlog_account import explain
 from stages.ingest.tlog_clock import implausible
-from stages.ingest.tlog_frames import explain
 from tests.support.mutate import mutations
 from tests.support.tlog_records import START_US, attitude, frame, heartbeat, log, stamped
 
@@ -177,3 +177,12 @@ def test_every_untouched_record_survives_random_damage() -> None:
 def test_hostile_patterns_give_no_records(pattern: bytes) -> None:
     decoded = read(pattern * (150_000 // len(pattern)))
     assert decoded.counts == {}
+
+
+def test_a_damaged_message_id_is_damage_and_not_an_unknown_message() -> None:
+    for bit in range(8):
+        data = bytearray(log(FRAMES))
+        data[at(40) + 8 + 9] ^= 1 << bit  # highest byte of the id
+        decoded = read(bytes(data))
+        assert reasons(decoded) == {"CRC mismatch": (1, RECORD)}
+        assert decoded.status == "damaged"

@@ -7,8 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from data_schemas.formats import mavlink
+from stages.ingest.tlog_account import explain
 from stages.ingest.tlog_columns import decode
-from stages.ingest.tlog_frames import explain
 from tests.support.tlog_records import frame, log
 
 
