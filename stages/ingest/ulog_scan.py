@@ -1,0 +1,447 @@
+"""Find the chain of messages in a ULog file: in bulk over data messages, step by step over all others and where the chain breaks.
+
+A data message shows a subscribed number and the size that goes with it: five bytes that must agree. Such headers are found for a whole
+block at once, and a run in which each ends where the next begins is taken in one step. Behind damage the chain goes on at the next
+message that can be believed by itself or by what follows it. Subscriptions and formats count only where they stand in the chain.
+
+The block doubles as long as the subscriptions stay the same and starts small when they change, so the work stays in proportion to the
+size of the file whatever it holds.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.formats import ulog as layout
+
+from . import ulog_messages as messages
+
+DAMAGED = "damaged bytes"
+CUT_OFF = "message cut off by the end of the file"
+CUT_BY_APPENDED = "message cut off where appended data begin"
+BLANK = "zero bytes"
+BLANK_END = "zero bytes at the end of the file"
+NO_SUBSCRIPTION = "data without a subscription of their number"
+WRONG_SIZE = "data whose size does not fit their format"
+UNKNOWN_TYPE = "message of an unknown type"
+UNREADABLE = "message whose content cannot be read"
+FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
+FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
+MAX_BOUNDARIES = 3
+UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
+
+Ints = npt.NDArray[np.int64]
+Buffer = npt.NDArray[np.uint8]
+
+_searchable = np.zeros(256, np.bool_)
+_searchable[list(b"FIMPQASLC")] = True
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One instance of one topic."""
+
+    topic: str
+    instance: int
+    layout: layout.Layout
+
+    @property
+    def name(self) -> str:
+        return f"{self.topic}.{self.instance}" if self.instance else self.topic
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Bytes `start:stop` that gave nothing, and why."""
+
+    start: int
+    stop: int
+    reason: str
+
+
+@dataclass
+class Contents:
+    """What a scan found. `data` are offsets and stream numbers of the data messages in file order, in parts; a negative stream
+    number is a message that no subscription explains. `definition_bytes` and `other_bytes` are the bytes of the other messages."""
+
+    formats: layout.Formats = field(default_factory=layout.Formats)
+    streams: list[Stream] = field(default_factory=list)
+    data: list[tuple[Ints, npt.NDArray[np.int32]]] = field(default_factory=list)
+    gaps: list[Gap] = field(default_factory=list)
+    definition_bytes: int = 0
+    other_bytes: int = 0
+    parameters: dict[str, float] = field(default_factory=dict)
+    texts: list[tuple[int, str]] = field(default_factory=list)
+    dropouts_ms: list[int] = field(default_factory=list)
+    unknown_flags: bool = False
+
+
+@dataclass(frozen=True)
+class Block:
+    """Headers of data messages that begin in `start:stop`. `last[i]` is the index of the last one of the unbroken run from i on."""
+
+    start: int
+    stop: int
+    offset: Ints
+    end: Ints
+    stream: npt.NDArray[np.int32]
+    breaks: Ints
+
+
+class _Numbers:
+    """Which stream a data message belongs to, by its number and size: what is subscribed, what else was, and what is unexplained."""
+
+    def __init__(self) -> None:
+        self.size = [np.zeros(1 << 16, np.int32) for _ in range(3)]
+        self.stream = [np.full(1 << 16, UNDEFINED_STREAM, np.int32) for _ in range(3)]
+        self.version = 0
+
+    def put(self, table: int, id: int, size: int, stream: int) -> None:
+        self.size[table][id] = size
+        self.stream[table][id] = stream
+        self.version += 1
+
+    def known(self, id: int) -> bool:
+        return bool(self.size[0][id])
+
+    def subscribe(self, id: int, stream: int, sizes: layout.Layout) -> None:
+        """Put a stream in force. What it replaces, if that has another size, stays readable: one of the two may be damaged."""
+        written, padded = sizes.written + 2, sizes.padded + 2
+        before, other = int(self.size[0][id]), int(self.stream[0][id])
+        if before not in (0, written):
+            self.put(1, id, before, other)
+        elif padded != written:
+            self.put(1, id, padded, stream)
+        self.put(0, id, written, stream)
+
+    def match(self, id: int, size: int) -> int | None:
+        for sizes, streams in zip(self.size, self.stream, strict=True):
+            if sizes[id] == size:
+                return int(streams[id])
+        return None
+
+    def select(self, id: npt.NDArray[np.uint16], size: npt.NDArray[np.uint16]) -> tuple[Ints, npt.NDArray[np.int32]]:
+        """Indices of the pairs that match, ascending, and their streams."""
+        stream = self.stream[0][id]
+        hit = self.size[0][id] == size
+        rest = np.flatnonzero(~hit)
+        for table in (1, 2):
+            found = rest[self.size[table][id[rest]] == size[rest]]
+            found = found[~hit[found]]
+            hit[found] = True
+            stream[found] = self.stream[table][id[found]]
+        index = np.flatnonzero(hit)
+        return index, stream[index]
+
+
+class Scan:
+    """One pass over a file; `run` returns the contents."""
+
+    def __init__(self, buffer: Buffer) -> None:
+        self.buffer = buffer
+        self.bytes = buffer.data
+        self.size = buffer.size
+        count = max(0, self.size - 1)
+        self.words = np.ndarray((count,), "<u2", buffer, 0, (1,)) if count else np.zeros(0, np.uint16)
+        self.out = Contents()
+        self.numbers = _Numbers()
+        self.stream_index: dict[tuple[str, int], int] = {}
+        self.limit = self.size
+        self.boundaries: list[int] = []
+        self.block: Block | None = None
+        self.block_version = -1
+        self.block_bytes = FIRST_BLOCK
+        self.chained = -1  # offset of the data message that ends at the present place, -1 if none does
+
+    def run(self) -> Contents:
+        place = min(layout.HEADER_BYTES, self.size)
+        while place < self.size:
+            if place == self.limit:
+                self._next_limit()
+                continue
+            if self._data_at(place)[1] >= 0:
+                place = self._take_run(place)
+                continue
+            end = self._other_at(place, apply=True)
+            if end < 0:
+                place = self._across(place)
+            else:
+                self.chained, place = -1, end
+        return self.out
+
+    def _next_limit(self) -> None:
+        self.limit = self.boundaries.pop(0) if self.boundaries else self.size
+        self.block_version = -1
+
+    # ---- single messages
+
+    def _data_at(self, place: int) -> tuple[int, int]:
+        """Stream and end of the data message at `place`; end -1 if there is none that matches a subscription."""
+        if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
+            return 0, -1
+        size, _, id = struct.unpack_from("<HBH", self.bytes, place)
+        end = place + layout.MESSAGE_HEADER_BYTES + size
+        stream = self.numbers.match(id, size)
+        return (0, -1) if stream is None or end > self.limit else (stream, end)
+
+    def _header(self, place: int) -> tuple[int, int]:
+        """End and type that the header at `place` declares; end beyond the limit if the header itself is cut off."""
+        if place + layout.MESSAGE_HEADER_BYTES > self.limit:
+            return self.limit + 1, 0
+        size, kind = struct.unpack_from("<HB", self.bytes, place)
+        return place + layout.MESSAGE_HEADER_BYTES + size, kind
+
+    def _other_at(self, place: int, *, apply: bool) -> int:
+        """End of a message at `place` that is not data and can be believed, -1 if there is none; `apply` takes what it says."""
+        end, kind = self._header(place)
+        if end > self.limit or kind == layout.DATA or kind not in layout.TYPES:
+            return -1
+        content = self.bytes[place + layout.MESSAGE_HEADER_BYTES : end].tobytes()
+        if not self._believe(chr(kind), content, place, apply):
+            return -1
+        if apply:
+            if kind in layout.DEFINITION_TYPES:
+                self.out.definition_bytes += end - place
+            else:
+                self.out.other_bytes += end - place
+        return end
+
+    def _believe(self, kind: str, content: bytes, place: int, apply: bool) -> bool:
+        match kind:
+            case "F":
+                return self._format(content, apply)
+            case "I":
+                return messages.information(content)
+            case "M":
+                return messages.information_multiple(content)
+            case "Q":
+                return messages.parameter_default(content)
+            case "P":
+                return self._parameter(content, apply)
+            case "A":
+                return self._subscribe(content, apply)
+            case "R":  # never written by PX4; data that follow all the same are read as before
+                return len(content) == 2 and self.numbers.known(int.from_bytes(content, "little"))
+            case "L" | "C":
+                return self._logged(messages.logged_text(content) if kind == "L" else messages.tagged_text(content), apply)
+            case "S":
+                return content == layout.SYNC
+            case "O":
+                return self._dropout(content, apply)
+            case _:
+                return place == layout.HEADER_BYTES and self._flag_bits(content, apply)
+
+    def _format(self, content: bytes, apply: bool) -> bool:
+        declared = layout.parse_format(content)
+        if declared is None:
+            return False
+        return self.out.formats.add(declared) if apply else True
+
+    def _parameter(self, content: bytes, apply: bool) -> bool:
+        found = messages.parameter(content)
+        if found is not None and apply:
+            self.out.parameters[found[0]] = found[1]
+        return found is not None
+
+    def _logged(self, found: messages.Text | None, apply: bool) -> bool:
+        if found is not None and apply:
+            self.out.texts.append((found.time_us, found.text))
+        return found is not None
+
+    def _dropout(self, content: bytes, apply: bool) -> bool:
+        if len(content) == 2 and apply:
+            self.out.dropouts_ms.append(int.from_bytes(content, "little"))
+        return len(content) == 2
+
+    def _subscribe(self, content: bytes, apply: bool) -> bool:
+        found = messages.subscription(content)
+        sizes = None if found is None else self.out.formats.layout(found.topic)
+        if found is None or sizes is None:
+            return False
+        if apply:
+            key = (found.topic, found.instance)
+            if key not in self.stream_index:
+                self.stream_index[key] = len(self.out.streams)
+                self.out.streams.append(Stream(found.topic, found.instance, sizes))
+            self.numbers.subscribe(found.id, self.stream_index[key], sizes)
+        return True
+
+    def _flag_bits(self, content: bytes, apply: bool) -> bool:
+        if len(content) < layout.FLAG_BITS_BYTES:
+            return False
+        if apply:
+            flags = content[8:16]
+            self.out.unknown_flags = bool(flags[0] & ~layout.DATA_APPENDED or any(flags[1:]))
+            offsets = struct.unpack_from(f"<{MAX_BOUNDARIES}Q", content, 16)
+            if flags[0] & layout.DATA_APPENDED:
+                self.boundaries = sorted({o for o in offsets if layout.HEADER_BYTES + len(content) < o < self.size})
+                self._next_limit()
+        return True
+
+    # ---- runs of data messages
+
+    def _headers(self, start: int, stop: int) -> Block:
+        """All headers in `start:stop` whose number and size agree with a subscription and whose message ends within the limit."""
+        first = start + 2
+        offset = np.flatnonzero(self.buffer[first : min(stop + 2, self.limit - 2)] == layout.DATA) + start
+        size = self.words[offset]
+        index, stream = self.numbers.select(self.words[offset + 3], size)
+        offset = offset[index]
+        end = offset + (size[index].astype(np.int64) + layout.MESSAGE_HEADER_BYTES)
+        if offset.size and int(offset[-1]) + layout.MAX_CONTENT_BYTES + layout.MESSAGE_HEADER_BYTES > self.limit:
+            inside = np.flatnonzero(end <= self.limit)
+            offset, end, stream = offset[inside], end[inside], stream[inside]
+        breaks = np.append(np.flatnonzero(end[:-1] != offset[1:]), offset.size - 1)
+        return Block(start, stop, offset, end, stream, breaks)
+
+    def _take_run(self, place: int) -> int:
+        """Take the data message at `place` and all that follow it without a break in one block; return the end of the last."""
+        block = self.block
+        if self.block_version != self.numbers.version:
+            self.block_bytes = FIRST_BLOCK
+        if block is None or self.block_version != self.numbers.version or not block.start <= place < block.stop:
+            block = self.block = self._headers(place, min(place + self.block_bytes, self.limit))
+            self.block_version = self.numbers.version
+            self.block_bytes = min(2 * self.block_bytes, LAST_BLOCK)
+        at = int(block.offset.searchsorted(place))
+        last = int(block.breaks[block.breaks.searchsorted(at)])
+        self.out.data.append((block.offset[at : last + 1], block.stream[at : last + 1]))
+        self.chained = int(block.offset[last])
+        return int(block.end[last])
+
+    # ---- damage
+
+    def _across(self, place: int) -> int:
+        """Account for what stands at `place`, where the chain breaks, and return where it goes on."""
+        before = self.chained
+        self.chained = -1
+        resume = self._search(before + 1 if before >= 0 else place + 1)
+        if resume < place:  # a message begins inside the one before: that one lost bytes
+            self._drop_last()
+            self._gap(before, resume)
+            return resume
+        if self._framed(place, resume):
+            return resume
+        if resume == self.limit and self._cut_off(place):
+            self._gap(place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED)
+            return self._pass_boundary(place, resume)
+        if before >= 0 and not self._misread_header(place, resume):
+            self._drop_last()
+            place = before
+        self._gap(place, resume)
+        return resume
+
+    def _pass_boundary(self, place: int, boundary: int) -> int:
+        """Where to go on when a message is cut by appended data; back to it if the offset of the appended data proves wrong."""
+        if boundary == self.size:
+            return boundary
+        self._next_limit()
+        if self._data_at(boundary)[1] >= 0 or self._other_at(boundary, apply=False) >= 0:
+            return boundary
+        self.out.gaps.pop()
+        return place
+
+    def _drop_last(self) -> None:
+        offset, stream = self.out.data.pop()
+        self.out.data.append((offset[:-1], stream[:-1]))
+
+    def _gap(self, start: int, stop: int, reason: str = DAMAGED) -> None:
+        if start >= stop:
+            return
+        if reason == DAMAGED and not self.buffer[start:stop].any():
+            reason = BLANK_END if stop == self.size else BLANK
+        self.out.gaps.append(Gap(start, stop, reason))
+
+    def _cut_off(self, place: int) -> bool:
+        """Whether what stands at `place` is the beginning of a message that the limit cuts."""
+        end, kind = self._header(place)
+        if end <= self.limit:
+            return False
+        if place + layout.DATA_HEADER_BYTES <= self.limit and kind == layout.DATA:
+            size, _, id = struct.unpack_from("<HBH", self.bytes, place)
+            return self.numbers.match(id, size) is not None
+        return self.limit - place < layout.DATA_HEADER_BYTES or kind in layout.TYPES
+
+    def _misread_header(self, place: int, resume: int) -> bool:
+        """Whether only the header at `place` is damaged: its size, or its number, leads to where the chain goes on."""
+        if place + layout.DATA_HEADER_BYTES > self.limit:
+            return False
+        size, _, id = struct.unpack_from("<HBH", self.bytes, place)
+        expected = int(self.numbers.size[0][id])
+        return resume in (place + layout.MESSAGE_HEADER_BYTES + size, place + layout.MESSAGE_HEADER_BYTES + expected)
+
+    def _framed(self, place: int, resume: int) -> bool:
+        """Whether sizes lead from `place` to `resume` over messages that have a frame but no meaning; if so, account for them.
+
+        The first may be of any type. Numbers of data that are met this way are taken as known from here on, without meaning.
+        """
+        frames = list(self._frames(place, resume))
+        if not frames or frames[-1][1] != resume:
+            return False
+        for start, stop, kind in frames:
+            if kind == layout.DATA and stop - start >= layout.DATA_HEADER_BYTES:
+                id = int(self.words[start + 3])
+                stream = WRONG_SIZE_STREAM if self.numbers.known(id) else UNDEFINED_STREAM
+                if self.numbers.match(id, stop - start - layout.MESSAGE_HEADER_BYTES) is None:
+                    self.numbers.put(2, id, stop - start - layout.MESSAGE_HEADER_BYTES, stream)
+                self.out.data.append((np.array([start]), np.array([stream], np.int32)))
+            else:
+                self._gap(start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE)
+        return True
+
+    def _frames(self, place: int, resume: int) -> Iterator[tuple[int, int, int]]:
+        start = place
+        while start < resume:
+            end, kind = self._header(start)
+            if end > resume or (start > place and kind not in layout.TYPES):
+                return
+            yield start, end, kind
+            start = end
+
+    def _search(self, start: int) -> int:
+        """The first place from `start` on where a message stands that can be believed; the limit if there is none."""
+        step = FIRST_SEARCH
+        while start < self.limit:
+            stop = min(start + step, self.limit)
+            found = self._search_block(start, stop)
+            if found >= 0:
+                return found
+            start, step = stop, min(2 * step, LAST_SEARCH)
+        return self.limit
+
+    def _search_block(self, start: int, stop: int) -> int:
+        data = self._headers(start, stop)
+        first = -1
+        for index in range(data.offset.size):
+            if data.stream[index] >= 0 and self._follows(int(data.end[index])):
+                first = int(data.offset[index])
+                break
+        last = first if first >= 0 else stop
+        kinds = self.buffer[start + 2 : min(last + 2, self.limit)]
+        place = np.flatnonzero(_searchable[kinds]) + start
+        for candidate in place[place + self.words[place] + layout.MESSAGE_HEADER_BYTES <= self.limit].tolist():
+            end = self._other_at(candidate, apply=False)
+            if end >= 0 and (self.bytes[candidate + 2] not in b"LC" or self._follows(end)):
+                return int(candidate)
+        return first
+
+    def _follows(self, place: int) -> bool:
+        """Whether a message, whole or with damaged header, or the end stands at `place`."""
+        if place >= self.limit - layout.MESSAGE_HEADER_BYTES or self._stands(place):
+            return True
+        end, kind = self._header(place)
+        if place + layout.DATA_HEADER_BYTES > self.limit:
+            return kind in layout.TYPES
+        if end > self.limit:
+            return self._cut_off(place) and kind == layout.DATA
+        expected = int(self.numbers.size[0][int(self.words[place + 3])])
+        other = place + layout.MESSAGE_HEADER_BYTES + expected
+        return (kind in layout.TYPES and self._stands(end)) or (expected > 0 and other <= self.limit and self._stands(other))
+
+    def _stands(self, place: int) -> bool:
+        return self._data_at(place)[1] >= 0 or self._other_at(place, apply=False) >= 0
