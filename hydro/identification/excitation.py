@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,14 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import DataError
-from hydro.dynamics.arrays import VELOCITIES
+from hydro.dynamics.arrays import VELOCITIES, Array
 from hydro.dynamics.viscous_basis import BASIS_TERMS, PROPULSION
 
-THRESHOLDS: Mapping[str, float] = {"u": 0.1, "v": 0.03, "w": 0.03, "p": 0.03, "q": 0.03, "r": 0.03}
-"""Velocities [m/s, rad/s] below which motion is not told from sensor noise: about three times a DVL's 0.01 m/s, and a gyro's rate noise and
-residual bias together with the slow sway of a moored or drifting vehicle. For u: below it drag on a vehicle of ours is under 1 N."""
-PROPULSION_THRESHOLD = 0.05
-"""Deviation of the propulsion ratio from 1 that counts as excited."""
+THRESHOLDS: Mapping[str, float] = {"u": 0.1, "v": 0.03, "w": 0.03, "p": 0.03, "q": 0.03, "r": 0.03, PROPULSION: 0.05}
+"""RMS [m/s, rad/s, 1] below which motion is hardly told from what a velocity sensor (0.01 m/s) and a gyro with its residual bias leave as
+error. Surge has a higher one: below it the drag of a vehicle of metre size is smaller than the error of its thrust."""
 
 
 @dataclass(frozen=True)
@@ -45,20 +44,20 @@ class VelocityExcitation:
         return self.low <= -self.threshold and self.high >= self.threshold
 
 
-def axis_excitation(nu: ArrayLike | Sequence[ArrayLike], *, thresholds: Mapping[str, float] = THRESHOLDS) -> dict[str, VelocityExcitation]:
-    """Excitation of u v w p q r from body velocities (n, 6), or a list of such arrays (legs, counted together).
+def axis_excitation(
+    nu: ArrayLike | Sequence[ArrayLike],
+    *,
+    eta_ratio: ArrayLike | Sequence[ArrayLike] | None = None,
+    thresholds: Mapping[str, float] = THRESHOLDS,
+) -> dict[str, VelocityExcitation]:
+    """Excitation of u v w p q r from body velocities (n, 6), or a list or tuple of such arrays (legs, counted together).
 
-    Raises `DataError` for no samples or values that are not finite.
+    eta_ratio: the propulsion ratio u_c(n) / U (n,), in the same form; adds the entry `eta-1`. Raises `DataError` for no samples or values
+    that are not finite.
     """
-    values = (
-        np.concatenate([np.asarray(leg, dtype=np.float64) for leg in nu])
-        if isinstance(nu, (list, tuple))
-        else np.asarray(nu, dtype=np.float64)
-    )
-    if values.ndim != 2 or values.shape[1] != 6 or not len(values):
-        raise DataError("excitation needs body velocities (n, 6)", value=values.shape)
-    if not np.isfinite(values).all():
-        raise DataError("a velocity is not finite")
+    columns = dict(zip(VELOCITIES, _joined(nu, 6).T, strict=True))
+    if eta_ratio is not None:
+        columns[PROPULSION] = _joined(eta_ratio, None) - 1.0
     return {
         name: VelocityExcitation(
             name=name,
@@ -69,18 +68,34 @@ def axis_excitation(nu: ArrayLike | Sequence[ArrayLike], *, thresholds: Mapping[
             threshold=float(thresholds[name]),
             share_beyond=float(np.mean(np.abs(column) > thresholds[name])),
         )
-        for name, column in zip(VELOCITIES, values.T, strict=True)
+        for name, column in columns.items()
     }
 
 
-def term_floors(terms: Sequence[str], *, thresholds: Mapping[str, float] = THRESHOLDS) -> dict[str, float]:
-    """RMS from which on each basis term counts as excited: the product of the thresholds of its factors.
+def term_floors(terms: Sequence[str], excitation: Mapping[str, VelocityExcitation]) -> dict[str, float]:
+    """RMS from which on each basis term counts as excited, given the campaign's `axis_excitation`.
 
-    For V, V_v and V_w the smaller of the thresholds of v and w; a name that is no basis term (the constant) has the floor 0.
+    A product is excited only if each of its factors is: the floor is the largest of (threshold of one factor) times (RMS of the others). So
+    u*v at 2 m/s is not excited by 0.01 m/s of sway. V counts as the length of (v, w), with the smaller of their thresholds. A name that is
+    no basis term (the constant) has the floor 0.
     """
-    cross = min(thresholds["v"], thresholds["w"])
-    floor_of = {**thresholds, **{f"|{name}|": value for name, value in thresholds.items()}, "V": cross, "Vv": cross, "Vw": cross}
-    floor_of[PROPULSION] = PROPULSION_THRESHOLD
-    return {
-        term: float(np.prod([floor_of[factor] for factor in BASIS_TERMS[term].factors])) if term in BASIS_TERMS else 0.0 for term in terms
-    }
+    sizes = {name: (item.threshold, item.rms) for name, item in excitation.items()}
+    sizes.update({f"|{name}|": sizes[name] for name in VELOCITIES})
+    cross = (min(sizes["v"][0], sizes["w"][0]), float(np.hypot(sizes["v"][1], sizes["w"][1])))
+    sizes.update({"V": cross, "Vv": cross, "Vw": cross})
+    sizes.setdefault(PROPULSION, (THRESHOLDS[PROPULSION], 0.0))
+    return {term: _floor([sizes[name] for name in BASIS_TERMS[term].factors]) if term in BASIS_TERMS else 0.0 for term in terms}
+
+
+def _floor(sizes: list[tuple[float, float]]) -> float:
+    return max(threshold * math.prod(rms for j, (_, rms) in enumerate(sizes) if j != i) for i, (threshold, _) in enumerate(sizes))
+
+
+def _joined(parts: ArrayLike | Sequence[ArrayLike], width: int | None) -> Array:
+    legs = parts if isinstance(parts, (list, tuple)) else [parts]
+    values = np.concatenate([np.asarray(leg, dtype=np.float64) for leg in legs])
+    if values.shape[1:] != (() if width is None else (width,)) or not len(values):
+        raise DataError("excitation needs body velocities (n, 6)", value=values.shape)
+    if not np.isfinite(values).all():
+        raise DataError("a velocity is not finite")
+    return values

@@ -88,7 +88,10 @@ class TriangularFactor:
 
     def _name_bad_column(self, basis: Array, force: Array) -> None:
         values = np.vstack([basis, np.ones(len(force)), force.T])
-        row, sample = (int(i) for i in np.argwhere(~np.isfinite(values))[0]) if not np.isfinite(values).all() else (0, 0)
+        bad = np.argwhere(~np.isfinite(values))
+        if not len(bad):
+            raise DataError("the values are too large to be squared")
+        row, sample = (int(i) for i in bad[0])
         raise DataError("a value is not finite", row=sample, field=self.columns[row], value=float(values[row, sample]))
 
 

@@ -28,11 +28,16 @@ class CleanClock:
 
 @dataclass(frozen=True)
 class SmoothAttitude:
-    """Smoothed attitude at the wanted times: Euler angles (m, 3) [rad], yaw continuous; body rates p q r (m, 3) [rad/s] and their rates."""
+    """Smoothed attitude at the wanted times: Euler angles (m, 3) [rad], yaw continuous; body rates p q r (m, 3) [rad/s] and their rates.
+
+    `lambda_` is the smoothing parameter used, `sigma_rad` the standard deviation of the noise about one axis.
+    """
 
     euler: Array
     omega: Array
     omega_dot: Array
+    lambda_: float
+    sigma_rad: float
 
 
 def clean_clock(time_us: ArrayLike) -> CleanClock:
@@ -143,7 +148,9 @@ def smooth_attitude(
     out = np.full((len(new), 3), np.nan)
     if inside.any():
         out[inside] = _continuous(_to_euler(Rotation.from_quat(s[inside])), angles[0, 2])
-    return SmoothAttitude(out, omega, omega_dot)
+    # A small turn changes the quaternion by half its angle, spread over three of the four components.
+    sigma = 2.0 * float(np.sqrt(np.sum(spline.sigma**2) / 3.0))
+    return SmoothAttitude(out, omega, omega_dot, float(spline.lambda_[0]), sigma)
 
 
 def _conjugate_times(a: Array, b: Array) -> Array:

@@ -11,12 +11,11 @@ Sources: Reinsch 1967; Craven & Wahba 1979 (GCV); McCarter 2014 section 2.5 uses
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.linalg import lapack
 from scipy.optimize import minimize_scalar
 
 from data_schemas.errors import DataError
@@ -27,7 +26,7 @@ LOG_STEP = 1e-3
 """Half step in log lambda of the derivative of log det; its truncation error is below 2e-8 of the trace."""
 SCALED_LAMBDA = (1e-4, 1e12)
 """Search range of lambda / h^3 (h: mean step): from interpolation to a half-amplitude period of about 6000 samples."""
-GRID = 17
+GRID = 13
 """Starting points of the search over that range, so that a second, local minimum of the GCV score is not taken for the best."""
 
 
@@ -112,7 +111,7 @@ def cutoff_from_lambda(lam: float, step_s: float) -> float:
 
 @dataclass(frozen=True)
 class _Reinsch:
-    """Bands (upper form of LAPACK) of R and Q' W^-1 Q, both (n-2) x (n-2), and what Q needs."""
+    """Bands (lower form of LAPACK, Fortran order) of R and Q' W^-1 Q, both (n-2) x (n-2), and what Q needs."""
 
     inverse_step: Array
     inverse_weight: Array
@@ -127,22 +126,21 @@ class _Reinsch:
         a, v = 1.0 / h, 1.0 / weight
         # Column j of Q: a_j at sample j, -(a_j + a_j+1) at j + 1, a_j+1 at j + 2.
         low, mid, high = a[:-1], -(a[:-1] + a[1:]), a[1:]
-        stiffness = np.zeros((3, len(t) - 2))
-        stiffness[2] = (h[:-1] + h[1:]) / 3.0
-        stiffness[1, 1:] = h[1:-1] / 6.0
+        stiffness = np.zeros((3, len(t) - 2), order="F")
+        stiffness[0] = (h[:-1] + h[1:]) / 3.0
+        stiffness[1, :-1] = h[1:-1] / 6.0
         roughness = np.zeros_like(stiffness)
-        roughness[2] = low**2 * v[:-2] + mid**2 * v[1:-1] + high**2 * v[2:]
-        roughness[1, 1:] = mid[:-1] * low[1:] * v[1:-2] + high[:-1] * mid[1:] * v[2:-1]
-        roughness[0, 2:] = high[:-2] * low[2:] * v[2:-2]
+        roughness[0] = low**2 * v[:-2] + mid**2 * v[1:-1] + high**2 * v[2:]
+        roughness[1, :-1] = mid[:-1] * low[1:] * v[1:-2] + high[:-1] * mid[1:] * v[2:-1]
+        roughness[2, :-2] = high[:-2] * low[2:] * v[2:-2]
         return cls(a, v, weight, stiffness, roughness, float(np.mean(h) ** 3 * np.mean(weight)))
 
     def cholesky(self, lam: float) -> Array:
-        try:
-            return cast(Array, cholesky_banded(self.stiffness + lam * self.roughness, overwrite_ab=True, check_finite=False))
-        except LinAlgError:
-            raise DataError(
-                "the smoothing parameter is too large for the sample spacing", value=lam, remedy="Smooth less, or thin the samples out."
-            ) from None
+        """Banded factor of R + lambda Q' W^-1 Q."""
+        factor, info = lapack.dpbtrf(self.stiffness + lam * self.roughness, lower=1, overwrite_ab=1)
+        if info:
+            raise DataError("the smoothing is too strong for the sample spacing", value=lam, remedy="Smooth less, or thin the samples out.")
+        return np.asarray(factor)
 
     def second_difference(self, y: Array) -> Array:
         """Q' y: (n, k) -> (n-2, k)."""
@@ -156,14 +154,14 @@ class _Reinsch:
 
     def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
         """Fitted values (n, k) and second derivatives at the inner knots (n-2, k)."""
-        g = cho_solve_banded((self.cholesky(lam), False), self.second_difference(y), check_finite=False)
+        g, _ = lapack.dpbtrs(self.cholesky(lam), self.second_difference(y), lower=1)
         return y - lam * self.inverse_weight[:, None] * self.spread(g), g
 
     def trace_of_residual_maker(self, lam: float) -> float:
         """tr(I - A), the samples minus the effective degrees of freedom."""
         if lam == 0.0:
             return 0.0
-        above, below = (float(np.sum(np.log(self.cholesky(lam * np.exp(step))[2]))) for step in (LOG_STEP, -LOG_STEP))
+        above, below = (float(np.sum(np.log(self.cholesky(lam * np.exp(step))[0]))) for step in (LOG_STEP, -LOG_STEP))
         return (above - below) / LOG_STEP
 
     def cross_validate(self, y: Array, shared: bool) -> Array:
