@@ -1,0 +1,123 @@
+"""Which parts of a leg every sensor covers: the segments, and the gaps between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import DataError
+from data_schemas.streams import supply_text
+from data_schemas.tables import matrix
+from hydro.identification.resampling import gaps
+from stages.signals import Array
+
+FEWEST = 5  # samples; a spline needs as many
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """The samples of one stream inside the leg: times (n,) in s from the start of the log, lag taken off, and the stream's columns."""
+
+    stream: str
+    t_s: Array
+    names: tuple[str, ...]
+    values: Array
+    spans: tuple[Span, ...]
+
+    def within(self, span: Span) -> Signal:
+        """The unbroken run of samples that covers a span."""
+        run = next(item for item in self.spans if item[0] <= span[0] and item[1] >= span[1])
+        return self.cut(run)
+
+    def cut(self, span: Span) -> Signal:
+        """The samples at or between two times."""
+        rows = (self.t_s >= span[0]) & (self.t_s <= span[1])
+        return Signal(self.stream, self.t_s[rows], self.names, self.values[rows], (span,))
+
+    def column(self, name: str) -> Array:
+        return self.values[:, self.names.index(name)]
+
+
+def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
+    """The leg in seconds from the start of the log. Raises `DataError` for a leg that lies outside the log."""
+    length = (end_us - start_us) / 1e6
+    start, end = leg.get("start_s"), leg.get("end_s")
+    first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
+    last = length if end is None else float(end)  # type: ignore[arg-type]
+    if first >= length or last <= first:
+        raise DataError(
+            f"leg '{leg['id']}' lies outside log '{leg['log']}'",
+            field="start_s" if first >= length else "end_s",
+            value=f"{first:g} to {last:g} s",
+            allowed=f"0 to {length:.3f} s from the first time-stamped record",
+        )
+    return first, last
+
+
+def signal(stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float) -> Signal | None:
+    """The samples of a stream inside the window; None if there are fewer than five."""
+    t = (table["time_us"].to_numpy() - start_us) / 1e6 - lag_s
+    rows = np.flatnonzero((t >= window[0]) & (t <= window[1]))
+    if rows.size < FEWEST:
+        return None
+    names = tuple(name for name in table.column_names if name != "time_us")
+    t, values = t[rows], matrix(table, names)[rows]
+    spans = tuple((float(t[first]), float(t[last - 1])) for first, last in gaps(t, max_gap_s) if last - first >= FEWEST)
+    return Signal(stream, t, names, values, spans)
+
+
+def common_spans(signals: Sequence[Signal]) -> list[Span]:
+    """The spans that all signals cover without a gap."""
+    spans: list[Span] = [(-np.inf, np.inf)]
+    for item in signals:
+        both = [(max(one[0], other[0]), min(one[1], other[1])) for one in spans for other in item.spans]
+        spans = [span for span in both if span[0] < span[1]]
+    return spans
+
+
+def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
+    """The leg's own name for a single segment, else `<leg>.1`, `<leg>.2` ..."""
+    return [leg] if len(spans) == 1 else [f"{leg}.{number}" for number in range(1, len(spans) + 1)]
+
+
+def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[dict[str, object]]:
+    """Every pause of a stream that is longer than allowed, in seconds from the start of the log."""
+    found: list[dict[str, object]] = []
+    for item in signals:
+        for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):
+            start, end = float(item.t_s[index]), float(item.t_s[index + 1])
+            found.append({"stream": item.stream, "start_s": start, "end_s": end, "duration_s": end - start})
+    return sorted(found, key=lambda gap: (str(gap["start_s"]), str(gap["stream"])))
+
+
+def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> DataError:
+    """The error for a stream that the chain cannot do without."""
+    reason = "has fewer than five samples of it in the leg" if logged else "has none"
+    return DataError(
+        f"leg '{leg['id']}' needs stream '{stream}', and log '{leg['log']}' {reason}",
+        field=stream,
+        remedy=f"What could supply it: {supply_text(stream)}.",
+    )
+
+
+def too_short(leg: Mapping[str, object], signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float) -> DataError:
+    """The error for a leg of which no part is covered by all sensors for long enough."""
+    cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
+    return DataError(
+        f"no part of leg '{leg['id']}' is covered by all sensors for {min_segment_s:g} s",
+        value=cover,
+        allowed=f"pauses up to {max_gap_s:g} s",
+        remedy="Raise stages.resample.max_gap_s, lower stages.resample.min_segment_s, choose another source, or leave the stream out "
+        "(sources: {STREAM: none} in the manifest).",
+    )
+
+
+def _spans_text(item: Signal) -> str:
+    if not item.spans:
+        return f"pauses between all of its {item.t_s.size} samples"
+    shown = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in item.spans[:3])
+    return shown if len(item.spans) <= 3 else f"{shown} and {len(item.spans) - 3} more"
