@@ -8,6 +8,9 @@ import pint
 
 from data_schemas.errors import SchemaError
 
+TURNS = {"rpm": 1.0 / 60.0, "rev/min": 1.0 / 60.0, "1/min": 1.0 / 60.0, "rps": 1.0, "rev/s": 1.0, "Hz": 1.0, "1/s": 1.0}
+"""Units of a propeller's speed in revolutions per second; pint counts a revolution as 2 pi."""
+
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
@@ -24,7 +27,12 @@ def convertible(unit: str, target: str) -> bool:
 
 @cache
 def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
-    """(factor, offset) with value_in_target = factor * value_in_unit + offset. Raises `SchemaError` for a unit that does not fit."""
+    """(factor, offset) with value_in_target = factor * value_in_unit + offset.
+
+    For the target 1/s a turn counts as 1, not 2 pi: 60 rpm are 1/s. Raises `SchemaError` for a unit that does not fit.
+    """
+    if target == "1/s" and unit.strip() in TURNS:
+        return TURNS[unit.strip()], 0.0
     if not convertible(unit, target):
         raise SchemaError("unit cannot be converted", value=unit, allowed=f"a unit of {target}")
     quantity = _registry().Quantity

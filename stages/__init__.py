@@ -1,0 +1,22 @@
+"""The stages of auvid, in the order of the chain, and which of them each kind of campaign has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stages import fuse, ingest, report, resample, residual, synthesise, validate
+from stages.base import Stage
+
+STAGES: tuple[Stage[Any, Any, Any], ...] = (
+    ingest.STAGE,
+    resample.STAGE,
+    fuse.STAGE,
+    residual.STAGE,
+    synthesise.STAGE,
+    validate.STAGE,
+    report.STAGE,
+)
+
+KINDS: dict[str, tuple[str, ...]] = {
+    "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
+}

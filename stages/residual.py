@@ -1,0 +1,187 @@
+"""The force that a viscous model has to explain: McCarter (4.4), every component kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import DataError
+from data_schemas.streams import supply_text
+from data_schemas.tables import column, has_columns, make_table, matrix
+from hydro.dynamics.equations_of_motion import Control, ForceComponents, residual_force
+from hydro.dynamics.propeller import level_speed
+from hydro.dynamics.thrusters import thruster_forces
+from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
+from hydro.dynamics.viscous_basis import eta_ratio
+from hydro.identification.filters import zero_phase_lowpass
+from stages.base import Document, Stage, param, port
+from stages.sections import panel, plot, remark, section, series, table
+from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, Array, clock, force_columns, named, rms
+
+FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    segment: Document = port("segment")
+    fused: pa.Table = port("fused")
+    fusion: Document = port("fusion")
+    resampled: pa.Table = port("resampled")
+    vehicle: Document = port("vehicle")
+    log_info: Document = port("log_info")
+
+
+@dataclass(frozen=True)
+class Params:
+    filter_actuators: bool = param("1", True, meaning="pass the actuator inputs through the low-pass of fuse")
+    minimum_speed_m_s: float = param("m/s", 0.05, meaning="lower bound of U in eta = u_c(n)/U", low=1e-3, high=1.0)
+    allow_no_actuation: bool = param("1", False, meaning="go on where no actuator acts (a towed or drifting vehicle)")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    residual: pa.Table = port("residual")
+    section: Document = port("section")
+    views: Document = port("views")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    vehicle, said = with_logged_directions(vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"])
+    commands, level = _commands(inputs, vehicle, params)
+    fused = inputs.fused
+    nu = matrix(fused, VELOCITY)
+    parts = residual_force(vehicle, matrix(fused, POSE), nu, matrix(fused, ACCELERATION), commands)
+    columns: dict[str, Array] = {"t_s": clock(fused), **named(VELOCITY, nu)}
+    if level is not None:
+        columns["eta_ratio"] = eta_ratio(level, nu, params.minimum_speed_m_s)
+    for name, force in parts.components().items():
+        columns |= named(force_columns(name), force)
+    return Outputs(residual=make_table("residual", columns), section=_section(inputs, vehicle, parts, said), views=_views())
+
+
+def with_logged_directions(vehicle: Vehicle, parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
+    """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters (ArduSub), if the log has one for every thruster.
+
+    Second item: a sentence that says where the directions come from, empty for a vehicle without thrusters.
+    """
+    if vehicle.thrusters is None:
+        return vehicle, ""
+    logged = [parameters.get(f"MOT_{number}_DIRECTION") for number in vehicle.thrusters.outputs]
+    known = [float(value) for value in logged if value in (1.0, -1.0)]
+    if len(known) < len(logged):
+        return vehicle, "Motor directions are those of the vehicle file; the log does not hold them all."
+    thrusters = replace(vehicle.thrusters, direction=np.array(known))
+    return replace(vehicle, thrusters=thrusters), "Motor directions are those of the log's parameters MOT_n_DIRECTION."
+
+
+def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control, Array | None]:
+    """Actuator inputs at the times of the fused table, filtered as the state was, and the level speed u_c of the command (C.12)."""
+    keep = np.searchsorted(clock(inputs.resampled), clock(inputs.fused) - 1e-9)
+    cutoff = inputs.fusion["cutoff_hz"] if params.filter_actuators else None
+
+    def smooth(values: Array) -> Array:
+        filtered = values if cutoff is None else zero_phase_lowpass(clock(inputs.resampled), values, cutoff_hz=float(cutoff))
+        return np.asarray(filtered[keep])
+
+    rev_s = fins = thrust = level = None
+    active, raw_speed = False, np.zeros(1)
+    if vehicle.propeller is not None:
+        raw = raw_speed = _columns(inputs, ("propeller_rev_s",))[:, 0]
+        active |= bool(np.any(raw != 0.0))
+        rev_s, level = smooth(raw), level_speed(vehicle.propeller, raw[keep])
+    if vehicle.fins is not None:
+        raw = _columns(inputs, FINS)
+        active |= bool(np.any(raw != 0.0))
+        fins = smooth(raw)
+    if vehicle.thrusters is not None:
+        pulses = _columns(inputs, tuple(f"pwm_{number}_us" for number in vehicle.thrusters.outputs))
+        raw = thruster_forces(vehicle.thrusters, pulses, _voltage(inputs))
+        active |= bool(np.any(raw != 0.0))
+        thrust = smooth(raw)
+    if not active and not params.allow_no_actuation:
+        raise DataError(
+            f"no actuator acts in segment '{inputs.segment['id']}': every command is zero or neutral (was the vehicle armed?)",
+            remedy="Choose a leg in which the vehicle drives, or set stages.residual.allow_no_actuation if it was towed or drifting.",
+        )
+    if level is not None and np.isnan(level).any():
+        raise DataError(
+            f"the propeller speed leaves the table of level speeds in segment '{inputs.segment['id']}'",
+            field="propeller_rev_s",
+            value=float(np.max(np.abs(raw_speed))),
+            remedy="Extend actuators.propeller.level_speed in the vehicle file; check the unit of the column (revolutions per second).",
+        )
+    return Control(propeller_rev_s=rev_s, fins_rad=fins, thruster_force_N=thrust), level
+
+
+def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:
+    missing = [name for name in names if not has_columns(inputs.resampled, (name,))]
+    if missing:
+        raise DataError(
+            f"stage residual needs the stream 'actuators' with {', '.join(missing)} (segment '{inputs.segment['id']}')",
+            remedy=f"It can come from: {supply_text('actuators')}.",
+        )
+    values = matrix(inputs.resampled, names)
+    if np.isnan(values).any():
+        raise DataError(
+            f"the stream 'actuators' does not cover segment '{inputs.segment['id']}'",
+            remedy="Shorten the leg to where commands are logged.",
+        )
+    return values
+
+
+def _voltage(inputs: Inputs) -> Array | None:
+    if not has_columns(inputs.resampled, ("voltage_v",)):
+        return None
+    voltage = column(inputs.resampled, "voltage_v")
+    return None if np.isnan(voltage).any() else voltage
+
+
+def _section(inputs: Inputs, vehicle: Vehicle, parts: ForceComponents, said: str) -> dict[str, Any]:
+    t = clock(inputs.fused) + float(inputs.segment["leg_start_s"])
+    components = parts.components()
+    panels = [
+        panel(axis, AXIS_UNITS[axis], [series(_words(name), t, force[:, index], name) for name, force in components.items()])
+        for index, axis in enumerate(AXES)
+    ]
+    rows = [[_words(name), *(rms(force[:, index]) for index in range(6))] for name, force in components.items()]
+    blocks = [remark(said)] if said else []
+    if vehicle.thrusters is not None and _voltage(inputs) is None:
+        words = f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V, the voltage of the thrust curve."
+        blocks.append(remark(words, "warning"))
+    blocks += [
+        plot(
+            "Components of the residual force",
+            panels,
+            group="time",
+            look_for="tau_bar is what the other components leave over. Where one of them dominates, its errors do too.",
+        ),
+        table("RMS of each component", ["component", *((axis, AXIS_UNITS[axis]) for axis in AXES)], rows),
+    ]
+    return section(f"Residual force of {inputs.segment['id']}", blocks, order=40)
+
+
+def _words(component: str) -> str:
+    return component if component == "tau_bar" else component.replace("_", " ")
+
+
+def _views() -> dict[str, Any]:
+    groups = [
+        {
+            "entity": f"residual/{axis}",
+            "table": "residual",
+            "columns": [force_columns("tau_bar")[index]],
+            "names": [f"{axis} measured"],
+            "roles": ["measured"],
+            "tab": "Answer",
+            "unit": AXIS_UNITS[axis],
+        }
+        for index, axis in enumerate(AXES)
+    ]
+    return {"groups": groups}
+
+
+STAGE = Stage("residual", "Residual force (4.4) with every component, per segment", "segment", Inputs, Params, Outputs, run)

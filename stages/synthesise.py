@@ -1,0 +1,223 @@
+"""Fit every viscous model to the training segments, from one triangular factor of the data (McCarter chapter 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import CampaignError, DataError, nearest
+from data_schemas.tables import column, has_columns, matrix
+from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
+from hydro.dynamics.viscous_basis import basis_rows, basis_term_names
+from hydro.dynamics.viscous_models import MODELS, ViscousModel, without_propeller_terms
+from hydro.identification.excitation import VelocityExcitation, axis_excitation, term_floors
+from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
+from hydro.identification.standard_errors import hac_standard_errors
+from hydro.identification.verdicts import INSEPARABLE, NOT_EXCITED, judge
+from stages.base import Collection, Document, Stage, param, port
+from stages.sections import equation, remark, section, table
+from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, forces
+
+VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
+ROWS_AT_ONCE = 65_536
+
+
+@dataclass(frozen=True)
+class Inputs:
+    residual: Collection[pa.Table] = port("residual", many=True)
+    segment: Collection[Document] = port("segment", many=True)
+    vehicle: Document = port("vehicle")
+
+
+@dataclass(frozen=True)
+class Params:
+    models: tuple[str, ...] = param("1", tuple(model.name for model in MODELS), meaning="models to fit")
+    trim: bool = param("1", False, meaning="fit a constant force per axis beside each model (net buoyancy, asymmetry)")
+    hac_lags: int | None = param("samples", None, meaning="lags of the coloured standard errors; null chooses by Andrews's rule", low=0)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    model_card: Mapping[str, Document] = port("model_card", many=True)
+    triangular_factor: Document = port("triangular_factor")
+    section: Document = port("section")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What synthesis needs of one training segment: nu (n, 6), eta_ratio (n,) or None, tau_bar (n, 6)."""
+
+    nu: Array
+    ratio: Array | None
+    force: Array
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    vehicle = vehicle_from_document(inputs.vehicle)
+    models = [_named(name) for name in params.models]
+    training = [_samples(inputs.residual[key]) for key, segment in inputs.segment.items() if segment["use"] == "training"]
+    if not training:
+        raise DataError("the campaign has no training leg, so there is nothing to fit", field="legs", remedy="Give a leg `use: training`.")
+    with_ratio = all(part.ratio is not None for part in training)
+    fitted = models if with_ratio else [without_propeller_terms(model) for model in models]
+    factor = _factor(fitted, training)
+    ratios = [part.ratio for part in training if part.ratio is not None] if with_ratio else None
+    motion = axis_excitation([part.nu for part in training], eta_ratio=ratios)
+    cards = {
+        model.name: _card(declared, model, factor, training, motion, vehicle, params)
+        for declared, model in zip(models, fitted, strict=True)
+    }
+    document = {"terms": list(factor.columns), "samples": factor.n_samples, "factor": [[float(x) for x in row] for row in factor.R]}
+    return Outputs(model_card=cards, triangular_factor=document, section=_section(cards, motion))
+
+
+def _named(name: str) -> ViscousModel:
+    known = {model.name: model for model in MODELS}
+    if name not in known:
+        raise CampaignError(
+            "unknown model", field="stages.synthesise.models", value=name, allowed=tuple(known), remedy=nearest(name, known)
+        )
+    return known[name]
+
+
+def _samples(residual: pa.Table) -> Samples:
+    ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
+    return Samples(matrix(residual, VELOCITY), ratio, forces(residual, "tau_bar"))
+
+
+def _factor(models: list[ViscousModel], training: list[Samples]) -> TriangularFactor:
+    """One pass over the data: every distinct column of every model, and the six forces."""
+    wanted = {term for model in models for terms in model.terms.values() for term in terms}
+    terms = tuple(term for term in basis_term_names() if term in wanted)
+    factor = TriangularFactor.empty(terms)
+    for part in training:
+        for start in range(0, len(part.force), ROWS_AT_ONCE):
+            chosen = slice(start, start + ROWS_AT_ONCE)
+            ratio = None if part.ratio is None else part.ratio[chosen]
+            factor = factor.update(basis_rows(part.nu[chosen].T, ratio, terms), part.force[chosen])
+    return factor
+
+
+def _card(
+    declared: ViscousModel,
+    model: ViscousModel,
+    factor: TriangularFactor,
+    training: list[Samples],
+    motion: Mapping[str, VelocityExcitation],
+    vehicle: Vehicle,
+    params: Params,
+) -> dict[str, Any]:
+    axes, solution, rank = {}, {}, 0
+    for index, axis in enumerate(AXES):
+        fit = solve_axis(factor, axis, model.terms.get(axis, ()), trim=params.trim)
+        errors = hac_standard_errors(fit, _pairs(fit, training, index), lags=params.hac_lags)
+        axes[axis] = _axis_entry(fit, errors, motion, axis)
+        solution[axis] = {term: float(value) for term, value in zip(fit.terms, fit.solution, strict=True)}
+        rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
+    dropped = [f"{axis} {term}" for axis, terms in declared.terms.items() for term in terms if term not in model.terms.get(axis, ())]
+    return {
+        "name": model.name,
+        "title": model.title,
+        "vehicle": vehicle.name,
+        "source": model.source,
+        "n_bar": model.n_bar,
+        "n_bar_declared": declared.n_bar,
+        "rank": rank,
+        "samples": factor.n_samples,
+        "trim": params.trim,
+        "assumed": list(vehicle.assumed),
+        "axes": axes,
+        "not_applicable": dropped,
+        "conditions": {name: {"rms": item.rms, "low": item.low, "high": item.high} for name, item in motion.items()},
+        "solution": solution,
+    }
+
+
+def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[Array, Array]]:
+    terms = tuple(term for term in fit.terms if term != CONSTANT)
+    for part in training:
+        rows = basis_rows(part.nu.T, part.ratio, terms) if terms else np.zeros((0, len(part.force)))
+        yield rows, part.force[:, index]
+
+
+def _axis_entry(fit: AxisFit, errors: Array, motion: Mapping[str, VelocityExcitation], axis: str) -> dict[str, Any]:
+    verdicts = judge(fit, floors=term_floors(fit.terms, motion), standard_errors=errors)
+    terms = []
+    for index, term in enumerate(fit.terms):
+        verdict = verdicts[term]
+        determined = verdict.status not in (NOT_EXCITED,) and np.isfinite(fit.coefficients[index])
+        entry: dict[str, Any] = {
+            "term": term,
+            "value": float(fit.coefficients[index]) if determined else None,
+            "standard_error": float(errors[index]) if determined and np.isfinite(errors[index]) else None,
+            "verdict": verdict.status,
+        }
+        if verdict.status == INSEPARABLE:
+            entry["inseparable_from"] = list(verdict.partners)
+        terms.append(entry)
+    combinations = [
+        {"weights": dict(item.weights), "value": item.value, "reading": str(item)} for group in fit.groups for item in group.combinations
+    ]
+    return {
+        "unit": AXIS_UNITS[axis],
+        "samples": fit.n_samples,
+        "rank": fit.rank,
+        "condition": fit.condition if np.isfinite(fit.condition) else None,
+        "j0": fit.j0,
+        "j": fit.rms,
+        "excitation": _excitation(motion[VELOCITY_OF_AXIS[axis]]),
+        "terms": terms,
+        "combinations": combinations,
+    }
+
+
+def _excitation(motion: VelocityExcitation) -> str:
+    if not motion.excited:
+        return "not excited"
+    return "excited" if motion.std >= motion.threshold else "weak"
+
+
+def _section(cards: Mapping[str, Document], motion: Mapping[str, VelocityExcitation]) -> dict[str, Any]:
+    rows = [
+        [name, item.rms, item.low, item.high, item.threshold, _excitation(item), "yes" if item.changes_sign else "no"]
+        for name, item in motion.items()
+    ]
+    note = "Not excited: RMS below the threshold, which is about three times the sensor noise. Weak: moves, but hardly varies."
+    heads = ["velocity", "RMS", "lowest", "highest", "threshold", "excitation", "both directions"]
+    blocks = [table("Excitation in the training legs (SI)", heads, rows, note=note)]
+    blocks.append(equation(r"\bar{\tau} = K \xi(\nu)", "Every model is a choice of terms of the viscous basis xi (McCarter 3.12)."))
+    for card in cards.values():
+        blocks += _model_blocks(card)
+    return section(
+        "Models and coefficients", blocks, order=50, look_for="A coefficient without a number is one that these data do not determine."
+    )
+
+
+def _model_blocks(card: Document) -> list[dict[str, Any]]:
+    rows = []
+    for axis, part in card["axes"].items():
+        for item in part["terms"]:
+            partners = item.get("inseparable_from")
+            verdict = f"inseparable from {', '.join(partners)}" if partners else item["verdict"]
+            rows.append([axis, item["term"], item["value"], item["standard_error"], verdict])
+    heads: list[str | tuple[str, str]] = ["axis", "term", ("value", "SI"), ("standard error", "SI"), "verdict"]
+    title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}"
+    blocks = [table(title, heads, rows, note="Standard errors allow for coloured residuals (Newey-West).")]
+    sums = [[axis, item["reading"]] for axis, part in card["axes"].items() for item in part["combinations"]]
+    if sums:
+        blocks.append(
+            table(f"{card['title']}: what the data determine of inseparable terms", ["axis", "combination of coefficients: value"], sums)
+        )
+    if card["not_applicable"]:
+        words = f"{card['title']}: {len(card['not_applicable'])} terms with the propulsion ratio do not apply without a propeller speed."
+        blocks.append(remark(words))
+    return blocks
+
+
+STAGE = Stage(
+    "synthesise", "Fit every viscous model to the training legs, from one pass over the data", "campaign", Inputs, Params, Outputs, run
+)
