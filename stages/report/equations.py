@@ -26,9 +26,9 @@ OPERATORS = {
 }  # fmt: skip
 FUNCTIONS = {
     "sin", "cos", "tan", "arcsin", "arccos", "arctan", "exp", "log", "ln",
-    "min", "max", "det", "rank", "sign", "diag", "vec", "tr", "arg", "median",
+    "min", "max", "det", "rank", "sign", "diag", "tr", "arg", "median",
 }  # fmt: skip
-ACCENTS = {"dot": "˙", "ddot": "¨", "bar": "¯", "overline": "¯", "hat": "^", "tilde": "~", "vec": "→", "widetilde": "~", "widehat": "^"}
+ACCENTS = {"dot": "˙", "ddot": "¨", "bar": "¯", "overline": "¯", "hat": "ˆ", "tilde": "˜", "vec": "→", "widetilde": "˜", "widehat": "ˆ"}
 SPACES = {",": "0.17em", ":": "0.22em", ";": "0.28em", "quad": "1em", "qquad": "2em", " ": "0.25em", "!": "0"}
 FONTS = {
     "mathbf": "bold",
@@ -140,7 +140,8 @@ def _atom(reader: _Reader) -> str:
     if token.isalpha():
         return f"<mi>{escape(token)}</mi>"
     sign = {"-": "−", "*": "∗"}.get(token, token)
-    return f'<mo stretchy="false">{escape(sign)}</mo>'
+    tight = ' lspace="0" rspace="0"' if token in "|()[]" else ""
+    return f'<mo stretchy="false"{tight}>{escape(sign)}</mo>'
 
 
 def _inside(reader: _Reader, end: str) -> str:
@@ -167,7 +168,7 @@ def _command(name: str, reader: _Reader) -> str:
     if name in SPACES:
         return f'<mspace width="{SPACES[name]}"></mspace>'
     if name in ACCENTS:
-        return f'<mover accent="true">{_argument(reader)}<mo stretchy="false">{ACCENTS[name]}</mo></mover>'
+        return f'<mover>{_argument(reader)}<mo stretchy="false" lspace="0" rspace="0">{ACCENTS[name]}</mo></mover>'
     if name in ("frac", "tfrac", "dfrac"):
         return f"<mfrac>{_argument(reader)}{_argument(reader)}</mfrac>"
     if name == "sqrt":
@@ -198,7 +199,7 @@ def _raw_group(reader: _Reader) -> str:
 def _font(style: str, reader: _Reader) -> str:
     words = _raw_group(reader)
     if style == "text":
-        return f"<mtext>{escape(words)}</mtext>"
+        return f"<mtext>{escape(words).replace(' ', chr(160))}</mtext>"
     if style == "upright":
         return f'<mi mathvariant="normal">{escape(words)}</mi>'
     inner = "".join(_row(_Reader(TOKEN.findall(words))))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import math
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -79,7 +80,7 @@ def render(title: str, subtitle: str, notes: str, summary: Summary, sections: Ma
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         lay_out=lambda block: lay_out(block, preferred),
         mathml=lambda latex: Markup(mathml(visible(latex))),
-        cell=cell,
+        cells=cells,
         heat=heat,
         ink_of=lambda name: f"--ink-{key(name) or 'none'}",
         is_model=is_model,
@@ -127,15 +128,30 @@ def _shown(character: str) -> str:
     return chr(0x2400 + code) if code < 0x20 else "\ufffd"
 
 
-def cell(value: Any, column: str) -> Cell:
-    """A table cell: numbers to four figures with their full value to sort by; verdicts and models marked."""
+def cells(block: Document) -> list[list[Cell]]:
+    """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up."""
+    names = [str(head["name"]) for head in block["columns"]]
+    decimals = [_decimals([row[index] for row in block["rows"]]) for index in range(len(names))]
+    return [[_cell(*item) for item in zip(row, names, decimals, strict=True)] for row in block["rows"]]
+
+
+def _decimals(column: Sequence[Any]) -> int | None:
+    """Decimals that show four figures of the largest number; None where the sizes differ too much, or all are integers."""
+    sizes = [abs(value) for value in column if isinstance(value, int | float) and not isinstance(value, bool) and value]
+    if not any(isinstance(value, float) and value != int(value) for value in sizes) or max(sizes) > 300 * min(sizes):
+        return None
+    return min(max(3 - math.floor(math.log10(max(sizes))), 0), 6)
+
+
+def _cell(value: Any, column: str, decimals: int | None) -> Cell:
     if value is None:
         return Cell("–", None, "empty")
     if isinstance(value, bool):
         return Cell("yes" if value else "no", str(value))
     if isinstance(value, int | float):
         kind = f"number {heat(float(value))}" if column in RATIOS else "number"
-        return Cell(number(value), float(value), kind)
+        words = number(value) if decimals is None else f"{value:.{decimals}f}".replace("-", "−")
+        return Cell(words, float(value), kind)
     words = str(value)
     verdict = next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
     return Cell(words, words, f"verdict {verdict}" if verdict else "", f"--ink-{key(words)}" if is_model(words) else "")

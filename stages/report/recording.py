@@ -31,6 +31,8 @@ CHUNK_ROWS = 50_000
 LOG_GAP_S = 10.0
 ANSWER, PATH, LOG = "Answer", "Path", "Log"
 MODELS_SHOWN = 3
+EVER = rrb.TimeRangeBoundary.infinite()
+LINKED = rrb.components.LinkAxis.Independent
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 
 
@@ -84,7 +86,7 @@ def record(
     sink = rr.binary_stream(recording=stream)
     clock = make_clock(segments, logs)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
-    stream.send_blueprint(_blueprint([group for _, group in groups]))
+    stream.send_blueprint(_blueprint([group for _, group in groups], _span(segments, clock)))
     stream.send_recording_name(str(visible(title)))
     _log_static(stream, "answer/text", rr.TextDocument(markdown(title, summary, segments, clock), media_type=rr.MediaType.MARKDOWN))
     _send_groups(stream, groups, tables, clock, _preferred(summary))
@@ -164,13 +166,14 @@ def _series_ink(name: str, role: str, many_of_one_role: bool) -> Ink:
 
 
 def _send_series(stream: rr.RecordingStream, entity: str, times: Array, values: Array) -> None:
-    """Series (n, k) at `times` (n,), ended by a row of NaN so that no line crosses to the next segment."""
-    step = times[-1] - times[-2] if times.size > 1 else 1e-3
-    times = np.append(times, times[-1] + max(step, 1e-6))
-    values = np.vstack([values, np.full((1, values.shape[1]), np.nan)])
+    """Series (n, k) at `times` (n,), ended by an empty row so that no line crosses to the next segment."""
     for start in range(0, times.size, CHUNK_ROWS):
-        part = slice(start, start + CHUNK_ROWS)
-        stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=times[part])], rr.Scalars.columns(scalars=values[part]))
+        part, lengths = times[start : start + CHUNK_ROWS], [values.shape[1]] * len(times[start : start + CHUNK_ROWS])
+        if start + CHUNK_ROWS >= times.size:
+            step = times[-1] - times[-2] if times.size > 1 else 1e-3
+            part, lengths = np.append(part, times[-1] + max(step, 1e-6)), [*lengths, 0]
+        columns = rr.Scalars.columns(scalars=values[start : start + CHUNK_ROWS].ravel())
+        stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=part)], columns.partition(lengths))
 
 
 def _send_path(
@@ -249,15 +252,22 @@ def _segment_line(name: str, item: Document, clock: Clock) -> str:
     return f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log {item['log']})"
 
 
-def _blueprint(groups: Sequence[Document]) -> rrb.Blueprint:
+def _span(segments: Mapping[str, Document], clock: Clock) -> rrb.TimeRange:
+    """From the start of the first segment to the end of the last."""
+    starts = [clock.segments[name] for name in segments] or [0.0]
+    ends = [clock.segments[name] + float(item["duration_s"]) for name, item in segments.items()] or [1.0]
+    return rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=min(starts)), rrb.TimeRangeBoundary.absolute(seconds=max(ends)))
+
+
+def _blueprint(groups: Sequence[Document], span: rrb.TimeRange) -> rrb.Blueprint:
     tabs: dict[str, list[Document]] = defaultdict(list)
     for group in groups:
         tabs[str(visible(group["tab"]))].append(group)
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []))
+    answer = _plots(tabs.pop(ANSWER, []), span)
     opening = rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words
     path = rrb.Spatial3DView(origin="path", name=PATH)
-    others = [rrb.Grid(*_plots(items), grid_columns=1 if len(items) < 3 else 2, name=name) for name, items in tabs.items()]
+    others = [rrb.Grid(*_plots(items, span), grid_columns=1 if len(items) < 3 else 2, name=name) for name, items in tabs.items()]
     log = rrb.TextLogView(origin="log", name=LOG)
     return rrb.Blueprint(
         rrb.Tabs(opening, path, *others, log, active_tab=0),
@@ -269,7 +279,7 @@ def _blueprint(groups: Sequence[Document]) -> rrb.Blueprint:
     )
 
 
-def _plots(groups: Sequence[Document]) -> list[rrb.TimeSeriesView]:
+def _plots(groups: Sequence[Document], span: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
     """One plot per parent entity whose groups share a unit; else one per group."""
     units: dict[str, set[str]] = defaultdict(set)
     for group in groups:
@@ -280,9 +290,12 @@ def _plots(groups: Sequence[Document]) -> list[rrb.TimeSeriesView]:
         origin = _parent(group) if together else str(visible(group["entity"]))
         name = f"{origin.split('/')[-1]} [{group['unit']}]" if group["unit"] else origin.split("/")[-1]
         if origin not in plots:
-            whole = rrb.VisibleTimeRange(TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.infinite())
             plots[origin] = rrb.TimeSeriesView(
-                origin=origin, name=name, time_ranges=whole, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+                origin=origin,
+                name=name,
+                axis_x=rrb.TimeAxis(view_range=span, link=LINKED),
+                time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
+                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             )
     return list(plots.values())
 
