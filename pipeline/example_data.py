@@ -22,11 +22,11 @@ HEADER = "time_s,pulse_1,pulse_2,pulse_3,pulse_4,roll_deg,pitch_deg,yaw_deg,gyro
 
 
 def example_log(vehicle: Mapping[str, Any]) -> bytes:
-    """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s, depth in m, velocity in m/s; body FRD, always the same."""
+    """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s, depth in m, velocity in m/s; body FRD."""
     rng = np.random.default_rng(SEED)
     t_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     steps = rng.uniform(-250.0, 250.0, (int(DURATION_S / HOLD_S), 4)) * [1.0, 1.0, 1.0, 0.5]
-    pulses = 1500.0 + np.round(np.repeat(steps, int(HOLD_S * RATE_HZ), axis=0))
+    pulses: Array = 1500.0 + np.round(np.repeat(steps, int(HOLD_S * RATE_HZ), axis=0)).astype(np.float64)
     state = simulate(vehicle_from_document(vehicle), pulses)
 
     def noisy(values: Array, sensor: str) -> Array:
