@@ -52,7 +52,7 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
     if kind == "bytes":
         return content
     try:
-        found = pq.read_table(pa.BufferReader(content)) if kind == "table" else json.loads(content)
+        found = pq.ParquetFile(pa.BufferReader(content)).read() if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         raise SchemaError(f"cannot be read: {fault}", file=path, remedy="Remove the file and run again.") from fault
     if kind == "table":

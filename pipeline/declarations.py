@@ -48,7 +48,7 @@ def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
         for item in fields(stage.params):
             unit, allowed = item.metadata["unit"], bounds(item.metadata)
             notes = [*([f"[{unit}]"] if unit != "1" else []), item.metadata["meaning"], *([f"({allowed})"] if allowed else [])]
-            lines.append(f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT) + f"# {' '.join(notes)}")
+            lines.append(f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT - 1) + f" # {' '.join(notes)}")
     return "\n".join(lines) + "\n"
 
 

@@ -7,8 +7,8 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, is_dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, is_dataclass
 from functools import cache
 from importlib import import_module, metadata
 from pathlib import Path
@@ -145,25 +145,48 @@ def _source(module: str) -> Path | None:
     return None
 
 
+@dataclass(frozen=True)
+class _Scan:
+    """What a source file imports (statements that run) and which data files it names."""
+
+    imports: tuple[ast.Import | ast.ImportFrom, ...]
+    data_names: frozenset[str]
+
+
 @cache
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_bytes(), filename=str(path))
+def _scan(path: Path) -> _Scan:
+    imports: list[ast.Import | ast.ImportFrom] = []
+    names: set[str] = set()
+    waiting: list[ast.AST] = [ast.parse(path.read_bytes(), filename=str(path))]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imports.append(node)
+        elif isinstance(node, ast.Constant):
+            if isinstance(node.value, str) and node.value.endswith(DATA_SUFFIXES):
+                names.add(node.value.rpartition("/")[2])
+        elif not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
+            waiting += ast.iter_child_nodes(node)
+    return _Scan(tuple(imports), frozenset(names))
 
 
-def _imports(path: Path, module: str) -> set[str]:
-    own_floor = module.partition(".")[0]
+@cache
+def _imports(path: Path, module: str) -> frozenset[str]:
+    floors = (*FLOORS, module.partition(".")[0])
     found: set[str] = set()
-    for node in _executed(_tree(path)):
+    for node in _scan(path).imports:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            base = _absolute(node, module, path)
-            parts = [f"{base}.{alias.name}" for alias in node.names]
-            modules = [part for part in parts if part.partition(".")[0] in (*FLOORS, own_floor) and _source(part) is not None]
-            found |= set(modules)
-            if len(modules) < len(parts):
-                found.add(base)
-    return {name for name in found if name.partition(".")[0] in (*FLOORS, own_floor)}
+            continue
+        base = _absolute(node, module, path)
+        if base.partition(".")[0] not in floors:
+            continue
+        parts = [f"{base}.{alias.name}" for alias in node.names]
+        modules = [part for part in parts if _source(part) is not None]
+        found |= set(modules)
+        if len(modules) < len(parts):
+            found.add(base)
+    return frozenset(name for name in found if name.partition(".")[0] in floors)
 
 
 def _absolute(node: ast.ImportFrom, module: str, path: Path) -> str:
@@ -174,23 +197,10 @@ def _absolute(node: ast.ImportFrom, module: str, path: Path) -> str:
     return ".".join([*package, *([node.module] if node.module else [])])
 
 
-def _executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """All nodes except those behind `if TYPE_CHECKING`, which never run."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            continue
-        yield node
-        yield from _executed(node)
-
-
 def _data_files(source: Path, module: str) -> list[Path]:
     """Data files named in a module's source, or lying in the folder of a stage that is a package of its own."""
     top = _root(module) / module.partition(".")[0]
-    named = {
-        node.value.rpartition("/")[2]
-        for node in ast.walk(_tree(source))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.endswith(DATA_SUFFIXES)
-    }
+    named = _scan(source).data_names
     beside = source.parent != top and module.startswith("stages.")
     return [path for path in _folder_data(top) if path.name in named or (beside and path.is_relative_to(source.parent))]
 
