@@ -22,10 +22,10 @@ from stages.report.summary import summarise
 class Inputs:
     campaign: Document = port("campaign")
     vehicle: Document = port("vehicle")
-    log_info: Collection[Document] = port("log_info")
-    segment: Collection[Document] = port("segment")
-    fused: Collection[pa.Table] = port("fused")
-    model_card: Collection[Document] = port("model_card")
+    log_info: Collection[Document] = port("log_info", many=True)
+    segment: Collection[Document] = port("segment", many=True)
+    fused: Collection[pa.Table] = port("fused", many=True)
+    model_card: Collection[Document] = port("model_card", many=True)
     error_table: pa.Table = port("error_table")
     sections: Collection[Document] = every("section")
     views: Collection[Document] = every("views")
@@ -53,7 +53,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "campaign": legs_section(segments, logs),
         "provenance": provenance_section(inputs.campaign, cards, logs),
     }
-    page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own})
+    log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
+    page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
     recording = record(title, summary, inputs.views, inputs.tables, inputs.fused, segments, logs, params.path_rate_hz)
     return Outputs(report_html=page, recording=recording)
 

@@ -37,7 +37,8 @@ VERDICTS = {
     "damaged": "poor",
     "not applicable": "none",
 }
-RATIOS = ("J/J0", "J/J₀", "ratio")
+RATIO = "J/J0"
+NO_LOGS: Mapping[str, str] = {}
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 
 
@@ -52,22 +53,43 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One section under a heading; `label` is empty where the heading has one part only."""
+
+    label: str
+    item: str
+    anchor: str
+    document: Document
+
+
+@dataclass(frozen=True)
 class Chapter:
-    """A heading of the report with the parts under it: (label, section) with an empty label where there is one part only."""
+    """A heading of the report with the sections under it."""
 
     title: str
     anchor: str
     look_for: str
-    parts: tuple[tuple[str, str, Document], ...]
+    parts: tuple[Part, ...]
 
 
-def render(title: str, subtitle: str, notes: str, summary: Summary, sections: Mapping[str, Document]) -> bytes:
-    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the manifest's word on the data."""
+def render(
+    title: str,
+    subtitle: str,
+    notes: str,
+    summary: Summary,
+    sections: Mapping[str, Document],
+    log_of: Mapping[str, str] = NO_LOGS,
+) -> bytes:
+    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the manifest's word on the data.
+
+    `log_of` (segment -> log) is given where a campaign has several logs: their clocks differ, so only plots of one log zoom together.
+    """
     script = _text("plots.js") + _text("page.js")
     page = _environment().get_template("page.html.j2")
     preferred = [model.name for model in summary.models]
     if summary.take:
         preferred.insert(0, summary.take)
+    titles = {model.name: model.title for model in summary.models}
     words = page.render(
         title=title,
         subtitle=subtitle,
@@ -78,7 +100,7 @@ def render(title: str, subtitle: str, notes: str, summary: Summary, sections: Ma
         style=Markup(_text("style.css") + inks(_roles(sections))),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        lay_out=lambda block: lay_out(block, preferred),
+        lay_out=lambda block, item: lay_out(block, preferred, titles, log_of.get(item, "")),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
         heat=heat,
@@ -96,11 +118,11 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
         named = [(path.partition("/")[2], document) for path, document in pairs]
         stems = {_stem(str(document["title"]), item) for item, document in named}
         if len(named) > 1 and len(stems) == 1:
-            parts = tuple((item, anchor(stage, item), document) for item, document in named)
+            parts = tuple(Part(item, item, anchor(stage, item), document) for item, document in named)
             chapters.append(Chapter(stems.pop(), anchor(stage), str(named[0][1].get("look_for", "")), parts))
             continue
         for item, document in named:
-            parts = (("", anchor(stage, item, "part"), document),)
+            parts = (Part("", item, anchor(stage, item, "part"), document),)
             chapters.append(Chapter(str(document["title"]), anchor(stage, item), str(document.get("look_for", "")), parts))
     return tuple(chapters)
 
@@ -149,12 +171,22 @@ def _cell(value: Any, column: str, decimals: int | None) -> Cell:
     if isinstance(value, bool):
         return Cell("yes" if value else "no", str(value))
     if isinstance(value, int | float):
-        kind = f"number {heat(float(value))}" if column in RATIOS else "number"
+        kind = f"number {heat(float(value))}" if column.startswith(RATIO) else "number"
         words = number(value) if decimals is None else f"{value:.{decimals}f}".replace("-", "−")
         return Cell(words, float(value), kind)
     words = str(value)
+    if column == "term":
+        return Cell(term(words), words, "term")
     verdict = next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
     return Cell(words, words, f"verdict {verdict}" if verdict else "", f"--ink-{key(words)}" if is_model(words) else "")
+
+
+def term(name: str) -> str:
+    """A basis term as it is printed: `v*|v|` -> v|v|, `u*u` -> u², `(u*v)*(eta-1)` -> uv(η−1)."""
+    factors = name.replace("(eta-1)", "η").replace("(", "").replace(")", "").split("*")
+    if len(factors) >= 2 and factors[0] == factors[1]:
+        factors[:2] = [f"{factors[0]}²"]
+    return "".join("(η−1)" if factor == "η" else factor for factor in factors)
 
 
 def number(value: float) -> str:

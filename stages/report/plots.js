@@ -70,7 +70,7 @@ class Plot {
     const all = element.querySelector(".all");
     if (all) all.addEventListener("click", () => { for (const button of this.legend) this.toggle(button, true, false); all.remove(); this.draw(); });
     this.resetButton = element.querySelector(".reset");
-    this.resetButton.addEventListener("click", () => this.zoom(this.low, this.high));
+    this.resetButton.addEventListener("click", () => this.reset());
     for (const panel of this.panels) this.watchPointer(panel.area);
     this.frame.addEventListener("keydown", event => this.press(event));
     this.frame.addEventListener("blur", () => share(this, plot => plot.moveCursor(null)));
@@ -89,7 +89,9 @@ class Plot {
     return this.view[0] + Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)) * (this.view[1] - this.view[0]);
   }
 
-  zoom(low, high) { share(this, plot => plot.show(low, high)); }
+  zoom(low, high) { share(this, plot => { if (plot === this || (low < plot.high && high > plot.low)) plot.show(low, high); }); }
+
+  reset() { share(this, plot => plot.show(plot.low, plot.high)); }
 
   show(low, high) {
     const least = (this.high - this.low) / 5000;
@@ -178,7 +180,7 @@ class Plot {
     area.addEventListener("pointerup", finish);
     area.addEventListener("pointercancel", finish);
     area.addEventListener("pointerleave", () => { if (start === null) share(this, plot => plot.moveCursor(null)); });
-    area.addEventListener("dblclick", () => this.zoom(this.low, this.high));
+    area.addEventListener("dblclick", () => this.reset());
     area.addEventListener("wheel", event => {  // an unfocused plot lets the page scroll
       if (document.activeElement !== this.frame && !event.ctrlKey) return;
       event.preventDefault();
@@ -195,7 +197,7 @@ class Plot {
     else if (direction) { const x = Math.min(high, Math.max(low, about + direction * width / 100)); share(this, plot => plot.moveCursor(x)); }
     else if (event.key === "+" || event.key === "=") this.scale(0.8, about);
     else if (event.key === "-") this.scale(1.25, about);
-    else if (event.key === "Escape" || event.key === "0") this.zoom(this.low, this.high);
+    else if (event.key === "Escape" || event.key === "0") this.reset();
     else return;
     event.preventDefault();
   }

@@ -23,6 +23,8 @@ Y_STEPS = 8_000
 PANEL_STEPS = 8_000
 MARGIN = 0.06
 MODELS_SHOWN = 3
+PRINTED = {"tau_bar": "residual force τ̄"}
+NO_TITLES: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,10 @@ class Plot:
         return sum(not entry.shown for entry in self.entries)
 
 
-def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = ()) -> Plot:
+def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = (), titles: Mapping[str, str] = NO_TITLES, clock: str = "") -> Plot:
     """Lay out a plot block. Of many models only `preferred` (best first) are drawn at first; the legend shows the others.
 
+    `titles` are names as printed for lines that are named by a word of the code; `clock` keeps plots of another clock out of the group.
     A panel without a finite sample keeps its place, so that the reader sees that there was nothing.
     """
     panels = block["panels"]
@@ -101,11 +104,11 @@ def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = ()) -> Plot:
     times = np.concatenate([x for x in finite if x.size] or [np.array([0.0, 1.0])])
     low, high = float(times.min()), float(times.max())
     high = high if high > low else low + 1.0
-    entries = _entries(panels, preferred)
+    entries = _entries(panels, preferred, titles)
     return Plot(
         title=str(block.get("title", "")),
         look_for=str(block.get("look_for", "")),
-        group=str(block.get("group", "")),
+        group=f"{clock} {block['group']}".strip() if block.get("group") else "",
         x_label=str(block["x"]["label"]),
         x_unit=str(block["x"]["unit"]),
         low=low,
@@ -122,7 +125,7 @@ def _samples(series: Mapping[str, Any]) -> tuple[Array, Array]:
     return x, y
 
 
-def _entries(panels: Sequence[Mapping[str, Any]], preferred: Sequence[str]) -> dict[str, Entry]:
+def _entries(panels: Sequence[Mapping[str, Any]], preferred: Sequence[str], titles: Mapping[str, str]) -> dict[str, Entry]:
     roles = {str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]}
     models = [role for role in dict.fromkeys(roles.values()) if is_model(role)]
     ranked = sorted(models, key=lambda role: _place(role, preferred))
@@ -131,7 +134,13 @@ def _entries(panels: Sequence[Mapping[str, Any]], preferred: Sequence[str]) -> d
     for name, role in roles.items():
         drawn = ink(role)
         visible = not is_model(role) or key(role) in shown
-        entries[name] = Entry(name=name, ink=f"--ink-{key(role) or 'none'}", dash=drawn.dash, width=drawn.width, shown=visible)
+        entries[name] = Entry(
+            name=titles.get(name, PRINTED.get(name, name)),
+            ink=f"--ink-{key(role) or 'none'}",
+            dash=drawn.dash,
+            width=drawn.width,
+            shown=visible,
+        )
     return entries
 
 

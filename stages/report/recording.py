@@ -26,13 +26,15 @@ from stages.report.summary import AXIS_WORDS, Summary
 
 Array = npt.NDArray[np.float64]
 Document = Mapping[str, Any]
+Owned = tuple[str, Document]
+"""A group of series and the stage/item whose view it is."""
+
 TIMELINE = "t"
 CHUNK_ROWS = 50_000
 LOG_GAP_S = 10.0
 ANSWER, PATH, LOG = "Answer", "Path", "Log"
 MODELS_SHOWN = 3
 EVER = rrb.TimeRangeBoundary.infinite()
-LINKED = rrb.components.LinkAxis.Independent
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 
 
@@ -61,7 +63,7 @@ def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -
     starts, place = {}, 0.0
     for name, log in logs.items():
         starts[name] = place
-        place += (log["end_us"] - log["start_us"]) * 1e-6 + LOG_GAP_S
+        place += _lengths({name: log})[name] + LOG_GAP_S
     return Clock(
         segments={name: starts.get(item["log"], 0.0) + item["leg_start_s"] for name, item in segments.items()},
         logs=starts,
@@ -86,7 +88,7 @@ def record(
     sink = rr.binary_stream(recording=stream)
     clock = make_clock(segments, logs)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
-    stream.send_blueprint(_blueprint([group for _, group in groups], _span(segments, clock)))
+    stream.send_blueprint(_blueprint(groups, segments, logs, clock))
     stream.send_recording_name(str(visible(title)))
     _log_static(stream, "answer/text", rr.TextDocument(markdown(title, summary, segments, clock), media_type=rr.MediaType.MARKDOWN))
     _send_groups(stream, groups, tables, clock, _preferred(summary))
@@ -109,7 +111,7 @@ def _log_static(stream: rr.RecordingStream, entity: str, value: Any) -> None:
 
 def _send_groups(
     stream: rr.RecordingStream,
-    groups: Sequence[tuple[str, Document]],
+    groups: Sequence[Owned],
     tables: Mapping[str, pa.Table],
     clock: Clock,
     preferred: Sequence[str],
@@ -252,48 +254,55 @@ def _segment_line(name: str, item: Document, clock: Clock) -> str:
     return f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log {item['log']})"
 
 
-def _span(segments: Mapping[str, Document], clock: Clock) -> rrb.TimeRange:
-    """From the start of the first segment to the end of the last."""
-    starts = [clock.segments[name] for name in segments] or [0.0]
-    ends = [clock.segments[name] + float(item["duration_s"]) for name, item in segments.items()] or [1.0]
-    return rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=min(starts)), rrb.TimeRangeBoundary.absolute(seconds=max(ends)))
-
-
-def _blueprint(groups: Sequence[Document], span: rrb.TimeRange) -> rrb.Blueprint:
-    tabs: dict[str, list[Document]] = defaultdict(list)
-    for group in groups:
-        tabs[str(visible(group["tab"]))].append(group)
+def _blueprint(groups: Sequence[Owned], segments: Mapping[str, Document], logs: Mapping[str, Document], clock: Clock) -> rrb.Blueprint:
+    spans = (_span(clock.segments, {name: float(item["duration_s"]) for name, item in segments.items()}), _span(clock.logs, _lengths(logs)))
+    tabs: dict[str, list[Owned]] = defaultdict(list)
+    for owner, group in groups:
+        tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []), span)
+    answer = _plots(tabs.pop(ANSWER, []), logs, spans)
     opening = rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words
     path = rrb.Spatial3DView(origin="path", name=PATH)
-    others = [rrb.Grid(*_plots(items, span), grid_columns=1 if len(items) < 3 else 2, name=name) for name, items in tabs.items()]
+    plots = {name: _plots(items, logs, spans) for name, items in tabs.items()}
+    others = [rrb.Grid(*views, grid_columns=1 if len(views) < 3 else 2, name=name) for name, views in plots.items()]
     log = rrb.TextLogView(origin="log", name=LOG)
     return rrb.Blueprint(
         rrb.Tabs(opening, path, *others, log, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _plots(groups: Sequence[Document], span: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
-    """One plot per parent entity whose groups share a unit; else one per group."""
+def _lengths(logs: Mapping[str, Document]) -> dict[str, float]:
+    return {name: (log["end_us"] - log["start_us"]) * 1e-6 for name, log in logs.items()}
+
+
+def _span(starts: Mapping[str, float], lengths: Mapping[str, float]) -> rrb.TimeRange:
+    """From the first start to the last end, in seconds of the timeline."""
+    low = min(starts.values(), default=0.0)
+    high = max((start + lengths[name] for name, start in starts.items()), default=1.0)
+    return rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=low), rrb.TimeRangeBoundary.absolute(seconds=high))
+
+
+def _plots(groups: Sequence[Owned], logs: Mapping[str, Document], spans: tuple[rrb.TimeRange, rrb.TimeRange]) -> list[rrb.TimeSeriesView]:
+    """One plot per parent entity whose groups share a unit, else one per group; over all segments, or over all logs for a log's views."""
     units: dict[str, set[str]] = defaultdict(set)
-    for group in groups:
+    for _, group in groups:
         units[_parent(group)].add(str(group["unit"]))
+    parents = {_parent(group) for _, group in groups}
     plots: dict[str, rrb.TimeSeriesView] = {}
-    for group in groups:
-        together = len(units[_parent(group)]) == 1 and _parent(group)
+    for owner, group in groups:
+        together = len(units[_parent(group)]) == 1 and _parent(group) and str(visible(group["entity"])) not in parents
         origin = _parent(group) if together else str(visible(group["entity"]))
         name = f"{origin.split('/')[-1]} [{group['unit']}]" if group["unit"] else origin.split("/")[-1]
         if origin not in plots:
             plots[origin] = rrb.TimeSeriesView(
                 origin=origin,
                 name=name,
-                axis_x=rrb.TimeAxis(view_range=span, link=LINKED),
+                axis_x=rrb.TimeAxis(view_range=spans[owner.partition("/")[2] in logs]),
                 time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
                 plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             )
