@@ -6,16 +6,20 @@ from collections.abc import Mapping
 
 from data_schemas.errors import LogError, nearest
 
-from . import streams_dataflash, streams_tlog
+from . import streams_dataflash, streams_tlog, streams_ulog
 from .csv_reader import CSV
 from .dataflash import DATAFLASH
+from .dataflash_text import DATAFLASH_TEXT
 from .decoded import LogReader, RawFile
 from .streams import Rules
 from .tlog import TLOG
+from .ulog import ULOG
 
-READERS: tuple[LogReader, ...] = (DATAFLASH, TLOG, CSV)
+READERS: tuple[LogReader, ...] = (DATAFLASH, DATAFLASH_TEXT, ULOG, TLOG, CSV)
 MAPPINGS: Mapping[str, tuple[str, Rules]] = {
     "dataflash": ("dataflash", streams_dataflash.RULES),
+    DATAFLASH_TEXT.name: ("dataflash", streams_dataflash.RULES),
+    "ulog": ("ulog", streams_ulog.RULES),
     "tlog": ("tlog", streams_tlog.RULES),
 }
 """Reader -> name of its mapping in formats/streams.yaml, and its rules. A reader that is not here (CSV) gives streams itself."""

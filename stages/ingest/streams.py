@@ -25,6 +25,7 @@ Condition = Callable[[Messages, DecodedLog], str | None]
 Score = Callable[[Messages, DecodedLog], float]
 Clock = Callable[[Messages, DecodedLog], npt.NDArray[np.int64] | None]
 FEW = 2
+TEXTS = "TEXTS"
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def map_streams(log: DecodedLog, mapping: str, rules: Rules, wanted: Mapping[str
 
 
 def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStreams) -> Iterator[Candidate]:
-    messages = log.messages.get(source.message)
+    messages = _texts(log) if source.message == TEXTS else log.messages.get(source.message)
     if messages is None or not len(messages):
         yield Candidate(source, source.name, None, "not logged")
         return
@@ -110,6 +111,11 @@ def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStrea
         refused = "has no time stamp"
     for label, rows in _instances(source.name, messages, spec.instance):
         yield Candidate(source, label, rows, refused)
+    for name, sibling in log.messages.items():
+        # PX4 writes the further instances of a topic as topic.1, topic.2 ...
+        if name.startswith(f"{source.message}.") and len(sibling):
+            refused = rules.conditions[source.when](sibling, log) if source.when else None
+            yield Candidate(source, f"{source.name}[{name.rsplit('.', 1)[1]}]", sibling, refused)
 
 
 def _instances(name: str, messages: Messages, instance: tuple[str, ...]) -> Iterator[tuple[str, Messages]]:
@@ -124,6 +130,14 @@ def _instances(name: str, messages: Messages, instance: tuple[str, ...]) -> Iter
         return
     for item in found:
         yield f"{name}[{int(item)}]", select(messages, values == item)
+
+
+def _texts(log: DecodedLog) -> Messages:
+    """The text messages of the vehicle where the format has no message type for them."""
+    stamps = np.array([stamp for stamp, _ in log.texts], np.int64)
+    return Messages(
+        TEXTS, {"timestamp": stamps, "text": np.array([text for _, text in log.texts], object)}, np.zeros(stamps.size, np.int64)
+    )
 
 
 def select(messages: Messages, rows: npt.NDArray[Any]) -> Messages:

@@ -106,6 +106,12 @@ def _nearest(wanted: Ints, there: Ints) -> npt.NDArray[np.intp]:
     return order[np.where(closer, left, right)]
 
 
+def battery(messages: Messages, log: DecodedLog) -> Columns:
+    """Voltage and current of CURR, which early firmware wrote as whole hundredths."""
+    parts = {"voltage_v": messages.columns["Volt"], "current_a": messages.columns["Curr"]}
+    return {name: np.asarray(values, dtype=np.float64) * (0.01 if values.dtype.kind in "iu" else 1.0) for name, values in parts.items()}
+
+
 def healthy(messages: Messages, log: DecodedLog) -> float:
     """0 for an inertial unit that calls itself healthy most of the time, else 1."""
     flags = [floats(messages, name) for name in ("GH", "AH") if name in messages.columns]
@@ -216,6 +222,7 @@ RULES = Rules(
         "displacement_over_interval": displacement_over_interval,
         "navigation_velocity": navigation_velocity,
         "servo_outputs": servo_outputs,
+        "battery": battery,
         "modes": modes,
         "texts": texts,
     },

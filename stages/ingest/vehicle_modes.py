@@ -1,4 +1,4 @@
-"""Names of flight modes by number (ArduSub/mode.h). Other vehicles of the family number theirs differently and keep the number."""
+"""Names of flight modes by number (ArduSub/mode.h; PX4 vehicle_status). Other vehicles number theirs differently and keep the number."""
 
 from __future__ import annotations
 
@@ -16,6 +16,28 @@ SUB_MODES = {
     20: "MOTOR_DETECT",
     21: "SURFTRAK",
 }
+
+
+PX4_MODES = {
+    0: "MANUAL",
+    1: "ALTCTL",
+    2: "POSCTL",
+    3: "AUTO_MISSION",
+    4: "AUTO_LOITER",
+    5: "AUTO_RTL",
+    10: "ACRO",
+    12: "DESCEND",
+    13: "TERMINATION",
+    14: "OFFBOARD",
+    15: "STAB",
+    17: "AUTO_TAKEOFF",
+    18: "AUTO_LAND",
+}
+
+
+def px4_mode(number: int) -> str:
+    """The name of a PX4 navigation state (vehicle_status.nav_state); the number as text where it is unknown."""
+    return PX4_MODES.get(number, str(number))
 
 
 def mode_name(number: int | str, *, vehicle_type: int = SUBMARINE) -> str:
