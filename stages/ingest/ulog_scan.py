@@ -368,12 +368,11 @@ class Scan:
         return self.limit - place < layout.DATA_HEADER_BYTES or kind in layout.TYPES
 
     def _misread_header(self, place: int, resume: int) -> bool:
-        """Whether only the header at `place` is damaged: its size, or its number, leads to where the chain goes on."""
-        if place + layout.DATA_HEADER_BYTES > self.limit:
+        """Whether only the size of the data message at `place` is damaged: the one that its number has leads to `resume`."""
+        if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
             return False
-        size, _, id = struct.unpack_from("<HBH", self.bytes, place)
-        expected = int(self.numbers.size[0][id])
-        return resume in (place + layout.MESSAGE_HEADER_BYTES + size, place + layout.MESSAGE_HEADER_BYTES + expected)
+        expected = int(self.numbers.size[0][int(self.words[place + 3])])
+        return expected > 0 and resume == place + layout.MESSAGE_HEADER_BYTES + expected
 
     def _framed(self, place: int, resume: int) -> bool:
         """Whether sizes lead from `place` to `resume` over messages that have a frame but no meaning; if so, account for them.
@@ -398,7 +397,8 @@ class Scan:
         start = place
         while start < resume:
             end, kind = self._header(start)
-            if end > resume or (start > place and kind not in layout.TYPES):
+            empty = end == start + layout.MESSAGE_HEADER_BYTES  # as zero bytes would read; no message is
+            if end > resume or empty or (start > place and kind not in layout.TYPES):
                 return
             yield start, end, kind
             start = end
