@@ -106,27 +106,26 @@ class DataFlashTextReader:
         buffer = np.ascontiguousarray(file.buffer, np.uint8).reshape(-1)
         if buffer.size == 0:
             raise LogError("the file is empty", file=file.name, remedy="Copy the log from the vehicle again.")
-        log = _decode(buffer, wanted)
-        if not log.counts:
+        log = _decode(buffer, wanted) if buffer.size > NAME_BYTES else None
+        if log is None or not log.counts:
             raise LogError("no line declares a message format", file=file.name, allowed="a log with FMT lines")
         return log
 
 
 def split_lines(data: bytes) -> Lines:
-    """All lines of the file; the name of a line is packed into four bytes, 0 if no comma follows within them."""
+    """All lines of a file of more than four bytes; names are packed into four bytes, 0 if no comma follows within or behind them."""
     buffer = np.frombuffer(data, np.uint8)
     feeds = np.flatnonzero(buffer == ord("\n")) + 1
     stop = feeds if feeds.size and feeds[-1] == buffer.size else np.append(feeds, buffer.size)
     start = np.concatenate([[0], stop[:-1]])
     commas = np.flatnonzero(buffer == ord(","))
     count = np.diff(commas.searchsorted(np.append(start, buffer.size)))
-    padded = np.minimum(start, max(buffer.size - NAME_BYTES - 1, 0))  # the last few bytes hold no record with its name and fields
-    width = min(buffer.size, NAME_BYTES + 1)
-    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", data, 0, (1,))[padded].view(np.uint8).reshape(-1, width)
+    width = NAME_BYTES + 1
+    first = np.minimum(start, buffer.size - width)  # a line nearer to the end of the file is too short for a record
+    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", data, 0, (1,))[first].view(np.uint8).reshape(-1, width)
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
-    before_comma[(padded != start) | before_comma[:, -1]] = False
-    name = np.zeros((start.size, NAME_BYTES), np.uint8)
-    name[:, : width - 1] = (letters * before_comma)[:, :NAME_BYTES]
+    before_comma[(first != start) | before_comma[:, -1]] = False
+    name = (letters * before_comma)[:, :NAME_BYTES].copy()
     return Lines(start, stop, count, name.view(np.uint32)[:, 0])
 
 
