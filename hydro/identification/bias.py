@@ -21,15 +21,18 @@ from hydro.identification.resampling import interpolate_rotation, unwrap_angles
 from hydro.identification.standard_errors import hac_covariance
 
 GRAVITY = 9.80665
+WALK_SAMPLES = 16
+"""Fewer samples give no estimate of a random walk."""
 CONVENTIONS = ("specific_force", "inertial", "derivative")
 
 
 @dataclass(frozen=True)
 class BiasFit:
-    """A constant bias and the initial value of the integrated signal, with standard errors that allow for coloured residuals.
+    """A constant bias and the initial value of the integrated signal, with standard errors.
 
     bias = measured rate minus true rate. All (k,); initial_std is nan where the initial value was given. residual_rms: of measured minus
-    integrated signal, in the unit of the signal.
+    integrated signal, in the unit of the signal. Standard errors allow for coloured residuals and for the random walk that integrated
+    sensor noise makes, whose strength is estimated from the residual; good to a factor of two or so.
     """
 
     bias: Array
@@ -77,7 +80,7 @@ def fit_bias_linear(t_s: ArrayLike, rate: ArrayLike, measured: ArrayLike, *, ini
         keep = np.isfinite(target[:, column])
         design = -(t - t[0])[keep, None] if given is not None else np.column_stack([t[0] - t, np.ones_like(t)])[keep]
         y = target[keep, column] - path[keep, column] - (0.0 if given is None else given[column])
-        parts.append(_regress(design, y[:, None]))
+        parts.append(_regress(t[keep], design[:, None, :], y[:, None]))
     bias, std = np.array([p[0][0] for p in parts]), np.array([p[1][0] for p in parts])
     start = np.array([p[0][1] for p in parts]) if given is None else np.array(given)
     start_std = np.array([p[1][1] for p in parts]) if given is None else np.full(len(parts), np.nan)
@@ -100,7 +103,7 @@ def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
     path = integrate(t, np.einsum("nij,nj->ni", matrices, rates))
     gain = integrate(t, matrices.reshape(len(t), 9)).reshape(-1, 3, 3)
     design = np.concatenate([-gain, np.broadcast_to(np.eye(3), gain.shape)], axis=2)
-    value, std, rms = _regress(design, angles - path)
+    value, std, rms = _regress(t, design, angles - path)
     return BiasFit(value[:3], value[3:], std[:3], std[3:], rms)
 
 
@@ -137,7 +140,7 @@ def fit_velocity(t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dv
     start = R[0]
     design = np.concatenate([-to_body @ gain_there, to_body @ start], axis=2)
     free = np.einsum("mij,mj->mi", to_body, CubicSpline(t, ned)(times))
-    value, std, rms = _regress(design, measured - free)
+    value, std, rms = _regress(times, design, measured - free)
     bias, initial = value[:3], value[3:]
     velocity = np.einsum("nji,nj->ni", R, ned - gain.reshape(-1, 3, 3) @ bias + start @ initial)
     return VelocityFit(velocity, bias, initial, std[:3], std[3:], rms)
@@ -215,19 +218,38 @@ def _checked(t_s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return t, values
 
 
-def _regress(design: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least squares of y (m, c) on design (m, c, k) or (m, k): value (k,), coloured standard errors (k,), residual RMS (c,)."""
-    X = design if design.ndim == 3 else design[:, None, :]
+def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Least squares of y (m, c) on design (m, c, k) at times t (m,): value, standard errors (k,), residual RMS (c,); nan is missing."""
     present = np.isfinite(y)
-    if present.sum() <= X.shape[2]:
-        raise DataError("too few measurements to find a bias", value=int(present.sum()))
-    rows = X[present]
+    k = design.shape[2]
+    rows = design[present]
+    if len(rows) <= k:
+        raise DataError("too few measurements to find a bias", value=len(rows))
     value, _, rank, _ = np.linalg.lstsq(rows, y[present], rcond=None)
-    if rank < X.shape[2]:
-        raise DataError("the measurements do not determine the bias", value=f"rank {rank} of {X.shape[2]}")
-    residual = np.where(present, y - X @ value, 0.0)
-    scores = np.einsum("mc,mck->mk", residual, X)
+    if rank < k:
+        raise DataError("the measurements do not determine the bias", value=f"rank {rank} of {k}")
+    residual = np.where(present, y - design @ value, np.nan)
     bread = np.linalg.pinv(rows.T @ rows, hermitian=True)
-    std = np.sqrt(np.diag(hac_covariance(scores, bread))) if len(scores) > X.shape[2] else np.full(X.shape[2], np.nan)
-    rms = np.sqrt(np.sum(residual**2, axis=0) / np.maximum(present.sum(axis=0), 1))
-    return np.asarray(value, dtype=np.float64), np.asarray(std, dtype=np.float64), np.asarray(rms, dtype=np.float64)
+    scores = np.einsum("mc,mck->mk", np.nan_to_num(residual), design)
+    covariance = hac_covariance(scores, bread) if len(scores) > k else np.full((k, k), np.nan)
+    for channel in range(y.shape[1]):
+        keep = present[:, channel]
+        covariance = covariance + bread @ _walk_moment(t[keep], design[keep, channel], residual[keep, channel]) @ bread
+    rms = np.sqrt(np.sum(np.nan_to_num(residual) ** 2, axis=0) / np.maximum(present.sum(axis=0), 1))
+    return np.asarray(value, dtype=np.float64), np.asarray(np.sqrt(np.diag(covariance))), np.asarray(rms)
+
+
+def _walk_moment(t: Array, x: Array, residual: Array) -> Array:
+    """X' S X (k, k) for the random walk in a residual (m,): S_ij = q min(t_i, t_j), with q the growth of its structure function.
+
+    Integrated sensor noise is a random walk: as long correlated as the leg, so that no kernel estimate of its covariance sees it.
+    """
+    if len(t) < WALK_SAMPLES:
+        return np.zeros((x.shape[1], x.shape[1]))
+    lags = np.unique(np.linspace(len(t) // 40 + 1, len(t) // 8 + 2, 8).astype(int))
+    growth = np.array([np.mean((residual[lag:] - residual[:-lag]) ** 2) for lag in lags])
+    spans = np.array([np.mean(t[lag:] - t[:-lag]) for lag in lags])
+    spans_centred = spans - spans.mean()
+    q = max(0.0, float(spans_centred @ growth / (spans_centred @ spans_centred)))
+    tail = np.cumsum(x[::-1], axis=0)[::-1][1:]
+    return np.asarray(q * (tail * np.diff(t)[:, None]).T @ tail)

@@ -39,7 +39,7 @@ def zero_phase_lowpass(t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, o
             allowed=f"0 to {0.5 / step:.3g} Hz",
         )
     sections = butter(order, cutoff_hz, fs=1.0 / step, output="sos")
-    padding = min(int(np.ceil(edge_zone_s(cutoff_hz, order=order) / step)) + 1, len(t) - 1)
+    padding = min(int(np.ceil(2.0 * edge_zone_s(cutoff_hz, order=order) / step)), len(t) - 1)
     if len(t) < 4:
         raise DataError("too few samples for the low-pass", value=len(t))
     return np.asarray(sosfiltfilt(sections, signal, axis=0, padtype="odd", padlen=padding), dtype=np.float64)
