@@ -23,7 +23,7 @@ from hydro.identification.splines import cutoff_from_lambda, lambda_from_cutoff,
 from stages.base import Document, Stage, param, port
 from stages.signals import ACCELEROMETER, ATTITUDE, Array, named
 
-from .segments import Signal, Span, common_spans, gap_list, leg_window, missing_stream, segment_ids, signal, too_short
+from .segments import Signal, Span, common_spans, gap_list, leg_window, missing_stream, segment_ids, signal, too_short, trimmed
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 RATE = ("p_rad_s", "q_rad_s", "r_rad_s")
@@ -32,7 +32,7 @@ LINEAR = ("u_m_s", "v_m_s", "w_m_s")
 LINEAR_DOT = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2")
 ATTITUDE_RATE = ("phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
-"""Streams whose gaps split a leg; the battery changes slowly and does not."""
+"""Streams whose gaps split a leg; the battery changes slowly and does not, it only trims a segment's ends by a gap at most."""
 LONG, BLOCK, BLOCKS = 100_000, 10_000, 7
 
 
@@ -94,7 +94,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     leg, start_us = inputs.leg, int(inputs.log_info["start_us"])
     window = leg_window(leg, start_us, int(inputs.log_info["end_us"]))
     lags = sensor_lags(inputs.vehicle, params.lag_s)
-    signals, notes = {}, []
+    signals: dict[str, Signal] = {}
+    notes = []
+    length = (int(inputs.log_info["end_us"]) - start_us) / 1e6
+    if window[1] > length + params.max_gap_s:
+        notes.append(f"the leg asks for data up to {window[1]:g} s, the log ends at {length:.3f} s")
     for stream in (*COVERING, "battery"):
         table = getattr(inputs, stream)
         found = None
@@ -108,7 +112,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
     covering = [item for name, item in signals.items() if name in COVERING]
-    all_spans = common_spans(covering)
+    all_spans = [trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)]
     spans = [span for span in all_spans if span[1] - span[0] >= params.min_segment_s]
     if not spans:
         raise too_short(leg, covering, min_segment_s=params.min_segment_s, max_gap_s=params.max_gap_s)
@@ -177,9 +181,8 @@ def resample_segment(signals: Mapping[str, Signal], span: Span, params: Params) 
 
     smooth("depth", ("depth_m",), ("z_m",), ("z_dot_m_s",))
     angles = signals["attitude"]
-    attitude = smooth_attitude(
-        angles.t_s, _euler(angles), _inside(t_s + start, angles), lam=_lambda(angles, unwrap_angles(_euler(angles)), params)
-    )
+    euler = unwrap_angles(_euler(angles))
+    attitude = smooth_attitude(angles.t_s, euler, _inside(t_s + start, angles), lam=_lambda(angles, euler, params))
     columns |= named(ATTITUDE, attitude.euler)
     columns |= named(ATTITUDE_RATE, np.einsum("nij,nj->ni", euler_rate_matrix(attitude.euler), attitude.omega))
     smoothing["attitude"] = _smoothing(params, attitude.lambda_, _step(angles), attitude.sigma_rad)

@@ -52,7 +52,7 @@ def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
         raise DataError(
             f"leg '{leg['id']}' lies outside log '{leg['log']}'",
             field="start_s" if first >= length else "end_s",
-            value=f"{first:g} to {last:g} s",
+            value=f"from {first:g} s on" if end is None else f"{first:g} to {last:g} s",
             allowed=f"0 to {length:.3f} s from the first time-stamped record",
         )
     return first, last
@@ -77,6 +77,16 @@ def common_spans(signals: Sequence[Signal]) -> list[Span]:
         both = [(max(one[0], other[0]), min(one[1], other[1])) for one in spans for other in item.spans]
         spans = [span for span in both if span[0] < span[1]]
     return spans
+
+
+def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
+    """The span without the ends that a slow signal does not cover, each cut by `longest_s` at most."""
+    if item is None:
+        return span
+    first, last = float(item.t_s[0]), float(item.t_s[-1])
+    start = first if span[0] < first <= span[0] + longest_s else span[0]
+    end = last if span[1] - longest_s <= last < span[1] else span[1]
+    return (start, end) if start < end else span
 
 
 def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,7 @@ def test_too_many_bad_samples_refuse_the_log() -> None:
 def test_kept_time_stamps_increase_and_none_could_be_added_in_greater_number(values: list[int]) -> None:
     kept = increasing(np.array(values, np.int64))
     chosen = [value for value, keep in zip(values, kept, strict=True) if keep]
-    assert all(first < second for first, second in zip(chosen, chosen[1:], strict=False))
+    assert all(first < second for first, second in pairwise(chosen))
     assert len(chosen) == longest_increasing(values)
 
 

@@ -70,6 +70,7 @@ def test_a_real_log_has_the_streams_that_it_should() -> None:
         "mode": "MODE",
         "events": "MSG",
     }
+    assert outputs.imu is not None
     assert outputs.imu.num_rows == 594
     assert info["streams"]["imu"]["rate_hz"] == pytest.approx(25.0, abs=0.01)
     assert info["vehicle"].startswith("ArduSub V4.1.0")
@@ -134,9 +135,9 @@ def test_the_manifest_chooses_sources() -> None:
     assert run(raw_file(SMALL), sources={"depth": "none"}).depth is None
     with pytest.raises(CampaignError, match=r"no such source of stream 'depth'; found 'BARR'; allowed: BARO\[1\], BARO\[0\].*Did you mean"):
         run(raw_file(SMALL), sources={"depth": "BARR"})
-    with pytest.raises(CampaignError, match="unknown stream; found 'dept'.*Did you mean 'depth'"):
+    with pytest.raises(CampaignError, match=r"unknown stream; found 'dept'.*Did you mean 'depth'"):
         run(raw_file(SMALL), sources={"dept": "BARO"})
-    with pytest.raises(CampaignError, match="velocity.*none: nothing in the log"):
+    with pytest.raises(CampaignError, match=r"velocity.*none: nothing in the log"):
         run(raw_file(SMALL), sources={"velocity": "VISO"})
 
 
@@ -175,7 +176,7 @@ def test_what_is_no_log(content: bytes, words: str) -> None:
 
 def test_a_forced_reader_that_does_not_exist() -> None:
     log = RawLog("dive", (raw_file(SMALL),), reader="dataflsh")
-    with pytest.raises(LogError, match="unknown reader; found 'dataflsh'.*Did you mean 'dataflash'"):
+    with pytest.raises(LogError, match=r"unknown reader; found 'dataflsh'.*Did you mean 'dataflash'"):
         ingest.run(ingest.Inputs(log), ingest.Params())
 
 

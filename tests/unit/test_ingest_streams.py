@@ -47,7 +47,7 @@ def statuses(stream: Stream) -> dict[str, str]:
 @pytest.mark.parametrize("name", format_names())
 def test_every_declared_source_fills_its_stream(name: str) -> None:
     spec = format_streams(name)
-    rules = {mapping: rules for mapping, rules in MAPPINGS.values()}[name]
+    rules = dict(MAPPINGS.values())[name]
     assert spec is not None
     for stream, sources in spec.streams.items():
         assert stream in STREAMS
@@ -71,7 +71,7 @@ def test_supply_names_every_format(stream: str) -> None:
 
 
 def test_attitude_and_imu_become_si() -> None:
-    imu = {f"Gyr{axis}": 0.1 for axis in "XYZ"} | {f"Acc{axis}": -9.8 for axis in "XYZ"}
+    imu: dict[str, Any] = {f"Gyr{axis}": 0.1 for axis in "XYZ"} | {f"Acc{axis}": -9.8 for axis in "XYZ"}
     streams = dataflash(log(message("ATT", Roll=90.0, Pitch=-45.0, Yaw=270.0), message("IMU", **imu)))
     assert streams["attitude"].columns["phi_rad"][0] == pytest.approx(np.pi / 2, rel=1e-15)
     assert streams["attitude"].columns["psi_rad"][0] == pytest.approx(1.5 * np.pi, rel=1e-15)
@@ -86,9 +86,8 @@ def test_the_unit_that_the_log_declares_goes_before_the_mapping() -> None:
 
 
 def test_viso_displacement_over_its_own_interval() -> None:
-    viso = message(
-        "VISO", 3, dt=[0.1, 0.2, 0.0], PosDX=[0.01, 0.04, 1.0], PosDY=[0.0, -0.02, 1.0], PosDZ=[0.005, 0.0, 1.0], conf=[100.0, 50.0, 0.0]
-    )
+    moved = {"PosDX": [0.01, 0.04, 1.0], "PosDY": [0.0, -0.02, 1.0], "PosDZ": [0.005, 0.0, 1.0]}
+    viso = message("VISO", 3, dt=[0.1, 0.2, 0.0], conf=[100.0, 50.0, 0.0], **moved)
     columns = dataflash(log(viso))["velocity"].columns
     assert columns["u_m_s"][:2] == pytest.approx([0.1, 0.2], rel=1e-15)
     assert columns["v_m_s"][:2] == pytest.approx([0.0, -0.1], rel=1e-15)
@@ -135,7 +134,7 @@ def test_fallback_attitude_says_so() -> None:
 
 def test_unhealthy_inertial_unit_comes_last() -> None:
     instance = np.tile([0, 1], 10)
-    columns = {f"{kind}{axis}": 0.0 for kind in ("Gyr", "Acc") for axis in "XYZ"}
+    columns: dict[str, Any] = {f"{kind}{axis}": 0.0 for kind in ("Gyr", "Acc") for axis in "XYZ"}
     stream = dataflash(log(message("IMU", I=instance, GH=instance, AH=1, **columns)))["imu"]
     assert stream.source == "IMU[1]"
     assert statuses(stream) == {"IMU[1]": "used", "IMU[0]": "available", "IMU2": "not logged", "IMU3": "not logged"}
@@ -181,7 +180,7 @@ UNIX = 1_700_000_000_000_000
 
 def telemetry(name: str, arrival_us: Any, compid: int = 1, **columns: Any) -> Messages:
     arrival = np.asarray(arrival_us, np.int64)
-    values = {"time_unix_us": arrival, "compid": np.full(arrival.size, compid, np.uint8)}
+    values: dict[str, Any] = {"time_unix_us": arrival, "compid": np.full(arrival.size, compid, np.uint8)}
     return Messages(name, values | {key: np.asarray(value) for key, value in columns.items()}, np.arange(arrival.size) * 30)
 
 
@@ -215,12 +214,14 @@ def test_servo_time_stamps_of_32_bits_start_again() -> None:
     decoded, _ = flight(duration_s=5000, drift=0.0)
     boot = np.array([4_294_000_000, 4_296_000_000, 4_300_000_000])
     servo = telemetry("SERVO_OUTPUT_RAW", UNIX + boot, time_usec=(boot % (1 << 32)).astype(np.uint32))
-    assert streams_tlog.clock(servo, decoded).tolist() == boot.tolist()
+    got = streams_tlog.clock(servo, decoded)
+    assert got is not None
+    assert got.tolist() == boot.tolist()
 
 
 def test_slow_inertial_messages_give_way_to_the_rates_of_attitude() -> None:
     decoded, arrival = flight(20)
-    scaled = {f"{kind}{suffix}": np.zeros(40) for kind in "xyz" for suffix in ("acc", "gyro")}
+    scaled: dict[str, Any] = {f"{kind}{suffix}": np.zeros(40) for kind in "xyz" for suffix in ("acc", "gyro")}
     slow = telemetry("RAW_IMU", arrival[::5], time_usec=np.arange(40, dtype=np.uint64) * 500_000 + 30_000_000, **scaled)
     attitude = decoded.messages["ATTITUDE"]
     rates = {name: np.full(len(attitude), 0.2) for name in ("rollspeed", "pitchspeed", "yawspeed")}
