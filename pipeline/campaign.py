@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -89,12 +90,15 @@ def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicle
 
 
 def inside(folder: Path, name: str, file: object) -> Path:
-    """The path that a manifest names; relative ones may not leave the campaign folder."""
+    """The path that a manifest names; relative ones may not leave the campaign folder.
+
+    Links within the folder may point elsewhere: who keeps big logs on another disk, or in a DVC cache, puts them there.
+    """
     path = Path(name)
     if path.is_absolute():
         return path
-    joined = folder / path
-    if not joined.resolve().is_relative_to(folder.resolve()):
+    joined = Path(os.path.normpath(folder / path))
+    if not joined.is_relative_to(os.path.normpath(folder)):
         remedy = "Put the file under the folder, or write an absolute path if you mean it."
         raise CampaignError("path leaves the campaign folder", file=file, value=name, remedy=remedy)
     return joined

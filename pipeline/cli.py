@@ -46,8 +46,11 @@ def run(
 
     opened = session.open_run(campaign)
     stages = session.select(opened.graph, only=only, until=until)
-    with session.progress() as progress:
-        count = opened.execute(stages, engines.make_engine(engine, jobs), progress, force=force)
+    try:
+        with session.progress() as progress:
+            count = opened.execute(stages, engines.make_engine(engine, jobs), progress, force=force)
+    except KeyboardInterrupt:
+        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
     print("nothing to do: everything is up to date" if not count else f"{count} item{'s' * (count != 1)} run")
     if only is None:
         session.print_summary(opened)
@@ -124,8 +127,6 @@ def main() -> None:
         app(standalone_mode=True)
     except PipelineError as fault:
         sys.exit(_say(f"error: {fault}", FAILED))
-    except KeyboardInterrupt:
-        sys.exit(_say("interrupted: what was finished is kept", INTERRUPTED))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)

@@ -1,0 +1,76 @@
+"""dvc.yaml, params.yaml, STAGES and schemas say the same."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pipeline.declarations import dvc_yaml
+from pipeline.graph import Graph, stages_of_kind
+from stages import KINDS, STAGES
+from stages.base import Stage, ports
+
+ROOT = Path(__file__).resolve().parents[2]
+DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+PARAMS: dict[str, Any] = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+AnyStage = Stage[Any, Any, Any]
+
+
+def paths(entries: list[Any]) -> set[str]:
+    return {next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries}
+
+
+def test_file_is_what_the_stages_declare() -> None:
+    """`make declarations` writes it anew."""
+    assert (ROOT / "dvc.yaml").read_text(encoding="utf-8") == dvc_yaml(Graph(stages_of_kind(STAGES, KINDS, "identification")))
+
+
+def test_entries_are_the_stages_and_their_code() -> None:
+    assert list(DVC) == ["code", *(stage.name for stage in STAGES)]
+    assert DVC["code"]["always_changed"] is True
+    assert paths(DVC["code"]["outs"]) == {f"runs/.code/{stage.name}.txt" for stage in STAGES}
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
+def test_entry_runs_the_stage_for_every_campaign(stage: AnyStage) -> None:
+    entry = DVC[stage.name]
+    assert entry["foreach"] == "${campaigns}"
+    assert entry["do"]["cmd"] == f"auvid run ${{item}} --only {stage.name}"
+    assert f"runs/.code/{stage.name}.txt" in entry["do"]["deps"]
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
+def test_entry_names_single_parameters(stage: AnyStage) -> None:
+    named = DVC[stage.name]["do"].get("params", [])
+    assert named == [f"{stage.name}.{item.name}" for item in fields(stage.params)]
+    assert all(key.partition(".")[2] in PARAMS[stage.name] for key in named)
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
+def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
+    graph, deps = Graph(STAGES), set(DVC[stage.name]["do"]["deps"])
+    for feed in graph.feeds(stage):
+        for port in feed.producers:
+            do = DVC[port.stage.name]["do"]
+            assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
+    assert ("vehicles" in deps) == ("vehicle" in {spec["port"] for spec in ports(stage.inputs).values()})
+    assert any(path.startswith("campaigns/${item}") for path in deps)
+
+
+def test_outs_persist_and_error_tables_are_metrics() -> None:
+    for stage in STAGES:
+        do = DVC[stage.name]["do"]
+        for entry in (*do["outs"], *do.get("metrics", [])):
+            (path, options) = next(iter(entry.items()))
+            assert options["persist"] is True
+            assert path.startswith(f"runs/${{item}}/{stage.name}")
+    assert DVC["validate"]["do"]["metrics"] == [{"runs/${item}/validate/error_metrics.json": {"cache": False, "persist": True}}]
+
+
+def test_analytics_are_off() -> None:
+    for config in (ROOT / ".dvc" / "config", ROOT / "pipeline" / "templates" / "dot_dvc" / "config"):
+        assert "analytics = false" in config.read_text(encoding="utf-8")
