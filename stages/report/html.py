@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import math
+import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ VERDICTS = {
     "not applicable": "none",
 }
 RATIO = "J/J0"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NO_LOGS: Mapping[str, str] = {}
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 
@@ -128,9 +130,10 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
 
 
 def _stem(title: str, item: str) -> str:
-    if item and title.endswith(item):
-        return title[: -len(item)].rstrip(" :,-–—(").removesuffix(" of").removesuffix(" in").removesuffix(" on") or title
-    return title
+    """A title without the item it names: `State of train (kinematic)` -> `State (kinematic)`."""
+    if not item:
+        return title
+    return re.sub(rf"[\s:,–-]*(\b(of|in|on|for)\s+)?(?<!\w){re.escape(item)}(?!\w)", "", title).strip() or title
 
 
 def anchor(*names: str) -> str:
@@ -153,7 +156,7 @@ def _shown(character: str) -> str:
 def cells(block: Document) -> list[list[Cell]]:
     """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up."""
     names = [str(head["name"]) for head in block["columns"]]
-    decimals = [_decimals([row[index] for row in block["rows"]]) for index in range(len(names))]
+    decimals = [2 if name.startswith(RATIO) else _decimals([row[index] for row in block["rows"]]) for index, name in enumerate(names)]
     return [[_cell(*item) for item in zip(row, names, decimals, strict=True)] for row in block["rows"]]
 
 
@@ -173,7 +176,7 @@ def _cell(value: Any, column: str, decimals: int | None) -> Cell:
     if isinstance(value, int | float):
         kind = f"number {heat(float(value))}" if column.startswith(RATIO) else "number"
         words = number(value) if decimals is None else f"{value:.{decimals}f}".replace("-", "−")
-        return Cell(words, float(value), kind)
+        return Cell(words, value, kind)
     words = str(value)
     if column == "term":
         return Cell(term(words), words, "term")
@@ -197,7 +200,9 @@ def number(value: float) -> str:
         words = f"{value:.0f}" if abs(value) < 1e6 else f"{value:.3e}"
     else:
         words = f"{value:.4g}"
-    return words.replace("-", "−")
+    mantissa, _, power = words.partition("e")
+    tail = f"×10{str(int(power)).translate(RAISED)}" if power else ""
+    return mantissa.replace("-", "−") + tail
 
 
 def heat(ratio: float | None) -> str:

@@ -19,6 +19,7 @@ AXES = ("X", "Y", "Z", "K", "M", "N")
 AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
 CLOSE = 1.05
 OVERFIT = 2.0
+ASSUMED_SHOWN = 6
 Document = Mapping[str, Any]
 Level = Literal["good", "fair", "poor"]
 
@@ -171,7 +172,7 @@ def _verdict(models: Sequence[ModelScore], take: ModelScore | None, judged: bool
     if failing:
         words += f" It does not hold in {_listed(failing)}: there its error is larger than the force."
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    return level, f"Take {take.title}", words
+    return level, f"Take {take.title}" + (", with care" if level == "fair" else ""), words
 
 
 def _failing(model: ModelScore) -> list[str]:
@@ -239,9 +240,12 @@ def _missing(
         found += _unexcited(any_card)
     if card is not None:
         found += _undetermined(card)
-    assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card["assumed"]))
+    assumed = list(dict.fromkeys(_short(str(item)) for card in cards.values() for item in card["assumed"]))
     if assumed:
-        found.append(f"Assumed, not measured: {_listed(assumed)}. The coefficients shift or scale with these figures.")
+        more = [f"{len(assumed) - ASSUMED_SHOWN} more (see Provenance)"] if len(assumed) > ASSUMED_SHOWN else []
+        found.append(
+            f"Assumed, not measured: {_listed([*assumed[:ASSUMED_SHOWN], *more])}. The coefficients shift or scale with these figures."
+        )
     for name, log in logs.items():
         if log["status"] != "complete":
             lost = sum(float(item.get("seconds_lost") or 0) for item in log["files"])
@@ -284,6 +288,13 @@ def _warnings(sections: Mapping[str, Document]) -> tuple[str, ...]:
 
 def _figure(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.2f}"
+
+
+def _short(assumed: str) -> str:
+    """`rigid_body.centre_of_gravity = [0, 0, 0] m (source)` -> `centre of gravity`; `added_mass.X_udot = ...` -> `added mass`."""
+    path = assumed.split(" = ")[0].split(".")
+    name = path[-2] if len(path) > 1 and path[-1] != path[-1].lower() else " ".join(path[-2:]) if path[0] == "sensors" else path[-1]
+    return name.replace("_", " ")
 
 
 def _plural(count: int, noun: str) -> str:

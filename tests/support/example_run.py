@@ -207,7 +207,7 @@ def _add_ingest(run: ExampleRun, seconds: float) -> None:
     time_us = 61_000_000 + np.arange(0, int(seconds * 1e6), 5_000_000)
     words = [f"EKF3 lane {index} active" for index in range(time_us.size)]
     run.tables["ingest/dive/events"] = make_table("events", {"time_us": time_us, "text": words})
-    run.tables["ingest/dive/mode"] = make_table("mode", {"time_us": time_us[:2], "mode": ["MANUAL", "POSHOLD"]})
+    run.tables["ingest/dive/mode"] = make_table("mode", {"time_us": time_us[:1], "mode": ["MANUAL"]})
     rows = [["imu", 6500, 50.0, 0.02], ["velocity", 1040, 8.0, 0.41], ["depth", 1300, 10.0, None]]
     blocks = [
         remark("Every byte of the file is accounted for; the last record is cut off.", "finding"),
@@ -221,14 +221,15 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
     t, truth, noisy = _signals(length, rng)
     run.fused[name] = run.tables[f"fuse/{name}/fused"] = _fused_table(t, truth)
     run.tables[f"resample/{name}/resampled"] = _resampled_table(t, noisy)
+    clock = t + float(run.segments[name]["leg_start_s"])
     symbols = (("u", "m/s"), ("v", "m/s"), ("w", "m/s"), ("p", "rad/s"), ("q", "rad/s"), ("r", "rad/s"))
     panels = [
-        panel(symbol, unit, [series("raw", t, noisy[:, index], "raw"), series("fused", t, truth[:, index], "fused")])
+        panel(symbol, unit, [series("raw", clock, noisy[:, index], "raw"), series("fused", clock, truth[:, index], "fused")])
         for index, (symbol, unit) in enumerate(symbols)
     ]
     blocks = [
         text("Velocity from the Doppler log, rates from the gyro, one zero-phase filter on all channels."),
-        plot("Raw against fused", panels, group=name, look_for="The fused line follows the raw one without lag."),
+        plot("Raw against fused", panels, group="time", look_for="The fused line follows the raw one without lag."),
         table("Gyro bias", ["axis", ("bias", "rad/s")], [["p", 1.2e-4], ["q", -3.4e-4], ["r", 7.7e-5]]),
     ]
     run.sections[f"fuse/{name}"] = section(f"State, raw against fused: {name}", blocks, order=30)
@@ -247,13 +248,13 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
     }
     parts = ("rigid_body_inertia", "added_mass_inertia", "restoring", "thrusters", "tau_bar")
     forces = [
-        panel(axis, unit, [series(part, t, 4 * np.roll(truth[:, index], 7 * place), part) for place, part in enumerate(parts)])
+        panel(axis, unit, [series(part, clock, 4 * np.roll(truth[:, index], 7 * place), part) for place, part in enumerate(parts)])
         for index, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True))
     ]
     meaning = "What the rigid body does, less what gravity and actuators explain, is left for the viscous model."
     blocks = [
         equation(r"\bar\tau = M\dot\nu + C(\nu)\nu - \tau_G(\eta) - \tau_U(\nu, u)", meaning),
-        plot("Residual force and its components", forces, group=name),
+        plot("Residual force and its components", forces, group="time"),
     ]
     run.sections[f"residual/{name}"] = section(f"Residual force: {name}", blocks, order=40)
     run.tables[f"validate/predictions/{name}"] = _predictions(name, t, truth)
@@ -279,16 +280,9 @@ def _resampled_table(t: Array, nu: Array) -> pa.Table:
 
 def _predictions(name: str, t: Array, truth: Array) -> pa.Table:
     columns = ["tau_X_N", "tau_Y_N", "tau_Z_N", "tau_K_N_m", "tau_M_N_m", "tau_N_N_m"]
-    pieces = [
-        make_table(
-            "predictions",
-            {"segment": [name] * t.size, "model": [model] * t.size, "t_s": t}
-            | {column: 4 * np.roll(truth[:, index], 2 * place) for index, column in enumerate(columns)},
-        )
-        for place, model in enumerate(MODELS)
-        if place < 2
-    ]
-    return pa.concat_tables(pieces[:1])
+    keys = {"segment": [name] * t.size * 2, "model": ["linear"] * t.size + ["fossen"] * t.size, "t_s": np.tile(t, 2)}
+    forces = {column: np.concatenate([4 * truth[:, index], 4 * np.roll(truth[:, index], 2)]) for index, column in enumerate(columns)}
+    return make_table("predictions", {**keys, **forces})
 
 
 def _add_campaign(run: ExampleRun) -> None:
@@ -307,6 +301,7 @@ def _add_campaign(run: ExampleRun) -> None:
         [title, terms, 4 * total, total, *(total * (1 + 0.1 * index) for index in range(6))] for title, terms, total in MODELS.values()
     ]
     t, truth, noisy = _signals(run.segments["check"]["duration_s"] if "check" in run.segments else 20.0, np.random.default_rng(1))
+    t += run.segments["check"]["leg_start_s"] if "check" in run.segments else 0.0
     panels = [
         panel(
             axis,
@@ -319,20 +314,13 @@ def _add_campaign(run: ExampleRun) -> None:
         )
         for index, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True))
     ]
-    blocks = [table("Validation, layout of McCarter Table 5.1", heads, rows), plot("check", panels, group="check")]
+    blocks = [table("Validation, layout of McCarter Table 5.1", heads, rows), plot("check", panels, group="time")]
     run.sections["validate"] = section("Errors and predictions", blocks, order=60)
     run.views["validate"] = {
         "groups": [
-            {
-                "entity": "answer/X/linear",
-                "table": f"predictions/{name}",
-                "columns": ["tau_X_N"],
-                "names": ["Linear"],
-                "roles": ["linear"],
-                "tab": "Answer",
-                "unit": "N",
-                "filter": {"model": "linear"},
-            }
+            {"entity": f"residual/X/{model}", "table": f"predictions/{name}", "columns": ["tau_X_N"], "names": [f"X {model}"]}
+            | {"roles": [model], "tab": "Answer", "unit": "N", "filter": {"model": model}}
             for name in run.segments
+            for model in ("linear", "fossen")
         ]
     }

@@ -1,0 +1,212 @@
+"""The report in a real browser: it draws, sorts, zooms, prints, and says nothing on the console. Pictures go to build/screenshots."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stages.report import Params, run
+from tests.support.browser import Browser, chromium
+from tests.support.example_run import example_run
+
+PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
+PROGRAM = chromium()
+FIRST_FRAME = "document.querySelector('.frame')"
+FIRST_AREA = "document.querySelector('.area')"
+BOX = "(({left, top, width, height}) => [left, top, width, height])"
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    file.write_bytes(run(example_run({"train": 20.0, "check": 10.0}).inputs(), Params()).report_html)
+    return file
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    assert PROGRAM is not None
+    with Browser(PROGRAM) as window:
+        yield window
+
+
+@pytest.fixture
+def page(browser: Browser, report: Path) -> Iterator[Browser]:
+    """The report freshly opened at 1280 px; nothing may have been said on the console by the end of the test."""
+    browser.messages.clear()
+    browser.open(report)
+    yield browser
+    assert browser.messages == []
+
+
+def area(page: Browser) -> tuple[float, float, float, float]:
+    page.evaluate(f"{FIRST_AREA}.scrollIntoView({{block: 'center'}})")
+    left, top, width, height = page.evaluate(f"{BOX}({FIRST_AREA}.getBoundingClientRect())")
+    return left, top, width, height
+
+
+def view(page: Browser) -> list[float]:
+    """The x-range in view of the first plot, in seconds."""
+    return [float(value) for value in page.evaluate("plots[0].view")]
+
+
+@pytest.mark.parametrize(("width", "height", "dark"), [(1280, 1000, False), (1280, 1000, True), (390, 1200, False)])
+def test_page_fits_its_window_and_is_not_empty(browser: Browser, report: Path, width: int, height: int, dark: bool) -> None:
+    browser.messages.clear()
+    browser.open(report, width=width, height=height, dark=dark)
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    picture = browser.screenshot(PICTURES / f"report_{width}{'_dark' if dark else ''}.png")
+    assert len(picture) > 20_000, "an empty page of this size compresses to less"
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    assert browser.messages == []
+
+
+def test_answer_is_on_the_first_screen(page: Browser) -> None:
+    assert page.evaluate("document.querySelector('.answer').getBoundingClientRect().bottom") < 1000
+    assert page.evaluate("document.querySelector('#missing').getBoundingClientRect().top") < 1000
+
+
+def test_every_plot_draws_its_lines(page: Browser) -> None:
+    drawn = page.evaluate(
+        """(() => { for (const section of document.querySelectorAll('.chapter > section')) section.style.contentVisibility = 'visible';
+        return [...document.querySelectorAll('path.line:not(.off)')].map(line => {
+          const box = line.getBoundingClientRect(), area = line.closest('.area').getBoundingClientRect();
+          return [box.width / area.width, box.height / area.height]; }); })()"""
+    )
+    assert len(drawn) > 80
+    assert all(0.4 < width < 1.01 and 0.2 < height < 1.0 for width, height in drawn)
+
+
+def test_scriptless_page_has_the_same_lines_and_labels(page: Browser, report: Path) -> None:
+    page.call("Emulation.setScriptExecutionDisabled", value=True)
+    page.open(report)
+    picture = page.screenshot()
+    page.call("Emulation.setScriptExecutionDisabled", value=False)
+    assert len(picture) > 20_000
+    assert page.evaluate("document.querySelectorAll('.y span').length") > 30
+
+
+def test_drag_zooms_all_plots_of_the_leg_and_double_click_resets(page: Browser) -> None:
+    left, top, width, height = area(page)
+    full = view(page)
+    page.drag((left + 0.25 * width, top + height / 2), (left + 0.5 * width, top + height / 2))
+    low, high = view(page)
+    span = full[1] - full[0]
+    assert low == pytest.approx(full[0] + 0.25 * span, abs=0.01 * span)  # a hundredth of the axis: whole pixels
+    assert high == pytest.approx(full[0] + 0.5 * span, abs=0.01 * span)
+    same = "plots.filter(p => p.low < {high} && p.high > {low}).every(p => p.view[0] === {low} || p.low > {low})"
+    assert page.evaluate(same.format(low=low, high=high))
+    assert page.evaluate("plots.some(p => p.low >= plots[0].high - 1 && p.view[1] === p.high)"), "the other leg keeps its range"
+    page.mouse("mousePressed", left + 0.3 * width, top + height / 2, clickCount=2)
+    page.mouse("mouseReleased", left + 0.3 * width, top + height / 2, clickCount=2)
+    assert view(page) == full
+
+
+def test_wheel_zooms_a_focused_plot_only(page: Browser) -> None:
+    left, top, width, height = area(page)
+    full = view(page)
+    centre = (left + width / 2, top + height / 2)
+    page.mouse("mouseWheel", *centre, deltaX=0, deltaY=-200)
+    assert view(page) == full
+    left, top, width, height = area(page)
+    page.evaluate(f"{FIRST_FRAME}.focus()")
+    page.mouse("mouseWheel", left + width / 2, top + height / 2, deltaX=0, deltaY=-200)
+    assert view(page)[1] - view(page)[0] == pytest.approx(0.8 * (full[1] - full[0]))
+
+
+def test_keyboard_moves_the_cursor_zooms_pans_and_resets(page: Browser) -> None:
+    area(page)
+    full = view(page)
+    page.evaluate(f"{FIRST_FRAME}.focus()")
+    page.press("ArrowRight")
+    readout = page.evaluate("document.querySelector('.panel output').textContent")
+    assert readout.startswith("at ")
+    page.press("+")
+    zoomed = view(page)
+    assert zoomed[1] - zoomed[0] == pytest.approx(0.8 * (full[1] - full[0]))
+    page.press("ArrowRight", shift=True)
+    assert view(page)[0] > zoomed[0]
+    page.press("Escape")
+    assert view(page) == full
+
+
+def test_readout_is_the_value_of_the_line(page: Browser) -> None:
+    value, near = page.evaluate(
+        """(() => { const line = document.querySelector('path.line'), {xs, ys} = decode(line), i = 40;
+        return [ys[i], plots[0].nearest(line, xs[i])]; })()"""
+    )
+    assert value == near
+
+
+def test_legend_hides_a_line_and_the_axis_follows(page: Browser) -> None:
+    page.evaluate("window.chosen = document.querySelector('#validate figure.plot')")
+    hidden = page.evaluate("chosen.querySelectorAll('.legend [aria-pressed=false]').length")
+    assert hidden == 5, "of eight models three are drawn at first"
+    page.evaluate("chosen.querySelector('.all').click()")
+    assert page.evaluate("chosen.querySelectorAll('path.line.off').length") == 0
+    page.evaluate("chosen.querySelector('.legend [data-entry=\"0\"]').click()")
+    assert page.evaluate("chosen.querySelectorAll('path.line.off').length") == 6
+
+
+def test_table_sorts_by_click_and_by_enter(page: Browser) -> None:
+    page.evaluate("window.table = document.querySelector('#validate table.sortable')")
+    cells = "[...table.tBodies[0].rows].map(row => Number(row.cells[1].dataset.v))"
+    page.evaluate("table.tHead.rows[0].cells[1].querySelector('button').click()")
+    rising = page.evaluate(cells)
+    assert rising == sorted(rising)
+    assert page.evaluate("table.tHead.rows[0].cells[1].getAttribute('aria-sort')") == "ascending"
+    page.evaluate("table.tHead.rows[0].cells[1].querySelector('button').focus()")
+    page.press("Enter")
+    assert page.evaluate(cells) == rising[::-1]
+    assert page.evaluate("table.tHead.rows[0].cells[1].getAttribute('aria-sort')") == "descending"
+
+
+def test_empty_cells_sort_last_either_way(page: Browser) -> None:
+    page.evaluate("window.table = document.querySelector('#synthesise table.sortable')")
+    for _ in range(2):
+        page.evaluate("table.tHead.rows[0].cells[2].querySelector('button').click()")
+        assert page.evaluate("table.tBodies[0].rows[table.tBodies[0].rows.length - 1].cells[2].textContent") == "–"
+
+
+def test_csv_holds_full_numbers_and_no_formulas(page: Browser) -> None:
+    words = page.evaluate("csv(document.querySelector('#validate table.sortable'))")
+    assert words.splitlines()[0] == "model,n,J,J/J0,X,Y,Z,K,M,N"
+    assert words.splitlines()[1].startswith("Linear,36,2.48,0.62,")
+    page.evaluate("window.made = document.createElement('table')")
+    page.evaluate("made.innerHTML = '<thead><tr><th>a<th>b</thead><tr><td data-v==1+1><td data-v=-2.5></tr>'")
+    assert page.evaluate("csv(made)") == "a,b\n'=1+1,-2.5\n"
+
+
+def test_theme_button_switches(page: Browser) -> None:
+    ground = "getComputedStyle(document.body).backgroundColor"
+    before = page.evaluate(ground)
+    page.evaluate("document.getElementById('theme').click()")
+    assert page.evaluate(ground) != before
+
+
+def test_everything_that_acts_is_reached_by_keyboard(page: Browser) -> None:
+    unreachable = page.evaluate(
+        "[...document.querySelectorAll('button, .frame, .scroll, summary, a[href]')].filter(item => item.tabIndex < 0).length"
+    )
+    assert unreachable == 0
+
+
+def test_links_of_the_contents_lead_to_a_heading(page: Browser) -> None:
+    missing = page.evaluate("[...document.querySelectorAll('nav a')].filter(a => !document.getElementById(a.hash.slice(1))).length")
+    assert missing == 0
+
+
+def test_page_prints(page: Browser) -> None:
+    document = page.pdf()
+    assert len(re.findall(rb"/Type\s*/Page\b", document)) >= 3
+
+
+def test_equation_has_its_accents(page: Browser) -> None:
+    tall = page.evaluate("document.querySelector('mover').getBoundingClientRect().height")
+    bare = page.evaluate("document.querySelector('mover > :first-child').getBoundingClientRect().height")
+    assert tall > bare

@@ -1,0 +1,119 @@
+"""The first screen says which model to take and what is missing, and never praises what validation does not bear out."""
+
+from __future__ import annotations
+
+import pytest
+
+from stages.report.summary import Summary, summarise
+from tests.support.example_run import AXES, MODELS, ExampleRun, example_run
+
+
+@pytest.fixture
+def run() -> ExampleRun:
+    return example_run({"train": 4.0, "check": 2.0})
+
+
+def summary_of(run: ExampleRun) -> Summary:
+    return summarise(run.cards, run.error_table() if run.errors else None, run.segments, run.logs, run.sections)
+
+
+def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "all") -> None:
+    for row in run.errors:
+        if row["use"] == use and row["axis"] == axis and row["model"] in ratios:
+            row["ratio"] = ratios[row["model"]]
+            row["rms"] = 4.0 * row["ratio"]
+
+
+def test_smallest_error_wins_when_it_is_alone(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"coe": 0.2})
+    assert summary_of(run).take == "coe"
+    assert "Take Coe" in summary_of(run).headline
+
+
+def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
+    found = summary_of(run)
+    assert found.take == "fossen"
+    assert "McFarland & Whitcomb has a slightly smaller error (0.40) with 216 terms" in found.explanation
+
+
+def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
+    set_ratio(run, "validation", dict.fromkeys(MODELS, 1.3))
+    found = summary_of(run)
+    assert found.take is None
+    assert found.level == "poor"
+    assert found.headline == "Take none of these models"
+
+
+def test_axis_that_fails_is_named_beside_the_model_to_take(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"coe": 0.2})
+    for axis in AXES:
+        set_ratio(run, "validation", {"coe": 1.7 if axis == "N" else 0.2}, axis)
+    found = summary_of(run)
+    assert found.level == "fair"
+    assert "It does not hold in yaw (N)" in found.explanation
+
+
+def test_good_only_when_small_everywhere(run: ExampleRun) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    assert summary_of(run).level == "good"
+    assert summary_of(run).headline == "Take Coe"
+
+
+def test_axis_on_which_every_model_fails_is_missing(run: ExampleRun) -> None:
+    set_ratio(run, "validation", dict.fromkeys(MODELS, 2.0), "K")
+    assert any(words.startswith("No model predicts roll (K)") for words in summary_of(run).missing)
+
+
+def test_overfit_is_said(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"coe": 0.5})
+    set_ratio(run, "training", {"coe": 0.1})
+    assert "Coe fits the training legs 5.0 times better than it predicts the validation legs." in summary_of(run).missing
+
+
+def test_without_validation_nothing_is_claimed(run: ExampleRun) -> None:
+    run.errors = [row for row in run.errors if row["use"] == "training"]
+    found = summary_of(run)
+    assert found.judged_on == "training"
+    assert found.level == "poor"
+    assert "nothing judges it" in found.headline
+    assert any("no validation leg" in words for words in found.missing)
+
+
+def test_without_error_table_the_page_says_so(run: ExampleRun) -> None:
+    run.errors = []
+    assert summary_of(run).headline == "No model was identified"
+
+
+def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRun) -> None:
+    run.cards["fossen"]["assumed"] = [
+        "rigid_body.mass = 13.5 kg (a book)",
+        "added_mass.X_udot = -6 kg (a book)",
+        "added_mass.Y_vdot = -7 kg (a book)",
+    ]
+    text = "\n".join(summary_of(run).missing)
+    assert "do not move the vehicle in roll (K) and pitch (M)" in text
+    assert "hardly excite yaw (N)" in text
+    assert "6 are weak (the interval reaches zero or nearly), 6 are not excited and 6 cannot be told apart" in text
+    assert "thrust curve" in text
+    assert "added mass" in text
+    assert "Log dive is truncated: 0.4 s are lost." in text
+
+
+def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> None:
+    facts = {fact.label: fact.value for fact in summary_of(run).facts}
+    assert facts["training"] == "4 s"
+    assert facts["validation"] == "2 s"
+    assert facts["logs complete"] == "0 of 1"
+    assert facts["coefficients identified"] == "6 of 24"
+
+
+def test_warnings_are_those_of_the_sections_once_each(run: ExampleRun) -> None:
+    run.sections["extra"] = run.sections["ingest/dive"]
+    assert summary_of(run).warnings == ("The velocity stream has a gap of 0.41 s at 77 s.",)
+
+
+def test_models_stand_best_first(run: ExampleRun) -> None:
+    totals = [model.total.validation for model in summary_of(run).models]
+    assert totals == sorted(total for total in totals if total is not None)
