@@ -33,6 +33,7 @@ UNREADABLE = "message whose content cannot be read"
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
+FRAMES_TO_FOLLOW = 8
 UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 
 Ints = npt.NDArray[np.int64]
@@ -330,11 +331,16 @@ class Scan:
         if resume == self.limit and self._cut_off(place):
             self._gap(place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED)
             return self._pass_boundary(place, resume)
-        if before >= 0 and not self._misread_header(place, resume):
+        if before >= 0 and not self._misread_header(place, resume) and not self._blank_behind(place, resume):
             self._drop_last()
-            place = before
+            cut = resume == self.size and not self.buffer[place:].any()
+            self._gap(before, place, CUT_OFF if cut else DAMAGED)
         self._gap(place, resume)
         return resume
+
+    def _blank_behind(self, place: int, resume: int) -> bool:
+        """Whether zeros begin at `place`, and not before: a message that ends in zeros may have been cut by them."""
+        return bool(self.buffer[place - 1]) and not self.buffer[place:resume].any()
 
     def _pass_boundary(self, place: int, boundary: int) -> int:
         """Where to go on when a message is cut by appended data; back to it if the offset of the appended data proves wrong."""
@@ -431,17 +437,25 @@ class Scan:
         return first
 
     def _follows(self, place: int) -> bool:
-        """Whether a message, whole or with damaged header, or the end stands at `place`."""
+        """Whether at `place` there is the end, or a message, if need be behind one with a damaged header or some without meaning."""
         if place >= self.limit - layout.MESSAGE_HEADER_BYTES or self._stands(place):
             return True
-        end, kind = self._header(place)
         if place + layout.DATA_HEADER_BYTES > self.limit:
-            return kind in layout.TYPES
-        if end > self.limit:
-            return self._cut_off(place) and kind == layout.DATA
+            return self._header(place)[1] in layout.TYPES
         expected = int(self.numbers.size[0][int(self.words[place + 3])])
         other = place + layout.MESSAGE_HEADER_BYTES + expected
-        return (kind in layout.TYPES and self._stands(end)) or (expected > 0 and other <= self.limit and self._stands(other))
+        if expected > 0 and other <= self.limit and self._stands(other):
+            return True
+        for _ in range(FRAMES_TO_FOLLOW):
+            end, kind = self._header(place)
+            if end > self.limit:
+                return kind == layout.DATA and self._cut_off(place)
+            if kind not in layout.TYPES or end == place + layout.MESSAGE_HEADER_BYTES:
+                return False
+            if end == self.limit or self._stands(end):
+                return True
+            place = end
+        return False
 
     def _stands(self, place: int) -> bool:
         return self._data_at(place)[1] >= 0 or self._other_at(place, apply=False) >= 0
