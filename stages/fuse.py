@@ -8,6 +8,7 @@ the integral).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from data_schemas.errors import DataError
+from data_schemas.errors import CampaignError, DataError
 from data_schemas.streams import supply_text
 from data_schemas.tables import column, has_columns, make_table, matrix
 from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
@@ -86,8 +87,12 @@ class Motion:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
+    if params.as_published and params.method != "thesis":
+        remedy = "Set method: thesis, or leave as_published out."
+        raise CampaignError("belongs to method thesis", field="stages.fuse.as_published", value=f"method {params.method}", remedy=remedy)
     vehicle = vehicle_from_document(inputs.vehicle)
-    motion = sensor_motion(inputs.resampled, vehicle, params)
+    sensed = sensed_motion(inputs.resampled, vehicle, has_gyro="p_rad_s" in inputs.segment["smoothing"])
+    motion = sensor_motion(inputs.resampled, sensed, vehicle, params)
     if params.method == "kinematic":
         velocity, velocity_rate, found = kinematic(motion)
     else:
@@ -104,27 +109,40 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         **named(ACCELERATION, nu_dot),
     }
     fused = make_table("fused", {name: values[keep] for name, values in columns.items()})
-    fusion = _fusion_document(inputs, params, motion, nu, keep, found)
-    return Outputs(fused=fused, fusion=fusion, section=_section(inputs, motion, nu, pose, keep, fusion), views=_views())
+    fusion = _fusion_document(inputs, params, motion, sensed, nu, keep, found)
+    return Outputs(fused=fused, fusion=fusion, section=_section(inputs, motion, sensed, nu, pose, keep, fusion), views=_views())
 
 
-def sensor_motion(resampled: pa.Table, vehicle: Vehicle, params: Params) -> Motion:
-    """Signals at the body origin: mounting rotations and lever arms taken out, gyro bias off, all channels filtered alike."""
+def sensed_motion(resampled: pa.Table, vehicle: Vehicle, *, has_gyro: bool) -> dict[str, Array]:
+    """What the sensors say of u v w p q r, turned into body axes, by column name: (n,) each, velocities only where there is a sensor.
+
+    Without a gyro the rates come from the attitude and are in body axes already.
+    """
     if not has_columns(resampled, VELOCITY[3:]):
         raise _missing("imu", "angular rates")
+    rates = matrix(resampled, VELOCITY[3:])
+    sensed = named(VELOCITY[3:], rates @ vehicle.imu.rotation.T if has_gyro else rates)
+    if has_columns(resampled, VELOCITY[:3]):
+        sensed |= named(VELOCITY[:3], matrix(resampled, VELOCITY[:3]) @ vehicle.dvl.rotation.T)
+    return sensed
+
+
+def sensor_motion(resampled: pa.Table, sensed: Mapping[str, Array], vehicle: Vehicle, params: Params) -> Motion:
+    """Signals at the body origin: lever arms taken out, gyro bias off, all channels filtered alike."""
     t_s = clock(resampled)
 
     def smooth(values: Array) -> Array:
         return values if params.cutoff_hz is None else zero_phase_lowpass(t_s, values, cutoff_hz=params.cutoff_hz)
 
     euler = smooth(matrix(resampled, ATTITUDE))
-    omega = smooth(matrix(resampled, VELOCITY[3:]) @ vehicle.imu.rotation.T)
+    omega = smooth(np.column_stack([sensed[name] for name in VELOCITY[3:]]))
     bias = gyro_bias(t_s, euler, omega).bias if params.fit_gyro_bias else np.zeros(3)
     omega = omega - bias
     velocity = None
-    if has_columns(resampled, VELOCITY[:3]):
-        sensed = smooth(matrix(resampled, VELOCITY[:3]) @ vehicle.dvl.rotation.T)
-        velocity = sensed if params.as_published else lever_arm_velocity(sensed, omega, vehicle.dvl.arm_m)
+    if VELOCITY[0] in sensed:
+        velocity = smooth(np.column_stack([sensed[name] for name in VELOCITY[:3]]))
+        if not params.as_published:
+            velocity = lever_arm_velocity(velocity, omega, vehicle.dvl.arm_m)
     depth = smooth(column(resampled, "z_m")) - vertical_arm(euler, vehicle.depth_sensor.arm_m)
     return Motion(t_s, depth, euler, omega, derivative(t_s, omega), velocity, bias)
 
@@ -217,9 +235,10 @@ def _inside_edges(t_s: Array, edge_s: float, segment: Document) -> Mask:
     return keep
 
 
-def _fusion_document(inputs: Inputs, params: Params, motion: Motion, nu: Array, keep: Mask, found: Found) -> dict[str, Any]:
-    raw = {name: matrix(inputs.resampled, (name,))[:, 0] for name in VELOCITY if name in inputs.resampled.column_names}
-    spread = {name: rms((raw[name] - nu[:, VELOCITY.index(name)])[keep]) for name in raw}
+def _fusion_document(
+    inputs: Inputs, params: Params, motion: Motion, sensed: Mapping[str, Array], nu: Array, keep: Mask, found: Found
+) -> dict[str, Any]:
+    spread = {name: rms((sensed[name] - nu[:, index])[keep]) for index, name in enumerate(VELOCITY) if name in sensed}
     return {
         "segment": inputs.segment["id"],
         "method": params.method,
@@ -235,13 +254,15 @@ def _fusion_document(inputs: Inputs, params: Params, motion: Motion, nu: Array, 
     }
 
 
-def _section(inputs: Inputs, motion: Motion, nu: Array, pose: Array, keep: Mask, fusion: Document) -> dict[str, Any]:
+def _section(
+    inputs: Inputs, motion: Motion, sensed: Mapping[str, Array], nu: Array, pose: Array, keep: Mask, fusion: Document
+) -> dict[str, Any]:
     start = float(inputs.segment["leg_start_s"])
     t = motion.t_s + start
     raw = inputs.resampled
     panels = []
     for index, (name, label, unit) in enumerate(zip(VELOCITY, "uvwpqr", ["m/s"] * 3 + ["rad/s"] * 3, strict=True)):
-        lines = [series("raw", t, matrix(raw, (name,))[:, 0], "raw")] if name in raw.column_names else []
+        lines = [series("raw", t, sensed[name], "raw")] if name in sensed else []
         panels.append(panel(label, unit, [*lines, series("fused", t[keep], nu[keep, index], "fused")]))
     attitude = [
         panel(label, "rad", [series("raw", t, matrix(raw, (column,))[:, 0], "raw"), series("fused", t[keep], pose[keep, index], "fused")])
@@ -249,7 +270,7 @@ def _section(inputs: Inputs, motion: Motion, nu: Array, pose: Array, keep: Mask,
     ]
     for item in attitude[3:]:
         item["unit"] = "m"
-    rows = [[key, fusion["rms"].get(key)] for key in fusion["rms"]]
+    rows = [[name.split("_")[0], value, "m/s" if name in VELOCITY[:3] else "rad/s"] for name, value in fusion["rms"].items()]
     biases = [["gyro " + axis, value, "rad/s"] for axis, value in zip("xyz", fusion["gyro_bias_rad_s"] or [], strict=False)]
     biases += [["accelerometer " + axis, value, "m/s^2"] for axis, value in zip("xyz", fusion["accel_bias_m_s2"] or [], strict=False)]
     blocks = [remark(words, "warning") for words in fusion["warnings"]]
@@ -262,7 +283,7 @@ def _section(inputs: Inputs, motion: Motion, nu: Array, pose: Array, keep: Mask,
         ),
         plot("Attitude and depth", attitude, group="time"),
         table("Biases", ["channel", "value", "unit"], biases),
-        table("RMS of raw minus fused", ["channel", "RMS"], rows, note="For a velocity this holds the lever arm too."),
+        table("RMS of raw minus fused", ["channel", "RMS", "unit"], rows, note="It holds the lever arm and the bias too."),
     ]
     return section(f"State of {inputs.segment['id']} ({fusion['method']})", blocks, order=30)
 

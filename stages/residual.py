@@ -22,6 +22,8 @@ from stages.base import Document, Stage, param, port
 from stages.sections import panel, plot, remark, section, series, table
 from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, Array, clock, force_columns, named, rms
 
+MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {73.0 + motor: motor for motor in range(9, 13)}
+"""ArduPilot's SERVOc_FUNCTION: 33 to 40 are motors 1 to 8, 82 to 85 motors 9 to 12."""
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 
 
@@ -66,11 +68,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def with_logged_directions(vehicle: Vehicle, parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
     """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters (ArduSub), if the log has one for every thruster.
 
+    Motor n is the one that SERVOc_FUNCTION assigns to the thruster's output c; without that parameter n = c.
     Second item: a sentence that says where the directions come from, empty for a vehicle without thrusters.
     """
     if vehicle.thrusters is None:
         return vehicle, ""
-    logged = [parameters.get(f"MOT_{number}_DIRECTION") for number in vehicle.thrusters.outputs]
+    motors = [MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION", 0.0), output) for output in vehicle.thrusters.outputs]
+    logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
     known = [float(value) for value in logged if value in (1.0, -1.0)]
     if len(known) < len(logged):
         return vehicle, "Motor directions are those of the vehicle file; the log does not hold them all."
@@ -99,7 +103,7 @@ def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control
         fins = smooth(raw)
     if vehicle.thrusters is not None:
         pulses = _columns(inputs, tuple(f"pwm_{number}_us" for number in vehicle.thrusters.outputs))
-        raw = thruster_forces(vehicle.thrusters, pulses, _voltage(inputs))
+        raw = thruster_forces(vehicle.thrusters, pulses, _voltage(inputs)[0])
         active |= bool(np.any(raw != 0.0))
         thrust = smooth(raw)
     if not active and not params.allow_no_actuation:
@@ -133,11 +137,15 @@ def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:
     return values
 
 
-def _voltage(inputs: Inputs) -> Array | None:
+def _voltage(inputs: Inputs) -> tuple[Array | None, float]:
+    """Battery voltage (n,), None where it was never measured, and the share of samples that got the nearest measured one."""
     if not has_columns(inputs.resampled, ("voltage_v",)):
-        return None
-    voltage = column(inputs.resampled, "voltage_v")
-    return None if np.isnan(voltage).any() else voltage
+        return None, 1.0
+    voltage, t_s = column(inputs.resampled, "voltage_v"), clock(inputs.resampled)
+    known = np.isfinite(voltage)
+    if not known.any():
+        return None, 1.0
+    return np.interp(t_s, t_s[known], voltage[known]), float(np.mean(~known))
 
 
 def _section(inputs: Inputs, vehicle: Vehicle, parts: ForceComponents, said: str) -> dict[str, Any]:
@@ -149,9 +157,14 @@ def _section(inputs: Inputs, vehicle: Vehicle, parts: ForceComponents, said: str
     ]
     rows = [[_words(name), *(rms(force[:, index]) for index in range(6))] for name, force in components.items()]
     blocks = [remark(said)] if said else []
-    if vehicle.thrusters is not None and _voltage(inputs) is None:
-        words = f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V, the voltage of the thrust curve."
-        blocks.append(remark(words, "warning"))
+    if vehicle.thrusters is not None:
+        voltage, bare = _voltage(inputs)
+        if voltage is None:
+            words = f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V, the voltage of the thrust curve."
+            blocks.append(remark(words, "warning"))
+        elif bare > 0.0:
+            words = f"The battery voltage is missing in {100.0 * bare:.1f} % of the segment; the nearest measured one stands in."
+            blocks.append(remark(words, "warning"))
     blocks += [
         plot(
             "Components of the residual force",

@@ -12,18 +12,19 @@ import pyarrow as pa
 from data_schemas.errors import CampaignError, DataError, nearest
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import basis_rows, basis_term_names
+from hydro.dynamics.viscous_basis import BASIS_TERMS, PROPULSION, basis_rows, basis_term_names
 from hydro.dynamics.viscous_models import MODELS, ViscousModel, without_propeller_terms
-from hydro.identification.excitation import VelocityExcitation, axis_excitation, term_floors
+from hydro.identification.excitation import VelocityExcitation, axis_excitation
 from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
-from hydro.identification.standard_errors import hac_standard_errors
-from hydro.identification.verdicts import INSEPARABLE, NOT_EXCITED, judge
+from hydro.identification.separability import breaks_symmetry, judge_with_motion
+from hydro.identification.standard_errors import hac_fit_covariance
+from hydro.identification.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
 from stages.base import Collection, Document, Stage, param, port
 from stages.sections import equation, remark, section, table
 from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, forces
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
-ROWS_AT_ONCE = 65_536
+ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Samples:
 
 def run(inputs: Inputs, params: Params) -> Outputs:
     vehicle = vehicle_from_document(inputs.vehicle)
-    models = [_named(name) for name in params.models]
+    models = _chosen(params.models)
     training = [_samples(inputs.residual[key]) for key, segment in inputs.segment.items() if segment["use"] == "training"]
     if not training:
         raise DataError("the campaign has no training leg, so there is nothing to fit", field="legs", remedy="Give a leg `use: training`.")
@@ -75,13 +76,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(model_card=cards, triangular_factor=document, section=_section(cards, motion))
 
 
-def _named(name: str) -> ViscousModel:
+def _chosen(names: tuple[str, ...]) -> list[ViscousModel]:
     known = {model.name: model for model in MODELS}
-    if name not in known:
-        raise CampaignError(
-            "unknown model", field="stages.synthesise.models", value=name, allowed=tuple(known), remedy=nearest(name, known)
-        )
-    return known[name]
+    field = "stages.synthesise.models"
+    for name in names:
+        if name not in known:
+            raise CampaignError("unknown model", field=field, value=name, allowed=tuple(known), remedy=nearest(name, known))
+    if not names or len(set(names)) < len(names):
+        raise CampaignError("name at least one model, and each once", field=field, value=list(names), allowed=tuple(known))
+    return [known[name] for name in names]
 
 
 def _samples(residual: pa.Table) -> Samples:
@@ -114,8 +117,7 @@ def _card(
     axes, solution, rank = {}, {}, 0
     for index, axis in enumerate(AXES):
         fit = solve_axis(factor, axis, model.terms.get(axis, ()), trim=params.trim)
-        errors = hac_standard_errors(fit, _pairs(fit, training, index), lags=params.hac_lags)
-        axes[axis] = _axis_entry(fit, errors, motion, axis)
+        axes[axis] = _axis_entry(fit, _covariance(fit, training, index, params), motion, axis)
         solution[axis] = {term: float(value) for term, value in zip(fit.terms, fit.solution, strict=True)}
         rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
     dropped = [f"{axis} {term}" for axis, terms in declared.terms.items() for term in terms if term not in model.terms.get(axis, ())]
@@ -137,6 +139,12 @@ def _card(
     }
 
 
+def _covariance(fit: AxisFit, training: list[Samples], index: int, params: Params) -> Array:
+    if fit.n_samples <= len(fit.independent):
+        return np.full((len(fit.terms), len(fit.terms)), np.nan)
+    return hac_fit_covariance(fit, _pairs(fit, training, index), lags=params.hac_lags)
+
+
 def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[Array, Array]]:
     terms = tuple(term for term in fit.terms if term != CONSTANT)
     for part in training:
@@ -144,23 +152,26 @@ def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[
         yield rows, part.force[:, index]
 
 
-def _axis_entry(fit: AxisFit, errors: Array, motion: Mapping[str, VelocityExcitation], axis: str) -> dict[str, Any]:
-    verdicts = judge(fit, floors=term_floors(fit.terms, motion), standard_errors=errors)
+def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityExcitation], axis: str) -> dict[str, Any]:
+    verdicts, determined = judge_with_motion(fit, motion, covariance=covariance)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    summed = {term for item in determined for term in item.weights}
     terms = []
     for index, term in enumerate(fit.terms):
         verdict = verdicts[term]
-        determined = verdict.status not in (NOT_EXCITED,) and np.isfinite(fit.coefficients[index])
+        alone = verdict.status != NOT_EXCITED and term not in summed and bool(np.isfinite(fit.coefficients[index]))
         entry: dict[str, Any] = {
             "term": term,
-            "value": float(fit.coefficients[index]) if determined else None,
-            "standard_error": float(errors[index]) if determined and np.isfinite(errors[index]) else None,
+            "value": float(fit.coefficients[index]) if alone else None,
+            "standard_error": float(errors[index]) if alone and np.isfinite(errors[index]) else None,
             "verdict": verdict.status,
         }
         if verdict.status == INSEPARABLE:
             entry["inseparable_from"] = list(verdict.partners)
         terms.append(entry)
     combinations = [
-        {"weights": dict(item.weights), "value": item.value, "reading": str(item)} for group in fit.groups for item in group.combinations
+        {"weights": dict(item.weights), "value": item.value, "standard_error": _finite(item.standard_error), "reading": str(item)}
+        for item in determined
     ]
     return {
         "unit": AXIS_UNITS[axis],
@@ -173,6 +184,10 @@ def _axis_entry(fit: AxisFit, errors: Array, motion: Mapping[str, VelocityExcita
         "terms": terms,
         "combinations": combinations,
     }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _excitation(motion: VelocityExcitation) -> str:
@@ -203,19 +218,42 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
         for item in part["terms"]:
             partners = item.get("inseparable_from")
             verdict = f"inseparable from {', '.join(partners)}" if partners else item["verdict"]
-            rows.append([axis, item["term"], item["value"], item["standard_error"], verdict])
-    heads: list[str | tuple[str, str]] = ["axis", "term", ("value", "SI"), ("standard error", "SI"), "verdict"]
+            rows.append([axis, item["term"], item["value"], item["standard_error"], coefficient_unit(axis, item["term"]), verdict])
+    heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
     title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}"
-    blocks = [table(title, heads, rows, note="Standard errors allow for coloured residuals (Newey-West).")]
-    sums = [[axis, item["reading"]] for axis, part in card["axes"].items() for item in part["combinations"]]
+    note = "Standard errors allow for coloured residuals (Newey-West)."
+    if card["assumed"]:
+        note += f" They take the {len(card['assumed'])} assumed figures of the vehicle as exact."
+    blocks = [table(title, heads, rows, note=note)]
+    sums = [[axis, item["reading"], item["standard_error"]] for axis, part in card["axes"].items() for item in part["combinations"]]
     if sums:
-        blocks.append(
-            table(f"{card['title']}: what the data determine of inseparable terms", ["axis", "combination of coefficients: value"], sums)
-        )
+        heads = ["axis", "combination of coefficients: value", "standard error"]
+        blocks.append(table(f"{card['title']}: what the data determine of inseparable terms", heads, sums))
     if card["not_applicable"]:
-        words = f"{card['title']}: {len(card['not_applicable'])} terms with the propulsion ratio do not apply without a propeller speed."
-        blocks.append(remark(words))
+        words = f"{card['title']}: {len(card['not_applicable'])} terms with the propulsion ratio do not apply without a propeller speed"
+        blocks.append(remark(f"{words}: {', '.join(card['not_applicable'])}."))
+    lopsided = [
+        f"{axis} {item['term']}"
+        for axis, part in card["axes"].items()
+        for item in part["terms"]
+        if item["verdict"] == IDENTIFIED and item["term"] != CONSTANT and breaks_symmetry(axis, item["term"])
+    ]
+    if lopsided:
+        words = (
+            f"{card['title']}: {', '.join(lopsided)} came out identified, though a hull symmetric to port and starboard has no such terms."
+        )
+        blocks.append(remark(f"{words} Look at the thrust model, the mounting of the sensors and the load before the hull."))
     return blocks
+
+
+def coefficient_unit(axis: str, term: str) -> str:
+    """Unit of a coefficient in SI: that of the axis over those of the term's factors, `N/(m/s)^2` for X u*u."""
+    factors = [factor for factor in BASIS_TERMS[term].factors if factor != PROPULSION] if term in BASIS_TERMS else []
+    turning = sum(factor.strip("|") in ("p", "q", "r") for factor in factors)
+    unit = AXIS_UNITS[axis] if not factors or " " not in AXIS_UNITS[axis] else f"({AXIS_UNITS[axis]})"
+    for name, power in (("(m/s)", len(factors) - turning), ("(rad/s)", turning)):
+        unit += f"/{name}{f'^{power}' if power > 1 else ''}" if power else ""
+    return unit
 
 
 STAGE = Stage(

@@ -1,18 +1,23 @@
-"""Judge every model on every segment: predicted forces and the error tables of McCarter 5.1 and 5.2, (4.22)-(4.27)."""
+"""Judge every model on every segment: predicted forces and the error tables of McCarter 5.1 and 5.2, (4.22)-(4.27).
+
+Two things keep the tables honest. Models with a constant force per axis are put beside that constant alone, because J0 contains it; and
+the report says how far the validation legs leave the range of motion that the models were fitted in.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from data_schemas.errors import DataError
+from data_schemas.errors import CampaignError, DataError
 from data_schemas.tables import column, has_columns, make_table, matrix
 from hydro.dynamics.viscous_models import IdentifiedModel
 from hydro.identification.errors import TOTAL, ErrorAccumulator, ErrorMeasures
+from hydro.identification.least_squares import CONSTANT
 from stages.base import Collection, Document, Stage, param, port
 from stages.sections import panel, plot, remark, section, series, table
 from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, clock, force_columns, forces, named
@@ -20,7 +25,10 @@ from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, clock, force_colum
 USES = ("validation", "training")
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 ALL = "all"
+CONSTANT_TITLE = "constant alone"
 FAILED_RATIO = 1.0
+OUTSIDE_SHARE = 0.05
+"""From this share of validation samples outside the training range on, a warning says so."""
 
 
 @dataclass(frozen=True)
@@ -50,29 +58,34 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     cards = dict(inputs.model_card.items())
     models = [IdentifiedModel(name, card["solution"]) for name, card in cards.items()]
-    trims = {name: np.array([card["solution"].get(axis, {}).get("constant", 0.0) for axis in AXES]) for name, card in cards.items()}
+    trims = {name: np.array([card["solution"].get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]) for name, card in cards.items()}
     sums: dict[tuple[str, str, str], ErrorAccumulator] = {}
+    seen: dict[str, Seen] = {}
     predictions, plots = {}, []
     for key, residual in inputs.residual.items():
         segment = inputs.segment[key]
+        use, leg = str(segment["use"]), str(segment["leg"])
+        if leg == ALL:
+            raise CampaignError(f"a leg may not be called '{ALL}': that is the row of all legs together", field="legs", value=leg)
         measured = forces(residual, "tau_bar")
         predicted = {model.name: predict(model, trims[model.name], residual) for model in models}
         predictions[key] = _prediction_table(key, clock(residual), predicted)
         for name, force in predicted.items():
-            for leg in (ALL, str(segment["leg"])):
-                group = (str(segment["use"]), leg, name)
+            for group in ((use, ALL, name), (use, leg, name)):
                 sums[group] = sums.get(group, ErrorAccumulator()).add(measured, force)
-        if segment["use"] == "validation":
+        seen[use] = seen.get(use, Seen()).add(matrix(residual, VELOCITY), measured)
+        if use == "validation":
             plots.append(_prediction_plot(segment, clock(residual), measured, predicted))
     errors = {group: total.table() for group, total in sums.items()}
     if not any(use == "validation" for use, _, _ in errors):
         plots.append(remark("No validation leg: nothing says how far these models hold outside the data they were fitted on.", "warning"))
-    blocks = [*_verdicts(errors, cards, params.failed_ratio), *_tables(errors, cards), *plots]
+    constant = _constant_alone(seen) if any(card["trim"] for card in cards.values()) else {}
+    blocks = [*_verdicts(errors, cards, constant, params.failed_ratio), *_tables(errors, cards, constant), *_range(seen), *plots]
     return Outputs(
         predictions=predictions,
         error_table=_error_table(errors, cards),
         error_metrics=_metrics(errors),
-        tables_text=_text(errors, cards).encode("utf-8"),
+        tables_text=_text(errors, cards, constant).encode("utf-8"),
         section=section(
             "Validation", blocks, order=10, look_for="J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no model."
         ),
@@ -83,18 +96,27 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def predict(model: IdentifiedModel, trim: Array, residual: pa.Table) -> Array:
     """Force of a model at the velocities of a residual table: (n, 6), trim (6,) added."""
     ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
-    coefficients = {
-        axis: {term: value for term, value in terms.items() if term != "constant"} for axis, terms in model.coefficients.items()
-    }
+    coefficients = {axis: {term: value for term, value in terms.items() if term != CONSTANT} for axis, terms in model.coefficients.items()}
     bare = IdentifiedModel(model.name, coefficients)
     if not bare.terms:
         return np.tile(trim, (residual.num_rows, 1))
-    return np.asarray(bare.force(matrix_of_velocity(residual), ratio) + trim)
+    return np.asarray(bare.force(matrix(residual, VELOCITY), ratio) + trim)
 
 
-def matrix_of_velocity(residual: pa.Table) -> Array:
-    """nu (n, 6) of a residual table."""
-    return matrix(residual, VELOCITY)
+@dataclass(frozen=True)
+class Seen:
+    """Velocities (n, 6) and sums of the measured force and its square (6,) of the segments of one use."""
+
+    parts: tuple[Array, ...] = field(default=())
+    force: Array = field(default_factory=lambda: np.zeros(6))
+    square: Array = field(default_factory=lambda: np.zeros(6))
+
+    def add(self, nu: Array, force: Array) -> Seen:
+        return Seen((*self.parts, nu), self.force + force.sum(axis=0), self.square + np.square(force).sum(axis=0))
+
+    @property
+    def nu(self) -> Array:
+        return np.concatenate(self.parts)
 
 
 def _prediction_table(key: str, t_s: Array, predicted: Mapping[str, Array]) -> pa.Table:
@@ -142,43 +164,74 @@ def _digits(value: float) -> float | None:
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
-def _verdicts(errors: Errors, cards: Mapping[str, Document], failed: float) -> list[dict[str, Any]]:
+def _constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float, float]]]:
+    """J and J/J0 per use and axis (and in total) of the mean training force, the least that a model with a constant must beat."""
+    if "training" not in seen:
+        return {}
+    mean = seen["training"].force / len(seen["training"].nu)
+    found = {}
+    for use, part in seen.items():
+        n = len(part.nu)
+        j0 = np.sqrt(part.square / n)
+        j = np.sqrt(np.maximum(part.square / n - 2.0 * mean * part.force / n + mean**2, 0.0))
+        both = {axis: (float(j[index]), float(j0[index])) for index, axis in enumerate(AXES)}
+        both[TOTAL] = (float(np.sqrt(np.mean(j**2))), float(np.sqrt(np.mean(j0**2))))
+        found[use] = {axis: (top, top / bottom if bottom > 0 else float("nan")) for axis, (top, bottom) in both.items()}
+    return found
+
+
+Constant = Mapping[str, Mapping[str, tuple[float, float]]]
+
+
+def _verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, failed: float) -> list[dict[str, Any]]:
     found = []
     for model, card in cards.items():
         measures = errors.get(("validation", ALL, model))
         if measures is None:
             continue
-        bad = [f"{axis} ({measures[axis].normalised:.2f})" for axis in AXES if measures[axis].normalised > failed]
+        ratios = {axis: measures[axis].normalised for axis in AXES}
+        bad = [f"{axis} ({ratio:.2f})" for axis, ratio in ratios.items() if ratio > failed]
         if bad:
-            found.append(remark(f"{card['title']} fails on validation in {', '.join(bad)}: its error exceeds the force itself.", "warning"))
+            reason = "its error exceeds the force itself" if failed == FAILED_RATIO else f"J/J0 exceeds {failed:g}"
+            found.append(remark(f"{card['title']} fails on validation in {', '.join(bad)}: {reason}.", "warning"))
+        alone = constant.get("validation", {})
+        idle = [
+            f"{axis} ({ratio:.2f} against {alone[axis][1]:.2f})"
+            for axis, ratio in ratios.items()
+            if axis in alone and alone[axis][1] <= ratio <= failed
+        ]
+        if idle:
+            found.append(remark(f"{card['title']} predicts no better than a constant force alone in {', '.join(idle)}.", "note"))
     return found
 
 
-def _tables(errors: Errors, cards: Mapping[str, Document]) -> list[dict[str, Any]]:
+def _tables(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> list[dict[str, Any]]:
     blocks = []
     for use in USES:
         groups = {model: measures for (kind, leg, model), measures in errors.items() if kind == use and leg == ALL}
         if not groups:
             continue
-        totals = ["J0", "SSE", "MAE", "MSE", "MAD"]
         rows: list[list[Any]] = []
         detail: list[list[Any]] = []
         for model, measures in groups.items():
             total, card = measures[TOTAL], cards[model]
-            rows.append(
-                [card["title"], card["n_bar"], card["rank"], total.rms, total.normalised, *(measures[axis].normalised for axis in AXES)]
-            )
+            ratios = (measures[axis].normalised for axis in AXES)
+            rows.append([card["title"], card["n_bar"], card["rank"], total.rms, total.normalised, *ratios])
             detail.append([card["title"], total.j0, total.sse, total.mae, total.mse, total.mad, *(measures[axis].rms for axis in AXES)])
+        if use in constant:
+            j, ratio = constant[use][TOTAL]
+            rows.append([CONSTANT_TITLE, 0, 0, j, ratio, *(constant[use][axis][1] for axis in AXES)])
         heads = ["model", "n-bar", "rank", "J", "J/J0", *(f"J/J0 {axis}" for axis in AXES)]
         j0 = next(iter(groups.values()))
-        note = (
-            "Totals mix N and N m, as the thesis has them. J0: "
-            + ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES)
-            + "."
-        )
+        note = "Totals mix N and N m, as the thesis has them. J0: "
+        note += ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES) + "."
+        if use in constant:
+            note += " J0 contains the constant force, so compare with the last row: the mean force of the training legs and no model."
         blocks.append(table(f"{use.capitalize()} errors, in the layout of {LAYOUT[use]}", heads, rows, note=note))
         units = [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
-        blocks.append(table(f"{use.capitalize()}: all measures (4.22)-(4.27)", ["model", *totals, *units], detail))
+        note = "Over all six axes together, N and N m mixed; MAD is the sum of the medians of the six axes."
+        columns: list[str | tuple[str, str]] = ["model", "J0", "SSE", "MAE", "MSE", "MAD", *units]
+        blocks.append(table(f"{use.capitalize()}: all measures (4.22)-(4.27)", columns, detail, note=note))
     legs = sorted({(use, leg) for use, leg, _ in errors if leg != ALL})
     if len(legs) > 1:
         rows = [[cards[model]["title"], *(errors[(use, leg, model)][TOTAL].normalised for use, leg in legs)] for model in cards]
@@ -186,20 +239,57 @@ def _tables(errors: Errors, cards: Mapping[str, Document]) -> list[dict[str, Any
     return blocks
 
 
-def _text(errors: Errors, cards: Mapping[str, Document]) -> str:
+def _range(seen: Mapping[str, Seen]) -> list[dict[str, Any]]:
+    """The range of each velocity in training and in validation, and a warning where the models have to extrapolate."""
+    if not {"training", "validation"} <= set(seen):
+        return []
+    fitted, judged = seen["training"].nu, seen["validation"].nu
+    low, high = fitted.min(axis=0), fitted.max(axis=0)
+    outside = np.mean((judged < low) | (judged > high), axis=0)
+    rows, far = [], []
+    for index, name in enumerate("uvwpqr"):
+        unit = "m/s" if index < 3 else "rad/s"
+        span = (judged[:, index].min(), judged[:, index].max())
+        rows.append([name, unit, low[index], high[index], *span, 100.0 * outside[index]])
+        if outside[index] >= OUTSIDE_SHARE:
+            far.append(f"{name} ({100.0 * outside[index]:.0f} % of the time, {span[0]:.2g} to {span[1]:.2g} {unit})")
+    heads: list[str | tuple[str, str]] = [
+        "velocity",
+        "unit",
+        "training lowest",
+        "highest",
+        "validation lowest",
+        "highest",
+        ("outside", "%"),
+    ]
+    blocks = [table("Range of motion: fitted in, judged in", heads, rows)]
+    if far:
+        words = f"The validation legs leave the range of the training legs in {', '.join(far)}: there every model extrapolates."
+        blocks.insert(0, remark(words, "warning"))
+    return blocks
+
+
+def _text(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> str:
     """The tables as plain text, in the layout of McCarter 5.1 and 5.2 with per-axis columns."""
     lines: list[str] = []
+    width = max(len(title) for title in ("model", CONSTANT_TITLE, *(str(card["title"]) for card in cards.values())))
     for use in USES:
         groups = {model: measures for (kind, leg, model), measures in errors.items() if kind == use and leg == ALL}
         if not groups:
             continue
         total = next(iter(groups.values()))[TOTAL]
-        lines += [f"{use.capitalize()} ({LAYOUT[use]}), J0 = {total.j0:.3f}", ""]
-        lines.append(f"{'model':<16}{'n-bar':>6}{'rank':>6}{'J':>9}{'J/J0':>8}" + "".join(f"{axis:>8}" for axis in AXES))
+        lines += [f"{use.capitalize()} ({LAYOUT[use]}), J0 = {total.j0:.3f} (N and N m mixed); right of J/J0 the same per axis", ""]
+        lines.append(f"{'model':<{width}}{'n-bar':>6}{'rank':>6}{'J':>10}{'J/J0':>9}" + "".join(f"{axis:>9}" for axis in AXES))
+
+        def line(title: str, n_bar: int, rank: int, j: float, ratios: Sequence[float]) -> str:
+            return f"{title:<{width}}{n_bar:>6}{rank:>6}{j:10.3f}" + "".join(f"{ratio:9.3f}" for ratio in ratios)
+
         for model, measures in groups.items():
-            cells = "".join(f"{measures[axis].normalised:8.3f}" for axis in AXES)
-            head = f"{cards[model]['title']:<16}{cards[model]['n_bar']:>6}{cards[model]['rank']:>6}"
-            lines.append(f"{head}{measures[TOTAL].rms:9.3f}{measures[TOTAL].normalised:8.3f}{cells}")
+            card, ratios = cards[model], [measures[axis].normalised for axis in (TOTAL, *AXES)]
+            lines.append(line(card["title"], card["n_bar"], card["rank"], measures[TOTAL].rms, ratios))
+        if use in constant:
+            alone = constant[use]
+            lines.append(line(CONSTANT_TITLE, 0, 0, alone[TOTAL][0], [alone[axis][1] for axis in (TOTAL, *AXES)]))
         lines.append("")
     return "\n".join(lines)
 
