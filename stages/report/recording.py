@@ -34,6 +34,7 @@ CHUNK_ROWS = 50_000
 LOG_GAP_S = 10.0
 ANSWER, PATH, LOG = "Answer", "Path", "Log"
 MODELS_SHOWN = 3
+RAW_OPACITY = 120
 EVER = rrb.TimeRangeBoundary.infinite()
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 
@@ -117,21 +118,41 @@ def _send_groups(
     preferred: Sequence[str],
 ) -> None:
     named: set[str] = set()
-    for owner, group in groups:
-        name = find_table(tables, owner, str(group["table"]))
+    for entity, owner, bundle in _bundles(groups):
+        name = find_table(tables, owner, str(bundle[0]["table"]))
         if name is None:
             continue
         table = tables[name]
-        for wanted, value in (group.get("filter") or {}).items():
-            table = table.filter(pc.equal(table[wanted], value))
-        times = clock.seconds(name, table)
-        if times is None or not len(times) or not has_columns(table, group["columns"]):
+        parts = [_rows(table, group) for group in bundle]
+        times = clock.seconds(name, parts[0])
+        if times is None or not len(times) or not all(has_columns(table, group["columns"]) for group in bundle):
             continue
-        entity = str(visible(group["entity"]))
         if entity not in named:
             named.add(entity)
-            _log_static(stream, entity, _lines(group, preferred))
-        _send_series(stream, entity, times, matrix(table, group["columns"]))
+            _log_static(stream, entity, _lines(bundle, preferred))
+        values = [matrix(part, group["columns"])[: times.size] for part, group in zip(parts, bundle, strict=True)]
+        _send_series(stream, entity, times, np.hstack(values))
+
+
+def _rows(table: pa.Table, group: Document) -> pa.Table:
+    for wanted, value in (group.get("filter") or {}).items():
+        table = table.filter(pc.equal(table[wanted], value))
+    return table
+
+
+def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
+    """(entity, owner, groups): groups that cut the same long table by a filter share its clock, so they become one entity."""
+    bundles: dict[tuple[str, ...], list[Document]] = defaultdict(list)
+    for owner, group in groups:
+        cut = bool(group.get("filter")) and bool(_parent(group))
+        entity = _parent(group) if cut else str(visible(group["entity"]))
+        bundles[(owner, entity, str(group["table"]), "cut" if cut else "whole")].append(group)
+    found = []
+    for (owner, entity, _, how), members in bundles.items():
+        models = all(is_model(str(role)) for group in members for role in group["roles"])
+        name = f"{entity}/{'models' if models else 'series'}" if how == "cut" else entity
+        found.append((name, owner, members))
+    return found
 
 
 def find_table(tables: Mapping[str, pa.Table], owner: str, wanted: str) -> str | None:
@@ -148,15 +169,19 @@ def find_table(tables: Mapping[str, pa.Table], owner: str, wanted: str) -> str |
     return None
 
 
-def _lines(group: Document, preferred: Sequence[str]) -> rr.SeriesLines:
-    names, roles = list(group["names"]), list(group["roles"])
-    inks = [_series_ink(str(name), str(role), len(set(roles)) == 1 and len(roles) > 1) for name, role in zip(names, roles, strict=True)]
+def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLines:
+    """Names, colours and widths of the series of an entity; of many models only the preferred are drawn at first."""
     liked = {key(name) for name in preferred}
-    shown = [not is_model(str(role)) or not liked or key(str(role)) in liked for role in roles]
-    colours = [(*item.rgb, 120 if str(role) == "raw" else 255) for item, role in zip(inks, roles, strict=True)]
-    return rr.SeriesLines(
-        colors=colours, names=[str(visible(name)) for name in names], widths=[item.width for item in inks], visible_series=shown
-    )
+    names, inks, faint, shown = [], [], [], []
+    for group in bundle:
+        by_axis = len(set(group["roles"])) == 1 and len(group["roles"]) > 1
+        for name, role in zip(group["names"], group["roles"], strict=True):
+            names.append(str(visible(str(name))))
+            inks.append(_series_ink(str(name), str(role), by_axis))
+            faint.append(str(role) == "raw")
+            shown.append(not is_model(str(role)) or not liked or key(str(role)) in liked)
+    colours = [(*item.rgb, RAW_OPACITY if pale else 255) for item, pale in zip(inks, faint, strict=True)]
+    return rr.SeriesLines(colors=colours, names=names, widths=[item.width for item in inks], visible_series=shown)
 
 
 def _series_ink(name: str, role: str, many_of_one_role: bool) -> Ink:
@@ -295,6 +320,7 @@ def _plots(groups: Sequence[Owned], logs: Mapping[str, Document], spans: tuple[r
     parents = {_parent(group) for _, group in groups}
     plots: dict[str, rrb.TimeSeriesView] = {}
     for owner, group in groups:
+        legend = not plots or not all(is_model(str(role)) or role == "measured" for role in group["roles"])
         together = len(units[_parent(group)]) == 1 and _parent(group) and str(visible(group["entity"])) not in parents
         origin = _parent(group) if together else str(visible(group["entity"]))
         name = f"{origin.split('/')[-1]} [{group['unit']}]" if group["unit"] else origin.split("/")[-1]
@@ -304,7 +330,7 @@ def _plots(groups: Sequence[Owned], logs: Mapping[str, Document], spans: tuple[r
                 name=name,
                 axis_x=rrb.TimeAxis(view_range=spans[owner.partition("/")[2] in logs]),
                 time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
-                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
             )
     return list(plots.values())
 

@@ -50,9 +50,9 @@ def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(recordin
     printed = rerun_rrd("print", recordings[0]).stdout
     chunks = [line for line in printed.splitlines() if line.startswith("Chunk")]
     assert sum("/state/velocity/fused - " in line and "Scalars" in line for line in chunks) == 2
-    assert sum("/residual/X/linear - " in line and "Scalars" in line for line in chunks) == 2
+    assert sum("/residual/X/models - " in line and "Scalars" in line for line in chunks) == 2, "models share the clock and so the entity"
     assert sum("/path/vehicle - " in line for line in chunks) == 2
-    assert any("with 121 rows" in line and "/residual/X/fossen" in line for line in chunks), "120 samples and the end of the line"
+    assert any("with 121 rows" in line and "/residual/X/models" in line for line in chunks), "120 samples and the end of the line"
     assert any("/log/events" in line for line in chunks)
     assert "log_time" not in printed
     assert "log_tick" not in printed
