@@ -26,6 +26,17 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "events": ("text",),
 }
 """Fields without which a row of the stream is no sample; of `actuators` any one field will do."""
+CONDITIONS: Mapping[str, str] = {
+    "aided": "only if the navigation filter had a velocity or position sensor",
+    "fast": "only if sent at 10 Hz or more",
+    "varies": "only if it does not stand still over the whole log",
+}
+CHOICES: Mapping[str, str] = {
+    "healthy": "the first instance that calls itself healthy",
+    "submerged": "the instance in the water",
+    "downward": "the instance that looks down",
+}
+"""What `when` and `choose` of a source mean."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +96,14 @@ def format_names() -> tuple[str, ...]:
 
 
 @cache
+def csv_dialects() -> Mapping[str, Mapping[str, Any]]:
+    """CSV files of known programs (formats/csv_dialects.yaml): columns to recognise them by, column map, note."""
+    text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(encoding="utf-8")
+    dialects: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return dialects
+
+
+@cache
 def _document() -> dict[str, dict[str, Any]]:
     text = (resources.files(__package__) / "formats" / "streams.yaml").read_text(encoding="utf-8")
     document: dict[str, dict[str, Any]] = yaml.safe_load(text)
@@ -117,6 +136,19 @@ def _mapping(value: object) -> Mapping[str, object]:
 def _texts(value: object) -> tuple[str, ...]:
     assert isinstance(value, list | tuple)
     return tuple(str(item) for item in value)
+
+
+def mapping_table(name: str) -> str:
+    """The mapping of one format as a Markdown table, as docs/streams.md shows it."""
+    spec = format_streams(name)
+    assert spec is not None
+    lines = ["| stream | source | columns | remarks |", "|---|---|---|---|"]
+    for stream, sources in spec.streams.items():
+        for source in sources:
+            columns = ", ".join(f"`{column}`" for column in source.columns)
+            said = [source.meaning, CONDITIONS.get(source.when or ""), CHOICES.get(source.choose or ""), source.note]
+            lines.append(f"| {stream} | {source.name} | {columns} | {'; '.join(text for text in said if text)} |")
+    return "\n".join(lines)
 
 
 def supply_text(stream: str) -> str:

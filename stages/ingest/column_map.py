@@ -10,7 +10,7 @@ from typing import Any
 from data_schemas.documents import check_document
 from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from data_schemas.schemas import schema
-from data_schemas.streams import NEEDED, STREAMS
+from data_schemas.streams import NEEDED, STREAMS, csv_dialects
 from data_schemas.units import convertible, factor_and_offset
 
 MICROSECONDS = "us"
@@ -57,6 +57,18 @@ class ColumnMap:
     held: frozenset[str]
     missing: tuple[str, ...]
     accelerometer: str | None
+
+
+def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
+    """The column map of a program whose CSV files have this header, and a note; None for a header that no known program writes."""
+    for dialect in csv_dialects().values():
+        if set(dialect["recognise"]) <= set(header):
+            present = [entry for entry in dialect["map"]["columns"] if entry["column"] in header]
+            given = {(entry["stream"], entry["field"]) for entry in present}
+            whole = {stream for stream, _ in given if all((stream, name) in given for name in NEEDED[stream])}
+            columns = [entry for entry in present if entry["stream"] in whole]
+            return {**dialect["map"], "columns": columns}, f"read as a log of {dialect['title']}: {dialect['note']}"
+    return None
 
 
 def column_map(raw: Mapping[str, Any], header: Sequence[str], *, file: str) -> ColumnMap:

@@ -20,7 +20,7 @@ import pyarrow.csv as pacsv
 
 from data_schemas.errors import CampaignError, LogError, PipelineError, raise_faults
 
-from .column_map import ColumnMap, MappedColumn, column_map
+from .column_map import ColumnMap, MappedColumn, column_map, dialect_map
 from .decoded import ByteAccount, DecodedLog, LogStatus, Messages, RawFile, Skipped
 
 NAME = "csv"
@@ -74,6 +74,8 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     """
     raw = file.columns
     head = header(file, None if raw is None else str(raw.get("delimiter", ",")))
+    known = dialect_map(head.names) if raw is None else None
+    raw, said = known if known is not None else (raw, None)
     if raw is None:
         raise LogError(
             "a CSV log needs a column map",
@@ -89,7 +91,9 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     rows = _rows(file.buffer, table.num_rows, ragged)
     messages, idle, notes = _streams(table, columns, mapping, _time(table, mapping, rows, file.name), rows)
     unused = [name for name in head.names if name not in {item.column for item in mapping.columns} | {mapping.time}]
-    if unused:
+    if said is not None:
+        notes.append(f"{file.name}: {said}")
+    elif unused:
         notes.append(f"{file.name}: columns that the column map does not name: {', '.join(unused)}")
     log = DecodedLog(
         format="CSV",
@@ -280,7 +284,7 @@ def _streams(
     notes: list[str] = []
     for stream in dict.fromkeys(item.stream for item in columns):
         fields = {item.field: _values(table[item.column], item) for item in columns if item.stream == stream}
-        empty = np.all([_is_missing(values) for values in fields.values()], axis=0)
+        empty = _without_value(list(fields.values()), rows.size)
         kept = ~empty
         idle += _idle(f"{stream}: {NO_VALUE}", empty, rows)
         if empty.all():
@@ -304,9 +308,22 @@ def _values(values: pa.ChunkedArray, item: MappedColumn) -> npt.NDArray[Any]:
     if item.dtype in ("string", "bool"):
         return np.array(values.to_pylist(), dtype=object)
     numbers = np.asarray(values.to_numpy(), dtype=np.float64)
-    if item.factor == 1.0 and item.offset == 0.0:
-        return numbers
-    return numbers * item.factor + item.offset
+    if item.factor != 1.0:
+        numbers = numbers * item.factor
+    return numbers + item.offset if item.offset != 0.0 else numbers
+
+
+def _without_value(fields: Sequence[npt.NDArray[Any]], rows: int) -> npt.NDArray[np.bool_]:
+    """Rows (n,) in which every field is empty."""
+    empty = np.ones(rows, bool)
+    for values in fields:
+        # A sum that is a number has no NaN in it; most columns are full.
+        with np.errstate(invalid="ignore"):
+            full = values.dtype != object and not np.isnan(values.sum())
+        if full:
+            return np.zeros(rows, bool)
+        empty &= _is_missing(values)
+    return empty
 
 
 def _is_missing(values: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:

@@ -139,6 +139,21 @@ def test_byte_order_mark_and_windows_line_ends() -> None:
     assert columns["depth_m"].tolist() == [1.0, 2.0]
 
 
+def test_a_log_of_qgroundcontrol_needs_no_column_map() -> None:
+    header = "Timestamp,roll,pitch,heading,rollRate,pitchRate,altitudeRelative,battery0.voltage"
+    rows = "2023-07-14 08:57:35.476,-1.0,0.8,309,0.1,0.2,-2.5,--.--\n2023-07-14 08:57:36.476,-1.0,0.8,310,0.1,0.2,-3.5,16.5\n"
+    log, mapping = read_csv(csv_file(f"{header}\n{rows}", None))
+    assert sorted(log.messages) == ["attitude", "battery", "depth"]  # no yaw rate in this version: no rates at all
+    assert log.messages["depth"].columns["depth_m"].tolist() == [2.5, 3.5]
+    assert log.messages["battery"].offset.tolist() == [3]
+    assert mapping.epoch == "arbitrary"
+    assert "QGroundControl" in log.notes[0]
+
+
+def test_infinite_values_are_kept_for_the_check_of_samples() -> None:
+    assert np.isinf(read_one("t,d\n0,inf\n1,-inf\n", DEPTH, "depth")["depth_m"]).all()
+
+
 def test_columns_that_nobody_mapped_are_listed() -> None:
     log, _ = read_csv(csv_file("t,d,spare\n0,1,2\n", DEPTH))
     assert log.notes == ("dive.csv: columns that the column map does not name: spare",)

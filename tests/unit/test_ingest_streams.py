@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from data_schemas.schemas import schema
-from data_schemas.streams import NEEDED, STREAMS, format_names, format_streams, supply_text
+from data_schemas.streams import NEEDED, STREAMS, format_names, format_streams, mapping_table, supply_text
 from stages.ingest import streams_dataflash, streams_tlog, streams_ulog
 from stages.ingest.decoded import ByteAccount, DecodedLog, Messages
 from stages.ingest.readers import MAPPINGS, READERS
@@ -273,3 +274,9 @@ def test_px4_barometer_of_another_instance() -> None:
     stream = map_streams(log(housing, water), "ulog", streams_ulog.RULES, {})["depth"]
     assert stream.source == "sensor_baro[1]"
     assert stream.columns["depth_m"][-1] == pytest.approx(10.0, abs=0.01)
+
+
+@pytest.mark.parametrize("name", format_names())
+def test_the_page_shows_the_mapping_as_it_is(name: str) -> None:
+    page = (Path(__file__).parents[2] / "docs/streams.md").read_text(encoding="utf-8")
+    assert mapping_table(name) in page
