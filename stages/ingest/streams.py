@@ -6,7 +6,7 @@ the mapping; the manifest can replace it (`sources: {depth: "BARO[1]"}`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -95,6 +95,28 @@ def map_streams(log: DecodedLog, mapping: str, rules: Rules, wanted: Mapping[str
         if chosen is not None:
             streams[name] = _stream(name, chosen, candidates, log, rules)
     return streams
+
+
+@dataclass(frozen=True)
+class OtherSource:
+    """One source that a log holds for a stream: why it is refused (None if it is not), and its columns if it is not."""
+
+    stream: str
+    source: str
+    refused: str | None
+    columns: Columns | None
+
+
+def every_source(log: DecodedLog, mapping: str, rules: Rules, names: Iterable[str]) -> Iterator[OtherSource]:
+    """All sources that the log holds for the named streams, used or not, so that they can be compared."""
+    spec = format_streams(mapping)
+    assert spec is not None
+    for name in names:
+        for source in spec.streams.get(name, ()):
+            for item in _candidates(source, log, rules, spec):
+                if item.messages is not None:
+                    columns = None if item.refused is not None else _stream(name, item, [item], log, rules).columns
+                    yield OtherSource(name, item.label, item.refused, columns)
 
 
 def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStreams) -> Iterator[Candidate]:
