@@ -118,13 +118,22 @@ def _clocks(proposals: Proposals, definitions: Definitions) -> npt.NDArray[np.in
 
 
 def _contradicted(chain: Chain, definitions: Definitions) -> list[int]:
-    """Rows of the definitions at the end of whose records there is, more often than not, no header."""
-    failed = chain.failed[chain.failed > 0]
-    if failed.size < CONTRADICTIONS:
+    """Rows of the definitions whose length must be wrong.
+
+    More often than not their records do not fit the chain, and mostly the next header stands at one and the same other distance.
+    """
+    defined = chain.failed > 0
+    if np.count_nonzero(defined) < CONTRADICTIONS:
         return []
-    fails = np.bincount(failed, minlength=definitions.row.size)
+    fails = np.bincount(chain.failed[defined], minlength=definitions.row.size)
     taken = np.bincount(chain.entry[chain.entry >= 0], minlength=definitions.row.size)
-    return [int(row) for row in definitions.row[(fails >= CONTRADICTIONS) & (2 * fails > taken)]]
+    distances = np.split(chain.distance[defined][np.argsort(chain.failed[defined], kind="stable")], np.cumsum(fails)[:-1])
+    rows = []
+    for entry in np.flatnonzero((fails >= CONTRADICTIONS) & (2 * fails > taken)).tolist():
+        distance, votes = np.unique(distances[entry], return_counts=True)
+        if 2 * votes.max() > fails[entry] and distance[votes.argmax()] != definitions.length[entry]:
+            rows.append(int(definitions.row[entry]))
+    return rows
 
 
 def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> DecodedLog:
@@ -175,7 +184,7 @@ def _units(index: Index, groups: dict[str, list[Part]], tables: Mapping[str, Tab
     for name in texts:
         for definition, entry, _ in groups[name]:
             begins, entries = index.definitions.changes.get(definition.id, (np.zeros(0, np.int64), np.zeros(0, np.int32)))
-            later = begins[entries > entry]
+            later = begins[entries.searchsorted(np.int32(entry), side="right") :]
             texts[name].update(units.texts(definition, int(later[0]) if later.size else None))
     return texts
 

@@ -94,6 +94,10 @@ def lost_seconds(buffer: Buffer, chain: Chain, clock: Clock) -> float:
     return covered_seconds(offset, read_times(buffer, offset, clock[chain.entry[timed]]), starts)
 
 
+def middle(times: list[int]) -> int:
+    return sorted(times)[len(times) // 2]
+
+
 def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> float:
     """Seconds between the clock before and behind each place in `starts`; places within the same stretch count once.
 
@@ -108,8 +112,8 @@ def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> floa
     for place in np.searchsorted(offset, starts).tolist():
         if place == 0 or place == offset.size:
             continue
-        start = max(int(np.median(times_us[max(0, place - 5) : place])), covered)
-        stop = int(np.median(times_us[place : place + 5]))
+        start = max(middle(times_us[max(0, place - 5) : place].tolist()), covered)
+        stop = middle(times_us[place : place + 5].tolist())
         if 0 < stop - start < LEAP_US:
             lost += stop - start
             covered = stop

@@ -47,7 +47,8 @@ class Chain:
     entry: npt.NDArray[np.int32]
     length: npt.NDArray[np.int32]
     gaps: list[Gap]
-    failed: npt.NDArray[np.int32]  # entries of the records at whose end no header was found
+    failed: npt.NDArray[np.int32]  # entries of the candidates that do not fit the chain
+    distance: Ints  # from each of them to the next candidate
 
 
 def candidates(buffer: Buffer) -> Ints:
@@ -137,8 +138,20 @@ class Walk:
             taken[start] += 1
             taken[stop] -= 1
         kept = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
-        missed = self.entry[np.array(self.failed, np.int64)]
-        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], self.gaps, missed)
+        missed = self._missed()
+        distance = np.diff(self.offset, append=self.size)[missed]
+        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], self.gaps, self.entry[missed], distance)
+
+    def _missed(self) -> Ints:
+        """The candidates at whose end the chain found no header, and those in gaps that stand as close together as records do."""
+        missed = np.zeros(self.count, np.bool_)
+        if self.gaps:
+            start, stop = np.array([gap.start for gap in self.gaps]), np.array([gap.stop for gap in self.gaps])
+            gap = start.searchsorted(self.offset, side="right") - 1
+            close = np.diff(self.offset, append=self.size) <= layout.MAX_RECORD_BYTES
+            missed = (gap >= 0) & (self.offset < stop[gap]) & close
+        missed[self.failed] = True
+        return np.flatnonzero(missed)
 
     def _begin(self) -> int:
         if self.count and self.offset[0] == 0 and self.valid[0]:
@@ -225,22 +238,19 @@ class Walk:
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
         """The times that a record between candidates `before` and `after` can have; nothing if neither side shows a clock."""
-        sides = (self._near_us(range(before, max(before - NEAR, -1), -1)), self._near_us(range(after, min(after + NEAR, self.count))))
+        early, late = self.times_us[max(before + 1 - NEAR, 0) : before + 1][::-1], self.times_us[after : after + NEAR]
+        sides = (self._first_us(early), self._first_us(late))
         known = [time for time in sides if time is not None]
         if not known:
             return 1, 0
         slack = SLACK_US if len(known) == 2 else FAR_US
         return max(min(known) - slack, 0), max(known) + slack
 
-    def _near_us(self, indices: range) -> int | None:
-        """The median of the first five times at `indices`, which one damaged stamp cannot move far."""
-        times = []
-        for index in indices:
-            if self.times_us[index] >= 0:
-                times.append(int(self.times_us[index]))
-                if len(times) == 5:
-                    break
-        return sorted(times)[len(times) // 2] if times else None
+    @staticmethod
+    def _first_us(times_us: Ints) -> int | None:
+        """The median of the first five times that there are, which one damaged stamp cannot move far."""
+        first = sorted([time for time in times_us.tolist() if time >= 0][:5])
+        return first[len(first) // 2] if first else None
 
     def _fill(self, start: int, stop: int, before: int, after: int, undefined: int = -1) -> None:
         """Account for `start:stop`: the candidates between `before` and `after` whose time fits the clock there, else gaps."""
@@ -258,6 +268,7 @@ class Walk:
                         self.gaps.append(Gap(start, place, undefined))
                         undefined = -1
                     self.runs.append((single, single + 1))
+                    self.failed.append(single)
                     start = int(self.end[single])
         if start < stop:
             self.gaps.append(Gap(start, stop, undefined))
