@@ -47,7 +47,7 @@ def information_multiple(content: bytes) -> bool:
 def parameter(content: bytes) -> tuple[str, float] | None:
     """Name and value that a `P` message sets."""
     found = _value(content)
-    if found is None or found[0] not in ("float", "int32_t") or found[1]:
+    if found is None or found[0] not in ("float", "int32_t") or found[1] is not None:
         return None
     (value,) = struct.unpack("<f" if found[0] == "float" else "<i", found[3])
     return found[2], float(value)
@@ -58,17 +58,16 @@ def parameter_default(content: bytes) -> bool:
     return content[:1] not in (b"", b"\x00") and parameter(content[1:]) is not None
 
 
-def _value(content: bytes) -> tuple[str, int, str, bytes] | None:
+def _value(content: bytes) -> tuple[str, int | None, str, bytes] | None:
     """Type, array length, name and value bytes; None if the length of the value does not fit its type."""
-    if len(content) < 2 or content[0] < 3:
+    if len(content) < 2:
         return None
     match = _KEY.fullmatch(content, 1, 1 + content[0])
     if match is None:
         return None
-    kind, length = match[1].decode("ascii"), int(match[2] or 0)
+    kind, length = match[1].decode("ascii"), None if match[2] is None else int(match[2])
     value = content[1 + content[0] :]
-    one = layout.FIELD_BYTES.get(kind)
-    if one is not None and kind != "char" and len(value) != one * max(1, length):
+    if len(value) != layout.FIELD_BYTES.get(kind, 0) * (1 if length is None else length):
         return None
     return kind, length, match[3].decode("ascii"), value
 

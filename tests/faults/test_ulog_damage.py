@@ -15,7 +15,7 @@ from data_schemas.formats import ulog as layout
 from stages.ingest import ulog_scan
 from stages.ingest.decoded import DecodedLog
 from tests.support.mutate import Kept, mutations
-from tests.support.ulog_file import DEPTH, HEADER, data, declare, depth, depths, message, read, reasons, subscribe, sync, text
+from tests.support.ulog_file import DEPTH, HEADER, data, declare, depth, depths, keyed, message, read, reasons, subscribe, sync, text
 
 LOGS = Path(__file__).parents[1] / "data" / "px4_ulog"
 START = HEADER + DEPTH + subscribe(0, "depth")
@@ -215,6 +215,14 @@ def test_same_bytes_give_the_same_log() -> None:
         for name, table in first.messages.items()
         for field, column in table.columns.items()
     )
+
+
+def test_message_whose_size_is_damaged_swallows_nothing() -> None:
+    about = bytearray(message("I", keyed("char[5] sys_name", b"auvid")))
+    about[1] = 2  # 512 bytes more
+    log = read(HEADER + bytes(about) + DEPTH + subscribe(0, "depth") + depths(0, 100))
+    assert metres(log) == list(range(100))
+    assert reasons(log) == {ulog_scan.DAMAGED: len(about)}
 
 
 def test_text_in_data_is_not_a_message() -> None:

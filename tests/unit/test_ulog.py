@@ -153,6 +153,7 @@ def test_texts_with_and_without_tag_in_file_order() -> None:
 def test_information_and_sync_are_accounted() -> None:
     about = message("I", keyed("char[3] sys_name", b"PX4")) + message("M", b"\0" + keyed("char[2] boot", b"ok"))
     about += message("I", keyed("uint32_t ver", bytes(4))) + message("I", keyed("uint8_t[3] id", bytes(3)))
+    about += message("I", keyed("char[0] perf_top", b""))
     start = HEADER + about + DEPTH + subscribe(0, "depth")
     log = read(start + depth(0) + sync() + message("O", struct.pack("<H", 250)))
     assert log.account.definition_bytes == len(start)
