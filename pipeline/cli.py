@@ -36,10 +36,10 @@ def run(
     campaign: CampaignName,
     only: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left.")] = None,
     until: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")] = None,
-    strict: Annotated[bool, typer.Option(help="Exit with 3 if a log was damaged or samples were rejected.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a log was damaged or samples were rejected.")] = False,
     engine: Annotated[str, typer.Option(metavar="serial|processes", help="Where items run; results are the same.")] = "serial",
     jobs: Annotated[int | None, typer.Option(metavar="N", help="Processes of the engine; as many as cores unless said.")] = None,
-    force: Annotated[bool, typer.Option(help="Run again what is up to date.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
     """Run a campaign: only what is stale runs."""
     from pipeline import engines, session
@@ -61,7 +61,7 @@ def run(
 @app.command(epilog="Example: auvid report bluerov2_dvl --open")
 def report(
     campaign: CampaignName,
-    rebuild: Annotated[bool, typer.Option(help="Make the report again from the artefacts.")] = False,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Make the report again from the artefacts.")] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
 ) -> None:
     """Say where the report of a campaign is, rebuild it, or open it."""

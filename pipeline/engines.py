@@ -8,6 +8,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Protocol
 
 from data_schemas.errors import PipelineError, nearest
@@ -43,37 +44,43 @@ class Processes:
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._pool: ProcessPoolExecutor | None = None
+        self._waiting: dict[Future[Outcome], str] = {}
 
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         if self._jobs < 2 or len(tasks) < 2:
             yield from map(execute, tasks)
             return
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent)
-        futures: dict[Future[Outcome], Task] = {self._pool.submit(execute, task): task for task in tasks}
-        for future in as_completed(futures):
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+        with _interrupts_held_back():
+            self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
+        for future in as_completed(tuple(self._waiting)):
+            item = self._waiting.pop(future)
             try:
                 yield future.result()
             except BrokenProcessPool:
                 self._pool = None
-                yield Outcome(futures[future].item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)")
+                yield Outcome(item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)")
 
     def close(self) -> None:
-        """Stop the workers at once; what they had not finished is not in any manifest."""
+        """Stop the workers, at once if they are in the middle of something; what they had not finished is not in any manifest."""
         if self._pool is None:
             return
-        workers = list((self._pool._processes or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.terminate()
-        for worker in workers:
-            worker.join()
-        self._pool = None
+        if self._waiting:
+            for worker in (self._pool._processes or {}).values():
+                worker.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool, self._waiting = None, {}
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back while workers are started: they inherit that, and leave interruptions to the parent, which gets them afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def make_engine(name: str, jobs: int | None = None) -> Engine:
