@@ -17,25 +17,19 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
-import rerun.blueprint as rrb
 
 from data_schemas.tables import column, has_columns, matrix
+from stages.report.blueprint import TIMELINE, Owned, Seen, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, ink, is_model, key
 from stages.report.html import visible
 from stages.report.summary import AXIS_WORDS, Summary
 
 Array = npt.NDArray[np.float64]
 Document = Mapping[str, Any]
-Owned = tuple[str, Document]
-"""A group of series and the stage/item whose view it is."""
-
-TIMELINE = "t"
 CHUNK_ROWS = 50_000
 LOG_GAP_S = 10.0
-ANSWER, PATH, LOG = "Answer", "Path", "Log"
 MODELS_SHOWN = 3
 RAW_OPACITY = 120
-EVER = rrb.TimeRangeBoundary.infinite()
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 
 
@@ -59,12 +53,17 @@ class Clock:
         return None
 
 
+def log_seconds(log: Document) -> float:
+    """Length of a log from its first to its last time-stamped record."""
+    return float(log["end_us"] - log["start_us"]) * 1e-6
+
+
 def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> Clock:
     """Logs one after the other, `LOG_GAP_S` apart; a segment starts at its place in its log."""
     starts, place = {}, 0.0
     for name, log in logs.items():
         starts[name] = place
-        place += _lengths({name: log})[name] + LOG_GAP_S
+        place += log_seconds(log) + LOG_GAP_S
     return Clock(
         segments={name: starts.get(item["log"], 0.0) + item["leg_start_s"] for name, item in segments.items()},
         logs=starts,
@@ -89,15 +88,22 @@ def record(
     sink = rr.binary_stream(recording=stream)
     clock = make_clock(segments, logs)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
-    stream.send_blueprint(_blueprint(groups, segments, logs, clock))
     stream.send_recording_name(str(visible(title)))
     _log_static(stream, "answer/text", rr.TextDocument(markdown(title, summary, segments, clock), media_type=rr.MediaType.MARKDOWN))
-    _send_groups(stream, groups, tables, clock, _preferred(summary))
-    _send_path(stream, fused, segments, clock, path_rate_hz)
+    ranges = _send_groups(stream, groups, tables, clock, _preferred(summary))
+    corners = _send_path(stream, fused, segments, clock, path_rate_hz)
     _send_messages(stream, tables, segments, clock)
+    parts = [(clock.segments[name], clock.segments[name] + float(item["duration_s"])) for name, item in segments.items()]
+    whole = [(clock.logs[name], clock.logs[name] + log_seconds(log)) for name, log in logs.items()]
+    stream.send_blueprint(whole_view(groups, frozenset(logs), Seen(ranges, _outer(parts), _outer(whole), corners)))
     stream.flush()
     data: bytes = sink.read(flush=True) or b""
     return data
+
+
+def _outer(spans: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """From the first start to the last end."""
+    return min((low for low, _ in spans), default=0.0), max((high for _, high in spans), default=1.0)
 
 
 def _preferred(summary: Summary) -> list[str]:
@@ -116,8 +122,9 @@ def _send_groups(
     tables: Mapping[str, pa.Table],
     clock: Clock,
     preferred: Sequence[str],
-) -> None:
-    named: set[str] = set()
+) -> dict[str, tuple[float, float]]:
+    """Send every group that has its table; returns entity -> range of the series that are drawn at first."""
+    ranges: dict[str, tuple[float, float]] = {}
     for entity, owner, bundle in _bundles(groups):
         name = find_table(tables, owner, str(bundle[0]["table"]))
         if name is None:
@@ -127,11 +134,23 @@ def _send_groups(
         times = clock.seconds(name, parts[0])
         if times is None or not len(times) or not all(has_columns(table, group["columns"]) for group in bundle):
             continue
-        if entity not in named:
-            named.add(entity)
+        if entity not in ranges:
             _log_static(stream, entity, _lines(bundle, preferred))
-        values = [matrix(part, group["columns"])[: times.size] for part, group in zip(parts, bundle, strict=True)]
-        _send_series(stream, entity, times, np.hstack(values))
+        values = np.hstack([matrix(part, group["columns"]) for part, group in zip(parts, bundle, strict=True)])
+        _send_series(stream, entity, times, values)
+        drawn = values[:, _shown(bundle, preferred)]
+        good = drawn[np.isfinite(drawn)]
+        if good.size:
+            ranges[entity] = _outer([ranges.get(entity, (np.inf, -np.inf)), (float(good.min()), float(good.max()))])
+        ranges.setdefault(entity, (np.inf, -np.inf))
+    return ranges
+
+
+def _shown(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
+    """Which series of an entity are drawn at first: all but the models that are not preferred."""
+    liked = {key(name) for name in preferred}
+    roles = [str(role) for group in bundle for role in group["roles"]]
+    return [not is_model(role) or not liked or key(role) in liked for role in roles]
 
 
 def _rows(table: pa.Table, group: Document) -> pa.Table:
@@ -144,8 +163,8 @@ def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
     """(entity, owner, groups): groups that cut the same long table by a filter share its clock, so they become one entity."""
     bundles: dict[tuple[str, ...], list[Document]] = defaultdict(list)
     for owner, group in groups:
-        cut = bool(group.get("filter")) and bool(_parent(group))
-        entity = _parent(group) if cut else str(visible(group["entity"]))
+        cut = bool(group.get("filter")) and bool(parent(group))
+        entity = parent(group) if cut else str(visible(group["entity"]))
         bundles[(owner, entity, str(group["table"]), "cut" if cut else "whole")].append(group)
     found = []
     for (owner, entity, _, how), members in bundles.items():
@@ -171,23 +190,21 @@ def find_table(tables: Mapping[str, pa.Table], owner: str, wanted: str) -> str |
 
 def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLines:
     """Names, colours and widths of the series of an entity; of many models only the preferred are drawn at first."""
-    liked = {key(name) for name in preferred}
-    names, inks, faint, shown = [], [], [], []
+    names, inks, faint = [], [], []
     for group in bundle:
         by_axis = len(set(group["roles"])) == 1 and len(group["roles"]) > 1
         for name, role in zip(group["names"], group["roles"], strict=True):
             names.append(str(visible(str(name))))
             inks.append(_series_ink(str(name), str(role), by_axis))
             faint.append(str(role) == "raw")
-            shown.append(not is_model(str(role)) or not liked or key(str(role)) in liked)
     colours = [(*item.rgb, RAW_OPACITY if pale else 255) for item, pale in zip(inks, faint, strict=True)]
-    return rr.SeriesLines(colors=colours, names=names, widths=[item.width for item in inks], visible_series=shown)
+    return rr.SeriesLines(colors=colours, names=names, widths=[item.width for item in inks], visible_series=_shown(bundle, preferred))
 
 
 def _series_ink(name: str, role: str, many_of_one_role: bool) -> Ink:
     """Three axes in one plot are told apart by axis; otherwise the role has its colour."""
-    axis = key(name).split("_")[0]
-    if many_of_one_role and axis in AXES:
+    axis = next((word for word in key(name).split("_") if word in AXES), None)
+    if many_of_one_role and axis is not None:
         return Ink(AXES[axis].light, AXES[axis].dark, width=ink(role).width)
     return ink(role)
 
@@ -205,7 +222,9 @@ def _send_series(stream: rr.RecordingStream, entity: str, times: Array, values: 
 
 def _send_path(
     stream: rr.RecordingStream, fused: Mapping[str, pa.Table], segments: Mapping[str, Document], clock: Clock, rate_hz: float
-) -> None:
+) -> Array:
+    """Send the path of each segment and the vehicle on it; returns the corners (2, 3) of the box that holds all paths, in m, NED."""
+    corners = np.array([np.full(3, np.inf), np.full(3, -np.inf)])
     _log_static(stream, "path", rr.ViewCoordinates.FRD)
     for name, table in fused.items():
         use = str(segments[name]["use"]) if name in segments else "training"
@@ -216,7 +235,12 @@ def _send_path(
             continue
         stride = max(1, round((times.size - 1) / max(times[-1] - times[0], 1e-9) / rate_hz)) if times.size > 1 else 1
         pose, times = pose[good][::stride], times[good][::stride]
-        _log_static(stream, f"path/{name}", rr.LineStrips3D([pose[:, :3]], colors=[ROLES[use].rgb], labels=[f"{name} ({use})"]))
+        corners = np.array([np.minimum(corners[0], pose[:, :3].min(axis=0)), np.maximum(corners[1], pose[:, :3].max(axis=0))])
+        _log_static(
+            stream,
+            "path/" + rr.escape_entity_path_part(name),
+            rr.LineStrips3D([pose[:, :3]], colors=[ROLES[use].rgb], labels=[str(visible(f"{name} ({use})"))]),
+        )
         stream.send_columns(
             "path/vehicle",
             [rr.TimeColumn(TIMELINE, duration=times)],
@@ -224,6 +248,7 @@ def _send_path(
         )
     axes = [AXES[name].rgb for name in ("x", "y", "z")]
     _log_static(stream, "path/vehicle/axes", rr.Arrows3D(vectors=0.6 * np.eye(3), colors=axes, labels=["x", "y", "z"]))
+    return corners if np.isfinite(corners).all() else np.array([np.full(3, -1.0), np.full(3, 1.0)])
 
 
 def _quaternions(euler: Array) -> Array:
@@ -277,63 +302,3 @@ def markdown(title: str, summary: Summary, segments: Mapping[str, Document], clo
 def _segment_line(name: str, item: Document, clock: Clock) -> str:
     start = clock.segments[name]
     return f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log {item['log']})"
-
-
-def _blueprint(groups: Sequence[Owned], segments: Mapping[str, Document], logs: Mapping[str, Document], clock: Clock) -> rrb.Blueprint:
-    spans = (_span(clock.segments, {name: float(item["duration_s"]) for name, item in segments.items()}), _span(clock.logs, _lengths(logs)))
-    tabs: dict[str, list[Owned]] = defaultdict(list)
-    for owner, group in groups:
-        tabs[str(visible(group["tab"]))].append((owner, group))
-    words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []), logs, spans)
-    opening = rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words
-    path = rrb.Spatial3DView(origin="path", name=PATH)
-    plots = {name: _plots(items, logs, spans) for name, items in tabs.items()}
-    others = [rrb.Grid(*views, grid_columns=1 if len(views) < 3 else 2, name=name) for name, views in plots.items()]
-    log = rrb.TextLogView(origin="log", name=LOG)
-    return rrb.Blueprint(
-        rrb.Tabs(opening, path, *others, log, active_tab=0),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
-        auto_layout=False,
-        auto_views=False,
-    )
-
-
-def _lengths(logs: Mapping[str, Document]) -> dict[str, float]:
-    return {name: (log["end_us"] - log["start_us"]) * 1e-6 for name, log in logs.items()}
-
-
-def _span(starts: Mapping[str, float], lengths: Mapping[str, float]) -> rrb.TimeRange:
-    """From the first start to the last end, in seconds of the timeline."""
-    low = min(starts.values(), default=0.0)
-    high = max((start + lengths[name] for name, start in starts.items()), default=1.0)
-    return rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=low), rrb.TimeRangeBoundary.absolute(seconds=high))
-
-
-def _plots(groups: Sequence[Owned], logs: Mapping[str, Document], spans: tuple[rrb.TimeRange, rrb.TimeRange]) -> list[rrb.TimeSeriesView]:
-    """One plot per parent entity whose groups share a unit, else one per group; over all segments, or over all logs for a log's views."""
-    units: dict[str, set[str]] = defaultdict(set)
-    for _, group in groups:
-        units[_parent(group)].add(str(group["unit"]))
-    parents = {_parent(group) for _, group in groups}
-    plots: dict[str, rrb.TimeSeriesView] = {}
-    for owner, group in groups:
-        legend = not plots or not all(is_model(str(role)) or role == "measured" for role in group["roles"])
-        together = len(units[_parent(group)]) == 1 and _parent(group) and str(visible(group["entity"])) not in parents
-        origin = _parent(group) if together else str(visible(group["entity"]))
-        name = f"{origin.split('/')[-1]} [{group['unit']}]" if group["unit"] else origin.split("/")[-1]
-        if origin not in plots:
-            plots[origin] = rrb.TimeSeriesView(
-                origin=origin,
-                name=name,
-                axis_x=rrb.TimeAxis(view_range=spans[owner.partition("/")[2] in logs]),
-                time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
-                plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
-            )
-    return list(plots.values())
-
-
-def _parent(group: Document) -> str:
-    return str(visible(group["entity"])).rpartition("/")[0]

@@ -12,6 +12,7 @@ import rerun as rr
 
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from stages.report import Params, run
+from stages.report.blueprint import _range
 from stages.report.recording import _quaternions, find_table, make_clock, markdown
 from stages.report.summary import summarise
 from tests.support.example_run import ExampleRun, example_run
@@ -112,3 +113,20 @@ def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) 
 def test_recording_leaves_no_global_stream_behind(made: ExampleRun) -> None:
     run(made.inputs(), Params())
     assert rr.get_global_data_recording() is None
+
+
+def test_names_that_are_no_plain_words_are_recorded(tmp_path: Path) -> None:
+    made = example_run({"train.1": 4.0, "../ä b\x1b[31m": 2.0})
+    made.campaign["title"] = "<b>|\n\x07"
+    file = tmp_path / "odd.rrd"
+    file.write_bytes(run(made.inputs(), Params()).recording)
+    assert rerun_rrd("verify", file).returncode == 0
+    printed = rerun_rrd("print", file).stdout
+    assert "/path/train\\.1" in printed
+
+
+def test_depth_is_shown_in_its_own_range() -> None:
+    assert _range("raw/depth", {"raw/depth": (13.0, 14.0), "raw/other": (0.0, 99.0)}) == pytest.approx((12.94, 14.06))
+    assert _range("residual/X", {"residual/X": (-1.0, 0.0), "residual/X/models": (0.0, 3.0)}) == pytest.approx((-1.24, 3.24))
+    assert _range("raw/depth", {}) == (0.0 - 0.06, 1.0 + 0.06)
+    assert _range("a", {"a": (2.0, 2.0)}) == pytest.approx((1.8, 2.2))
