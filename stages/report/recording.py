@@ -227,11 +227,11 @@ def _send_path(
     corners = np.array([np.full(3, np.inf), np.full(3, -np.inf)])
     _log_static(stream, "path", rr.ViewCoordinates.FRD)
     for name, table in fused.items():
-        use = str(segments[name]["use"]) if name in segments else "training"
+        use = str(segments[name]["use"])
         pose = matrix(table, POSE)
-        times = clock.seconds(f"fuse/{name}/fused", table)
+        times = column(table, "t_s") + clock.segments[name]
         good = np.isfinite(pose).all(axis=1)
-        if times is None or not good.any():
+        if not good.any():
             continue
         stride = max(1, round((times.size - 1) / max(times[-1] - times[0], 1e-9) / rate_hz)) if times.size > 1 else 1
         pose, times = pose[good][::stride], times[good][::stride]

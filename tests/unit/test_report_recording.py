@@ -116,13 +116,15 @@ def test_recording_leaves_no_global_stream_behind(made: ExampleRun) -> None:
 
 
 def test_names_that_are_no_plain_words_are_recorded(tmp_path: Path) -> None:
-    made = example_run({"train.1": 4.0, "../ä b\x1b[31m": 2.0})
+    made = example_run({"train.1": 4.0, "ä b\x1b[31m": 2.0})
     made.campaign["title"] = "<b>|\n\x07"
     file = tmp_path / "odd.rrd"
     file.write_bytes(run(made.inputs(), Params()).recording)
     assert rerun_rrd("verify", file).returncode == 0
     printed = rerun_rrd("print", file).stdout
-    assert "/path/train\\.1" in printed
+    assert "/path/train.1 - " in printed
+    assert printed.count("/path/vehicle - ") == 2
+    assert "\x1b[31m" not in printed
 
 
 def test_depth_is_shown_in_its_own_range() -> None:
