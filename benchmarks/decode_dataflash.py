@@ -29,7 +29,7 @@ from stages.ingest.dataflash_scan import candidates, read_times
 from stages.ingest.decoded import DecodedLog, RawFile
 
 PAUSE_US = 10_000
-RUNS = 5
+RUNS = 7
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
@@ -92,14 +92,15 @@ def read_floor(path: str, index: Index) -> int:
     return total
 
 
-def best(run: Callable[[], object]) -> float:
-    """The shortest of a few runs, seconds."""
-    times = []
+def best(*runs: Callable[[], object]) -> list[float]:
+    """The shortest time of each, seconds; they take turns, so that a busy machine slows all of them alike."""
+    times: list[list[float]] = [[] for _ in runs]
     for _ in range(RUNS):
-        begin = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - begin)
-    return min(times)
+        for run, seconds in zip(runs, times, strict=True):
+            begin = time.perf_counter()
+            run()
+            seconds.append(time.perf_counter() - begin)
+    return [min(seconds) for seconds in times]
 
 
 def columns_bytes(log: DecodedLog) -> int:
@@ -108,7 +109,7 @@ def columns_bytes(log: DecodedLog) -> int:
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of pymavlink (one run), of the floor and of auvid (best of five), their ratios, the time for a 20 kB log, and peak memory."""
+    """MB/s of pymavlink (one run), of the floor and of auvid (best of seven), their ratios, the time for a 20 kB log, and peak memory."""
     original = np.fromfile(log_path, np.uint8)
     data = repeated(original, megabytes)
     size_mb = data.size / 1e6
@@ -121,9 +122,11 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
         their_messages = sum(next(iter(columns.values())).size for columns in theirs.values())
         del theirs
         index = build_index(data)
-        ours_s = best(lambda: DATAFLASH.read(RawFile(path.name, np.memmap(path, np.uint8, "r"))))
-        floor_s = best(lambda: read_floor(str(path), index))
-    small_s = best(lambda: DATAFLASH.read(RawFile("small.BIN", original[:20_000])))
+        ours_s, floor_s, small_s = best(
+            lambda: DATAFLASH.read(RawFile(path.name, np.memmap(path, np.uint8, "r"))),
+            lambda: read_floor(str(path), index),
+            lambda: DATAFLASH.read(RawFile("small.BIN", original[:20_000])),
+        )
     tracemalloc.start()
     log = DATAFLASH.read(RawFile("repeated.BIN", data))
     peak = tracemalloc.get_traced_memory()[1]

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 MAGIC = b"\xa3\x95"
-MAGIC_U2 = int.from_bytes(MAGIC, "little")
 HEADER_BYTES = 3
 FMT_ID = 128
 FMT_BYTES = 89
@@ -67,16 +66,6 @@ FIELD_FORMATS: dict[str, FieldFormat] = {
     "L": FieldFormat("<i4", 1.0e-7),  # latitude and longitude, degrees
     "M": FieldFormat("<i1"),  # flight mode number
 }
-
-# Payload of a FMT record: its own format is BBnNZ.
-FMT_DTYPE = np.dtype(
-    {
-        "names": ["type", "length", "name", "format", "columns"],
-        "formats": ["<u1", "<u1", "S4", "S16", "S64"],
-        "offsets": [3, 4, 5, 9, 25],
-        "itemsize": FMT_BYTES,
-    }
-)
 
 # Unit prefix for the multipliers that MULT records declare; any other multiplier is written out before the unit.
 PREFIXES: dict[float, str] = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}

@@ -85,14 +85,15 @@ class DataFlashReader:
 def build_index(buffer: Buffer) -> Index:
     """Scan the file and settle its definitions: only FMT records that stand in the chain, and that the records bear out, are used."""
     offset = candidates(buffer)
-    of_fmt = offset[buffer[offset + 2] == layout.FMT_ID]
+    type = buffer[offset + 2]
+    of_fmt = offset[type == layout.FMT_ID]
     proposals = propose(buffer, of_fmt[of_fmt + layout.FMT_BYTES <= buffer.size])
     usable = np.ones(proposals.offset.size, np.bool_)
     contradicted = np.zeros(proposals.offset.size, np.bool_)
     for _ in range(ROUNDS):
         definitions = settle(proposals, np.flatnonzero(usable).tolist())
         clock = _clocks(proposals, definitions)
-        chain = Walk(buffer, offset, definitions, clock).run()
+        chain = Walk(buffer, offset, type, definitions, clock).run()
         in_chain = np.isin(proposals.offset, chain.offset[chain.type == layout.FMT_ID])
         contradicted[_contradicted(chain, definitions)] = True
         believed = usable & in_chain & ~contradicted
@@ -142,7 +143,7 @@ def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> Deco
     tables = {name: _columns(buffer, parts) for name, parts in groups.items() if name in names or name in NEEDED}
     units = _units(index, groups, tables, names)
     defining = [entry for name in layout.DEFINITION_NAMES for _, entry, _ in groups.get(name, ())]
-    account = byte_account(buffer, index.chain, index.definitions.length, defining, index.refused)
+    account = byte_account(buffer, index.chain, index.definitions.length[:-1], defining, index.refused)
     return DecodedLog(
         format=FORMAT,
         messages={name: Messages(name, *tables[name], units[name]) for name in groups if name in names},

@@ -84,6 +84,8 @@ def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
 class Definitions:
     """The definitions in force: entry 0 is FMT; `first[id]` is the entry for an id before any redefinition (-1: undefined).
 
+    `length[entry]` is the size of a record; a last 0 in it serves entry -1.
+
     `changes[id]` holds, for an id declared with several layouts, the offsets where each begins and its entry.
     `row[entry]` is the row in `Proposals` (-1 for the built-in FMT).
     """
@@ -129,4 +131,4 @@ def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
         for id, steps in changes.items()
         if len(steps) > 1
     }
-    return Definitions(first, np.array(lengths, np.int32), np.array(kept, np.int64), several)
+    return Definitions(first, np.array([*lengths, 0], np.int32), np.array(kept, np.int64), several)

@@ -90,17 +90,16 @@ class Walk:
     `clock` is the kind of time stamp (see `read_times`) of each definition, and a last 0 which serves entry -1, the undefined types.
     """
 
-    def __init__(self, buffer: Buffer, offset: Ints, definitions: Definitions, clock: npt.NDArray[np.int8]) -> None:
-        self.buffer, self.offset, self.definitions, self.clock = buffer, offset, definitions, clock
+    def __init__(
+        self, buffer: Buffer, offset: Ints, type: npt.NDArray[np.uint8], definitions: Definitions, clock: npt.NDArray[np.int8]
+    ) -> None:
+        self.buffer, self.offset, self.type, self.definitions, self.clock = buffer, offset, type, definitions, clock
         self.size, self.count = buffer.size, offset.size
-        self.type = buffer[offset + 2]
-        self.entry = definitions.entries(offset, self.type)
-        length = definitions.length[self.entry]
-        length[self.entry < 0] = 0
-        infer_lengths(offset, self.type, self.entry, length)
-        self.length = length
-        self.end = offset + length
-        self.valid = (length > 0) & (self.end <= self.size)
+        self.entry = definitions.entries(offset, type)
+        self.length = definitions.length[self.entry]
+        infer_lengths(offset, type, self.entry, self.length)
+        self.end = offset + self.length
+        self.valid = (self.length > 0) & (self.end <= self.size)
         self.runs: list[tuple[int, int]] = []
         self.gaps: list[Gap] = []
         self.failed: list[int] = []
@@ -128,7 +127,7 @@ class Walk:
 
     def run(self) -> Chain:
         linked = np.zeros(self.count, np.bool_)
-        linked[:-1] = (self.end[:-1] == self.offset[1:]) & self.valid[:-1] & self.valid[1:]
+        linked[:-1] = (self.end[:-1] == self.offset[1:]) & self.valid[1:]
         breaks = np.flatnonzero(~linked)
         at = self._begin()
         while at < self.count:
@@ -137,7 +136,8 @@ class Walk:
         for start, stop in self.runs:
             taken[start] += 1
             taken[stop] -= 1
-        kept = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
+        inside = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
+        kept = slice(None) if inside.all() else inside  # of a sound log nothing need be copied
         missed = self._missed()
         distance = np.diff(self.offset, append=self.size)[missed]
         return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], self.gaps, self.entry[missed], distance)

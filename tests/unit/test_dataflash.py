@@ -25,7 +25,7 @@ def test_layout_has_the_sizes_of_the_firmware() -> None:
     assert {char: form.bytes for char, form in layout.FIELD_FORMATS.items()} == {
         char: struct.calcsize("<" + packing) for char, packing in PACKING.items()
     }
-    assert layout.FMT.length == layout.FMT_BYTES == layout.FMT_DTYPE.itemsize == 89
+    assert layout.FMT.length == layout.FMT_BYTES == 89
     assert layout.record_dtype("QBf").itemsize == 3 + 13
 
 
