@@ -37,8 +37,10 @@ def run(
     only: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left.")] = None,
     until: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a log was damaged or samples were rejected.")] = False,
-    engine: Annotated[str, typer.Option(metavar="serial|processes", help="Where items run; results are the same.")] = "serial",
-    jobs: Annotated[int | None, typer.Option(metavar="N", help="Processes of the engine; as many as cores unless said.")] = None,
+    engine: Annotated[
+        str | None, typer.Option(metavar="serial|processes", help="Where items run; results are the same. [default: serial]")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", help="How many processes; as many as cores unless said.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
     """Run a campaign: only what is stale runs."""

@@ -83,12 +83,14 @@ def _interrupts_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def make_engine(name: str, jobs: int | None = None) -> Engine:
-    """The engine of a name; `jobs` processes, as many as the machine has cores unless said."""
+def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
+    """The engine of a name. `jobs` processes, as many as the machine has cores unless said; more than one means processes, named or not."""
+    if name is None:
+        name = "processes" if jobs is not None and jobs > 1 else "serial"
     if name not in ENGINES:
         raise PipelineError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
-    if jobs is not None and jobs < 1:
-        raise PipelineError("needs at least one job", field="--jobs", value=jobs)
+    if jobs is not None and (jobs < 1 or (name == "serial" and jobs > 1)):
+        raise PipelineError("does not fit the engine", field="--jobs", value=jobs, allowed="1" if name == "serial" else "1 or more")
     if name == "serial":
         return Serial()
     return Processes(jobs if jobs is not None else (os.cpu_count() or 1))

@@ -90,7 +90,10 @@ class LogPart:
 
 @dataclass(frozen=True)
 class Log:
-    """A raw log: its files are mapped into memory, and must be the same after reading as they were before."""
+    """A raw log: its files are mapped into memory, and must be the same after reading as they were before.
+
+    Known limit: a file that is cut short while it is mapped ends the process, as the system gives no other sign (SIGBUS).
+    """
 
     id: str
     reader: str | None

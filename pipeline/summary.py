@@ -51,7 +51,7 @@ def losses(run: Run) -> list[str]:
             found.append(f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost")
     for log, table in _per_item(run, "dropped"):
         counts: Counter[str] = Counter()
-        for row in table.to_pylist():
+        for row in (row for row in table.to_pylist() if row.get("bytes") is None):  # bytes are in the line above
             counts[f"{row['stream']}: {row['reason']}"] += row["count"]
         found += [f"log '{log}': {count} rejected ({reason})" for reason, count in counts.items() if count]
     return found

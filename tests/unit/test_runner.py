@@ -332,8 +332,11 @@ def test_stages_that_do_not_fit_together_are_refused() -> None:
 def test_engine_names_and_jobs_are_checked() -> None:
     with pytest.raises(PipelineError, match="Did you mean 'processes'"):
         make_engine("process")
-    with pytest.raises(PipelineError, match="at least one job"):
-        make_engine("processes", 0)
+    for name, jobs in (("processes", 0), ("serial", 2)):
+        with pytest.raises(PipelineError, match="'--jobs': does not fit the engine"):
+            make_engine(name, jobs)
+    assert isinstance(make_engine(), Serial)
+    assert isinstance(make_engine(jobs=2), Processes)
 
 
 def test_params_of_a_record_are_those_of_the_run(campaign: Path, runs: Path) -> None:
