@@ -34,6 +34,8 @@ FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
 FRAMES_TO_FOLLOW = 8
+LOOSE_TYPES = b"IMLC"
+NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
 UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 
 Ints = npt.NDArray[np.int64]
@@ -168,7 +170,7 @@ class Scan:
             if self._data_at(place)[1] >= 0:
                 place = self._take_run(place)
                 continue
-            end = self._other_at(place, apply=True)
+            end = self._other_at(place, apply=True, confirm=True)
             if end < 0:
                 place = self._across(place)
             else:
@@ -197,12 +199,18 @@ class Scan:
         size, kind = struct.unpack_from("<HB", self.bytes, place)
         return place + layout.MESSAGE_HEADER_BYTES + size, kind
 
-    def _other_at(self, place: int, *, apply: bool) -> int:
-        """End of a message at `place` that is not data and can be believed, -1 if there is none; `apply` takes what it says."""
+    def _other_at(self, place: int, *, apply: bool = False, confirm: bool = False) -> int:
+        """End of a message at `place` that is not data and can be believed, -1 if there is none.
+
+        `apply` takes what it says; `confirm` wants those whose content shows little of its end to be followed by a message.
+        """
         end, kind = self._header(place)
         if end > self.limit or kind == layout.DATA or kind not in layout.TYPES:
             return -1
         content = self.bytes[place + layout.MESSAGE_HEADER_BYTES : end].tobytes()
+        loose = confirm and kind in LOOSE_TYPES
+        if loose and not (self._believe(chr(kind), content, place, False) and self._follows(end)):
+            return -1
         if not self._believe(chr(kind), content, place, apply):
             return -1
         if apply:
@@ -347,7 +355,7 @@ class Scan:
         if boundary == self.size:
             return boundary
         self._next_limit()
-        if self._data_at(boundary)[1] >= 0 or self._other_at(boundary, apply=False) >= 0:
+        if self._data_at(boundary)[1] >= 0 or self._other_at(boundary) >= 0:
             return boundary
         self.out.gaps.pop()
         return place
@@ -431,8 +439,7 @@ class Scan:
         kinds = self.buffer[start + 2 : min(last + 2, self.limit)]
         place = np.flatnonzero(_searchable[kinds]) + start
         for candidate in place[place + self.words[place] + layout.MESSAGE_HEADER_BYTES <= self.limit].tolist():
-            end = self._other_at(candidate, apply=False)
-            if end >= 0 and (self.bytes[candidate + 2] not in b"LC" or self._follows(end)):
+            if self._other_at(candidate, confirm=True) >= 0:
                 return int(candidate)
         return first
 
@@ -449,7 +456,7 @@ class Scan:
         for _ in range(FRAMES_TO_FOLLOW):
             end, kind = self._header(place)
             if end > self.limit:
-                return kind == layout.DATA and self._cut_off(place)
+                return (kind == layout.DATA or self.limit - place < NEAR_END) and self._cut_off(place)
             if kind not in layout.TYPES or end == place + layout.MESSAGE_HEADER_BYTES:
                 return False
             if end == self.limit or self._stands(end):
@@ -458,4 +465,4 @@ class Scan:
         return False
 
     def _stands(self, place: int) -> bool:
-        return self._data_at(place)[1] >= 0 or self._other_at(place, apply=False) >= 0
+        return self._data_at(place)[1] >= 0 or self._other_at(place) >= 0

@@ -225,6 +225,13 @@ def test_message_whose_size_is_damaged_swallows_nothing() -> None:
     assert reasons(log) == {ulog_scan.DAMAGED: len(about)}
 
 
+def test_beginning_of_a_long_message_in_the_data_swallows_nothing() -> None:
+    piece = message("M", b"\0" + keyed("char[800] fault", bytes(800)))[:60]
+    log = read(START + depths(0, 50) + piece + depths(50, 150))
+    assert metres(log) == [*range(49), *range(50, 150)]
+    assert reasons(log) == {ulog_scan.DAMAGED: len(piece) + RECORD}
+
+
 def test_text_in_data_is_not_a_message() -> None:
     words = message("P", bytes([9]) + b"float ABC" + bytes(4))
     note = declare(f"note:uint64_t timestamp;char[{len(words)}] words;")
