@@ -18,8 +18,9 @@ from data_schemas.formats import ulog as layout
 
 from .decoded import DecodedLog, Messages, RawFile
 from .ulog_columns import Ints, read_times, unpack
+from .ulog_contents import Contents, Gap, Stream
 from .ulog_health import HEADER_DAMAGED, byte_account, clock_notes, lost_seconds, status_of
-from .ulog_scan import Contents, Gap, Scan, Stream
+from .ulog_scan import Scan
 
 FORMAT = "PX4 ULog"
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from .dataflash_health import covered_seconds
 from .decoded import ByteAccount, LogStatus, Skipped
-from .ulog_scan import (
+from .ulog_contents import (
     BLANK_END,
     CUT_BY_APPENDED,
     CUT_OFF,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,23 +20,28 @@ import numpy.typing as npt
 from data_schemas.formats import ulog as layout
 
 from . import ulog_messages as messages
+from .ulog_contents import (
+    BLANK,
+    BLANK_END,
+    CUT_BY_APPENDED,
+    CUT_OFF,
+    DAMAGED,
+    UNDEFINED_STREAM,
+    UNKNOWN_TYPE,
+    UNREADABLE,
+    WRONG_SIZE_STREAM,
+    Contents,
+    Gap,
+    Numbers,
+    Stream,
+)
 
-DAMAGED = "damaged bytes"
-CUT_OFF = "message cut off by the end of the file"
-CUT_BY_APPENDED = "message cut off where appended data begin"
-BLANK = "zero bytes"
-BLANK_END = "zero bytes at the end of the file"
-NO_SUBSCRIPTION = "data without a subscription of their number"
-WRONG_SIZE = "data whose size does not fit their format"
-UNKNOWN_TYPE = "message of an unknown type"
-UNREADABLE = "message whose content cannot be read"
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
 FRAMES_TO_FOLLOW = 8
 LOOSE_TYPES = b"IMLC"
 NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
-UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 
 Ints = npt.NDArray[np.int64]
 Buffer = npt.NDArray[np.uint8]
@@ -46,47 +51,8 @@ _searchable[list(b"FIMPQASLC")] = True
 
 
 @dataclass(frozen=True)
-class Stream:
-    """One instance of one topic."""
-
-    topic: str
-    instance: int
-    layout: layout.Layout
-
-    @property
-    def name(self) -> str:
-        return f"{self.topic}.{self.instance}" if self.instance else self.topic
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Bytes `start:stop` that gave nothing, and why."""
-
-    start: int
-    stop: int
-    reason: str
-
-
-@dataclass
-class Contents:
-    """What a scan found. `data` are offsets and stream numbers of the data messages in file order, in parts; a negative stream
-    number is a message that no subscription explains. `definition_bytes` and `other_bytes` are the bytes of the other messages."""
-
-    formats: layout.Formats = field(default_factory=layout.Formats)
-    streams: list[Stream] = field(default_factory=list)
-    data: list[tuple[Ints, npt.NDArray[np.int32]]] = field(default_factory=list)
-    gaps: list[Gap] = field(default_factory=list)
-    definition_bytes: int = 0
-    other_bytes: int = 0
-    parameters: dict[str, float] = field(default_factory=dict)
-    texts: list[tuple[int, str]] = field(default_factory=list)
-    dropouts_ms: list[int] = field(default_factory=list)
-    unknown_flags: bool = False
-
-
-@dataclass(frozen=True)
 class Block:
-    """Headers of data messages that begin in `start:stop`. `last[i]` is the index of the last one of the unbroken run from i on."""
+    """Headers of data messages that begin in `start:stop`; `breaks` are the indices of those that end where no other begins."""
 
     start: int
     stop: int
@@ -94,52 +60,6 @@ class Block:
     end: Ints
     stream: npt.NDArray[np.int32]
     breaks: Ints
-
-
-class _Numbers:
-    """Which stream a data message belongs to, by its number and size: what is subscribed, what else was, and what is unexplained."""
-
-    def __init__(self) -> None:
-        self.size = [np.zeros(1 << 16, np.int32) for _ in range(3)]
-        self.stream = [np.full(1 << 16, UNDEFINED_STREAM, np.int32) for _ in range(3)]
-        self.version = 0
-
-    def put(self, table: int, id: int, size: int, stream: int) -> None:
-        self.size[table][id] = size
-        self.stream[table][id] = stream
-        self.version += 1
-
-    def known(self, id: int) -> bool:
-        return bool(self.size[0][id])
-
-    def subscribe(self, id: int, stream: int, sizes: layout.Layout) -> None:
-        """Put a stream in force. What it replaces, if that has another size, stays readable: one of the two may be damaged."""
-        written, padded = sizes.written + 2, sizes.padded + 2
-        before, other = int(self.size[0][id]), int(self.stream[0][id])
-        if before not in (0, written):
-            self.put(1, id, before, other)
-        elif padded != written:
-            self.put(1, id, padded, stream)
-        self.put(0, id, written, stream)
-
-    def match(self, id: int, size: int) -> int | None:
-        for sizes, streams in zip(self.size, self.stream, strict=True):
-            if sizes[id] == size:
-                return int(streams[id])
-        return None
-
-    def select(self, id: npt.NDArray[np.uint16], size: npt.NDArray[np.uint16]) -> tuple[Ints, npt.NDArray[np.int32]]:
-        """Indices of the pairs that match, ascending, and their streams."""
-        stream = self.stream[0][id]
-        hit = self.size[0][id] == size
-        rest = np.flatnonzero(~hit)
-        for table in (1, 2):
-            found = rest[self.size[table][id[rest]] == size[rest]]
-            found = found[~hit[found]]
-            hit[found] = True
-            stream[found] = self.stream[table][id[found]]
-        index = np.flatnonzero(hit)
-        return index, stream[index]
 
 
 class Scan:
@@ -152,7 +72,7 @@ class Scan:
         count = max(0, self.size - 1)
         self.words = np.ndarray((count,), "<u2", buffer, 0, (1,)) if count else np.zeros(0, np.uint16)
         self.out = Contents()
-        self.numbers = _Numbers()
+        self.numbers = Numbers()
         self.stream_index: dict[tuple[str, int], int] = {}
         self.limit = self.size
         self.boundaries: list[int] = []
