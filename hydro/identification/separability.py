@@ -16,7 +16,10 @@ from hydro.dynamics.arrays import VELOCITIES, Array
 from hydro.dynamics.viscous_basis import BASIS_TERMS
 from hydro.identification.excitation import VelocityExcitation, term_floors
 from hydro.identification.least_squares import AxisFit, Combination
-from hydro.identification.verdicts import INSEPARABLE, NOT_EXCITED, WEAK, Verdict, judge
+from hydro.identification.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED, WEAK, Verdict, judge
+
+ROUNDING_SHARE = 1e-6
+"""A term with less than this share of the measured force is rounding, however small its standard error (data without noise)."""
 
 Motion = Mapping[str, VelocityExcitation]
 
@@ -47,11 +50,17 @@ def judge_with_motion(fit: AxisFit, motion: Motion, *, covariance: Array) -> tup
     """Verdict on every term, and the combinations that are determined where single coefficients are not (those of the rank included).
 
     covariance (k, k): of the solution, in the order of `fit.terms`, best from `hac_fit_covariance`. Inseparability is mutual: a term is
-    inseparable only from terms that are themselves not told from zero or not from it; otherwise it is weak.
+    inseparable only from terms that are themselves not told from zero or not from it; otherwise it is weak. Dependent columns that rest on
+    nothing but unexcited motion are not excited, and so are their combinations.
     """
-    errors = np.sqrt(np.diag(covariance))
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     verdicts = _mutual(judge(fit, floors=motion_floors(fit.terms, motion), standard_errors=errors), fit)
-    combinations = [item for group in fit.groups for item in group.combinations]
+    for term, verdict in verdicts.items():
+        if verdict.status == IDENTIFIED and verdict.share < ROUNDING_SHARE:
+            verdicts[term] = replace(verdict, status=WEAK)
+    still = {term for group in fit.groups if not any(_moves(term, motion) for term in group.terms) for term in group.terms}
+    verdicts |= {term: replace(verdicts[term], status=NOT_EXCITED, partners=()) for term in still}
+    combinations = [item for group in fit.groups for item in group.combinations if not still & item.weights.keys()]
     exact = {term for group in fit.groups for term in group.terms}
     for group in one_sided_groups(fit.terms, motion):
         members = {term: sign for term, sign in group.items() if verdicts[term].status != NOT_EXCITED and term not in exact}

@@ -201,7 +201,7 @@ def test_a_segment_shorter_than_its_edges_is_refused(motion: Motion) -> None:
         (ACCELEROMETER, {"method": "thesis"}, "imu"),
     ],
 )
-def test_what_is_missing_is_named_with_its_sources(motion: Motion, without: tuple[str, ...], params: Mapping[str, Any], stream: str) -> None:
+def test_what_is_missing_is_named(motion: Motion, without: tuple[str, ...], params: Mapping[str, Any], stream: str) -> None:
     with pytest.raises(DataError, match=f"stage fuse needs .*stream '{stream}'.*can come from") as caught:
         run(motion, without=without, **params)
     assert "DataFlash" in str(caught.value)
