@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +18,7 @@ Every finding of the health page: what it means, the threshold beyond which it i
 An *error* means that the chain would refuse the log or use wrong data, a *warning* that results depend on it, a *note* is good to know.
 `auvid check` exits with 0 if it found no error and no loss, with 3 if it did, and with 1 if a log could not be read at all.
 
-This page is made from `data_schemas/formats/checks.yaml`: `python -m data_schemas.checks docs/checks.md`.
+This page is made from `data_schemas/formats/checks.yaml`: `python -m data_schemas.checks > docs/checks.md`.
 """
 
 
@@ -69,4 +67,4 @@ def _unit(unit: str) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(documentation(), encoding="utf-8")
+    print(documentation(), end="")

@@ -21,6 +21,8 @@ MOST_SAMPLES = 4000
 RATE_INTERVAL_S, LONGEST_INTERVAL_S = 0.1, 0.5
 """Attitude is differenced over at least the first (shorter intervals amplify its rounding) and at most the second (turns are lost)."""
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
+SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
+"""A jump of the attitude: more than this, and than so many times what 90 % of the intervals disagree by."""
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
 FEWEST = 20
 
@@ -53,23 +55,31 @@ def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
 
 @dataclass(frozen=True)
 class Repeats:
-    """Samples equal to the one before: their share, and the longest run of equal samples (first index, count)."""
+    """Samples equal to the one before: their share, and the longest run of equal samples (first index, count).
+
+    `leap` is the median step of a column between values that differ, in parts of its smallest step, the largest of the columns: near 1
+    for a signal that hardly moves by more than its own resolution and therefore repeats without being held.
+    """
 
     share: float
     run_start: int
     run_count: int
+    leap: float
 
 
 def repeats(values: ArrayLike) -> Repeats:
     """Repeated samples of values (n, k): a sample repeats where all k columns equal those of the sample before."""
     array = np.asarray(values, dtype=np.float64)
     if len(array) < 2:
-        return Repeats(0.0, 0, len(array))
-    new = np.append(True, (np.diff(array, axis=0) != 0.0).any(axis=1))
+        return Repeats(0.0, 0, len(array), 1.0)
+    steps = np.abs(np.diff(array, axis=0))
+    new = np.append(True, (steps != 0.0).any(axis=1))
     starts = np.flatnonzero(new)
     lengths = np.diff(np.append(starts, len(array)))
     longest = int(np.argmax(lengths))
-    return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]))
+    moves = [column[column > 0.0] for column in steps.T]
+    leap = max((float(np.median(item) / item.min()) for item in moves if item.size), default=1.0)
+    return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]), leap)
 
 
 def flat_top(values: ArrayLike) -> int:
@@ -138,15 +148,21 @@ class RateAgreement:
     """Gyro against the rate of the attitude.
 
     `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro read `lag_s` later; `scale` (3,): gyro per attitude
-    rate of the same axis; `rms` (3,) of the attitude's body rates [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn
-    after the attitude does.
+    rate of the same axis; `std` (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs [rad/s]; `count` of
+    intervals. A positive lag: the gyro shows a turn
+    after the attitude does. `jumps` intervals in which the attitude turned without the gyro, by `largest_jump` [rad] at most, are left
+    out of the comparison; `jump_at_s` is the time of the largest.
     """
 
     correlation: Array
     scale: Array
     lag_s: float
-    rms: Array
+    std: Array
+    bias: Array
     count: int
+    jumps: int
+    largest_jump: float
+    jump_at_s: float
 
 
 def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> RateAgreement | None:
@@ -178,6 +194,14 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
         ends = [np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1) for side in (rows, rows + 1)]
         return np.asarray((ends[1] - ends[0]) / width[rows, None])
 
+    unexplained = np.linalg.norm((expected - mean_rate(0.0)) * width[rows, None], axis=1)
+    # A slow gyro may miss what it turned between its samples: by no more than its change over the interval.
+    missed = np.linalg.norm(rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)], axis=1)
+    missed *= np.maximum(width[rows], float(np.median(np.diff(at))))
+    jumped = unexplained > np.maximum(max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed)
+    worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
+    jump, jump_at = (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
+    rows, expected = rows[~jumped], expected[~jumped]
     centred = expected - expected.mean(axis=0)
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
@@ -188,8 +212,10 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     with np.errstate(divide="ignore", invalid="ignore"):
         # Total least squares in one dimension keeps noise in either record from pulling the ratio down.
         scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
-    rms = np.sqrt(np.mean(expected**2, axis=0))
-    return RateAgreement(_correlation(centred, measured), scale, lag, rms, int(rows.size))
+    bias = np.median(measured - expected, axis=0)
+    return RateAgreement(
+        _correlation(centred, measured), scale, lag, energy, bias, int(rows.size), int(np.count_nonzero(jumped)), jump, jump_at
+    )
 
 
 def _correlation(first: Array, second: Array) -> Array:
@@ -243,14 +269,15 @@ def gravity(t_s: ArrayLike, accel: ArrayLike, t_attitude: ArrayLike | None = Non
 
 @dataclass(frozen=True)
 class Following:
-    """How one signal follows another: slope of the second per unit of the first, and their correlation."""
+    """How one signal follows another: size of the second's variation per that of the first, with the sign of their correlation, and the
+    correlation. Noise in either does not pull the ratio towards zero as it does a slope."""
 
-    slope: float
+    scale: float
     correlation: float
 
 
 def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) -> Following | None:
-    """Regress y (m,) at t_other (m,) on x (n,) at t_s (n,), interpolated to the times of y within the span of x; None for too few."""
+    """Compare y (m,) at t_other (m,) with x (n,) at t_s (n,), interpolated to the times of y within the span of x; None for too few."""
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(x, dtype=np.float64)
     at, other = np.asarray(t_other, dtype=np.float64), np.asarray(y, dtype=np.float64)
     rows = thinned(np.flatnonzero((at >= t[0]) & (at <= t[-1]) & np.isfinite(other))) if t.size else np.zeros(0, np.intp)
@@ -261,9 +288,10 @@ def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) ->
     energy = float(first @ first)
     if energy == 0.0:
         return None
-    product = float(first @ second)
-    size = float(np.sqrt(energy * (second @ second)))
-    return Following(product / energy, product / size if size else 0.0)
+    other_energy = float(second @ second)
+    size = float(np.sqrt(energy * other_energy))
+    correlation = float(first @ second) / size if size else 0.0
+    return Following(float(np.sqrt(other_energy / energy)) * (-1.0 if correlation < 0.0 else 1.0), correlation)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from data_schemas.streams import NEEDED, STREAMS
 from data_schemas.tables import make_table
 from stages.base import Document, RawLog, Stage, param, port
 
+from .checks import check_health, health_blocks, other_sources
 from .clean import Rejected, clean, clock_set
 from .health import dropped_table, log_info, report_section, report_views
 from .merge import Part, forced_readers, merge_parts, on_one_clock, read_part, vehicle_sources, wanted_sources
@@ -41,6 +42,7 @@ class Outputs:
 
     dropped: pa.Table = port("dropped")
     log_info: dict[str, Any] = port("log_info")
+    health: dict[str, Any] = port("health")
     section: dict[str, Any] = port("section")
     views: dict[str, Any] = port("views")
     imu: pa.Table | None = port("imu", optional=True)
@@ -81,10 +83,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         raise _no_streams(log, parts)
     tables = {name: make_table(name, _columns(name, stream.columns)) for name, stream in streams.items()}
     info = log_info(log, parts, streams, rejected, gap_s=params.gap_s, set_us=set_us)
+    dropped = dropped_table(parts, rejected)
+    found = check_health(tables, info, dropped, vehicle=inputs.vehicle, others=other_sources(parts, forced, set_us=set_us))
     return Outputs(
-        dropped=dropped_table(parts, rejected),
+        dropped=dropped,
         log_info=info,
-        section=report_section(info, rejected),
+        health=found,
+        section=report_section(info, rejected, health_blocks(found)),
         views=report_views(tables),
         **tables,
     )

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from data_schemas.tables import make_table
 from stages.base import RawLog
-from stages.sections import remark, section, table
+from stages.sections import Block, remark, section, table
 
 from .clean import Rejected
 from .merge import Part
@@ -125,8 +125,8 @@ def dropped_table(parts: Sequence[Part], rejected: Sequence[Rejected]) -> pa.Tab
     return make_table("dropped", {name: [row[index] for row in rows] for index, name in enumerate(names)})
 
 
-def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected]) -> dict[str, Any]:
-    """The log in the report: files with the account of their bytes, streams with source, rate and gaps, what was rejected."""
+def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected], found: Sequence[Block] = ()) -> dict[str, Any]:
+    """The log in the report: files with the account of their bytes, streams with source, rate and gaps, what was rejected and found."""
     files = [_file_row(item) for item in info["files"]]
     streams = [_stream_row(name, item, info["start_us"]) for name, item in info["streams"].items()]
     blocks = [
@@ -144,7 +144,7 @@ def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected]) -> dic
         )
     if info["status"] != "complete":
         blocks.append(remark(f"The log is {info['status']}: the table of files says how much was lost.", "warning"))
-    blocks += [remark(note) for note in info["notes"]]
+    blocks += [*found, *(remark(note) for note in info["notes"])]
     return section(
         f"Log {info['log']}",
         blocks,
