@@ -70,15 +70,15 @@ class UlogReader:
         account = byte_account(buffer.size, contents.definition_bytes, contents, offset, length, stream)
         del length
 
-        time_at = np.array([item.layout.time for item in contents.streams] + [-1], np.int64)
-        timed = np.flatnonzero((stream >= 0) & (time_at[stream] >= 0))
-        times = read_times(buffer, offset[timed], time_at[stream[timed]])
-        seconds_lost = lost_seconds(contents, buffer.size, offset[timed], times)
-        notes = [
-            *_notes(buffer[: layout.HEADER_BYTES].tobytes(), contents),
-            *clock_notes(contents.streams, offset[timed], times, stream[timed]),
-        ]
-        del timed, times
+        unread = [-1, -1]  # what the negative stream numbers point at
+        time_at = np.array([item.layout.time for item in contents.streams] + unread, np.int64)
+        timed = time_at[stream] >= 0
+        at, by = (offset, stream) if timed.all() else (offset[timed], stream[timed])
+        times = read_times(buffer, at, time_at[by])
+        seconds_lost = lost_seconds(contents, buffer.size, at, times)
+        header_notes = _notes(buffer[: layout.HEADER_BYTES].tobytes(), contents)
+        notes = [*header_notes, *clock_notes(contents.streams, at, times, by)]
+        del timed, at, by, times
 
         places = _by_stream(offset, stream, len(contents.streams))
         del offset, stream

@@ -80,10 +80,16 @@ def clock_notes(streams: Sequence[Stream], offset: Ints, times_us: Ints, stream:
     count = times_us.size // NEIGHBOURS
     if count == 0:
         return []
-    median = np.partition(times_us[: count * NEIGHBOURS].reshape(count, NEIGHBOURS), NEIGHBOURS // 2, axis=1)[:, NEIGHBOURS // 2]
+    whole = times_us[: count * NEIGHBOURS].reshape(count, NEIGHBOURS)
+    median = np.partition(whole, NEIGHBOURS // 2, axis=1)[:, NEIGHBOURS // 2]
     around = np.maximum(median, np.append(median[1:], 0))
     notes = []
-    stray = np.flatnonzero(times_us > np.repeat(np.append(around, median[-1]), NEIGHBOURS)[: times_us.size] + STRAY_US)
+    stray = np.concatenate(
+        [
+            np.flatnonzero(whole > around[:, None] + STRAY_US),
+            count * NEIGHBOURS + np.flatnonzero(times_us[whole.size :] > median[-1] + STRAY_US),
+        ]
+    )
     for number in np.unique(stream[stray]).tolist():
         these = stray[stream[stray] == number]
         worst = these[np.argmax(times_us[these])]
