@@ -168,12 +168,17 @@ def _panel(
     )
 
 
+SMALLEST_SPAN = 1e-30
+"""A signal whose values differ by less is drawn as constant: no SI quantity here is that small."""
+
+
 def padded_range(signals: Sequence[Array]) -> tuple[float, float]:
     """Smallest and largest finite value with a margin; a constant signal gets room on either side."""
     kept = [y[np.isfinite(y)] for y in signals]
     values = np.concatenate([y for y in kept if y.size] or [np.zeros(1)])
     low, high = float(values.min()), float(values.max())
-    room = MARGIN * (high - low) if high > low else max(abs(high) * 0.1, 1e-3)
+    varies = high - low > max(1e-12 * max(abs(low), abs(high)), SMALLEST_SPAN)
+    room = MARGIN * (high - low) if varies else max(abs(high) * 0.1, 1e-3)
     return low - room, high + room
 
 
