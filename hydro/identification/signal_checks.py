@@ -304,33 +304,35 @@ class Response:
 
 
 def response_lag(
-    t_command: ArrayLike, command: ArrayLike, t_motion: ArrayLike, motion: ArrayLike, *, lags_s: ArrayLike, rate_hz: float
+    t_command: ArrayLike, command: ArrayLike, t_motion: ArrayLike, motion: ArrayLike, *, lags_s: tuple[float, float], rate_hz: float
 ) -> Response | None:
     """By how much motion (m,) lags behind commands (n, k): the lag whose least-squares fit of the motion by all commands is best.
 
     Both are put on a uniform clock of `rate_hz`, commands held, and a moving mean over 10 s is taken off both, because slow drifts always
-    look alike. The lag holds the delay and the inertia of the vehicle together. At most ten minutes in the middle of the common span are
-    used. None for fewer than 100 samples, less than 20 s, or commands that stand still.
+    look alike. Lags between the two of `lags_s` are tried in steps of the clock. The lag holds the delay and the inertia of the vehicle
+    together. At most ten minutes in the middle of the common span are used. None for fewer than 100 samples, less than 20 s, or commands
+    that stand still.
     """
     at, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
     t, output = np.asarray(t_motion, dtype=np.float64), np.asarray(motion, dtype=np.float64)
-    lags = np.asarray(lags_s, dtype=np.float64)
     inputs = inputs[:, np.ptp(inputs, axis=0) > 0.0] if len(inputs) else inputs
     if not inputs.size or not t.size:
         return None
-    start, end = max(at[0] + lags.max(), t[0]), min(at[-1] + lags.min(), t[-1])
+    early, late = round(lags_s[0] * rate_hz), round(lags_s[1] * rate_hz)
+    start, end = max(at[0] + late / rate_hz, t[0]), min(at[-1] + early / rate_hz, t[-1])
     middle, half = 0.5 * (start + end), min(0.5 * (end - start), LONGEST_RESPONSE_S / 2.0)
-    width = round(DRIFT_S * rate_hz)
-    if end - start < 2.0 * DRIFT_S or (end - start) * rate_hz < 100:
+    count, width = int(2.0 * half * rate_hz), round(DRIFT_S * rate_hz)
+    if end - start < 2.0 * DRIFT_S or count < 100:
         return None
-    clock = np.arange(middle - half, middle + half, 1.0 / rate_hz)
-    response = _without_drift(np.interp(clock, t, output), width)
+    clock = middle - half + np.arange(-late, count - early) / rate_hz
+    held = _without_drift(inputs[np.clip(np.searchsorted(at, clock, side="right") - 1, 0, at.size - 1)], width)
+    response = _without_drift(np.interp(clock[late : late + count], t, output), width)
     total = float(response @ response)
     if total == 0.0:
         return None
-    held = [inputs[np.searchsorted(at, clock - lag, side="right") - 1] for lag in lags]
-    shares = np.array([_explained(_without_drift(values, width), response, total) for values in held])
-    return Response(_peak(lags, shares), float(shares.max()))
+    lags = np.arange(early, late + 1)
+    shares = np.array([_explained(held[late - lag : late - lag + count], response, total) for lag in lags])
+    return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 
 
 def _without_drift(values: Array, width: int) -> Array:

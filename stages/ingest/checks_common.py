@@ -92,9 +92,9 @@ class Recorded:
         """Columns of the outputs that drive thrusters: as the vehicle file says, else the vehicle's parameters, else outputs 1 to 8."""
         there = self.tables["actuators"].column_names if self.has("actuators") else []
         named = ((self.vehicle or {}).get("actuators") or {}).get("thrusters", {}).get("outputs")
-        functions = {key: value for key, value in self.info["parameters"].items() if re.fullmatch(r"SERVO\d+_FUNCTION", key) and value}
-        if named is None and functions:
-            named = [int(key[5:-9]) for key, value in functions.items() if int(value) in MOTOR_FUNCTIONS]
+        if named is None:
+            functions = {number: self.info["parameters"].get(f"SERVO{number}_FUNCTION") for number in range(1, 17)}
+            named = [number for number, function in functions.items() if function is not None and int(function) in MOTOR_FUNCTIONS]
         wanted = [f"pwm_{number}_us" for number in (named or range(1, MOTORS + 1))]
         return [name for name in wanted if name in there]
 

@@ -19,7 +19,7 @@ PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0
 FULL_COMMAND = 0.99
 ACTIVE_COMMAND = 0.02
-LAGS_S = np.arange(-0.5, 2.01, 0.05)
+LAGS_S = (-0.5, 2.0)
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
 DEPTH_RATE_S = 1.0
@@ -178,7 +178,7 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
         if float(np.std(motion)) < SMALLEST_MOTION:
             continue
         found = response_lag(log.t_s("actuators"), commands, at, motion, lags_s=LAGS_S, rate_hz=RESPONSE_HZ)
-        if found is None or found.explained < limit("command_lag") or found.lag_s >= LAGS_S[-1]:
+        if found is None or found.explained < limit("command_lag") or found.lag_s >= LAGS_S[1]:
             continue
         how = f"follows by {found.lag_s:.2f} s" if found.lag_s > 0.0 else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
         said.append((found.explained, f"{AXES[axis]} {how}, {percent(round(found.explained, 2))} explained"))
