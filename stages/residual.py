@@ -157,7 +157,7 @@ def _section(inputs: Inputs, vehicle: Vehicle, parts: ForceComponents, said: str
     ]
     rows = [[_words(name), *(rms(force[:, index]) for index in range(6))] for name, force in components.items()]
     blocks = [remark(said)] if said else []
-    if vehicle.thrusters is not None:
+    if vehicle.thrusters is not None and vehicle.thrusters.curve.voltage_exponent != 0.0:
         voltage, bare = _voltage(inputs)
         if voltage is None:
             words = f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V, the voltage of the thrust curve."

@@ -138,6 +138,14 @@ def _check(vehicle: Vehicle) -> None:
             value=", ".join(positive),
             remedy="These are McCarter's derivatives, X_udot <= 0; turn the sign of figures given as positive masses.",
         )
+    rigid = float(np.linalg.eigvalsh(vehicle.rigid_body_mass)[0])
+    if rigid <= 0.0:
+        raise CampaignError(
+            "the inertia of the rigid body is not positive definite: no mass distribution has it",
+            field="rigid_body.inertia.value",
+            value=f"smallest eigenvalue of M_RB {rigid:.4g}",
+            remedy="Check units, and that the inertia is about the body origin, not about the centre of gravity.",
+        )
     smallest = float(np.linalg.eigvalsh(vehicle.mass_matrix)[0])
     if smallest <= 0.0:
         raise CampaignError(

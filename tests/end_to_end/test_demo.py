@@ -1,0 +1,166 @@
+"""The real dive through the chain: what it tells of the vehicle, what it cannot tell, and the same from CSV files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline import session
+from pipeline.engines import Serial
+from stages.signals import AXES
+
+ROOT = Path(__file__).parents[2]
+CAMPAIGNS = ("bluerov2_dvl", "bluerov2_dvl_csv")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Both campaigns run up to validation, in a workspace of their own."""
+    folder = tmp_path_factory.mktemp("demo")
+    (folder / "campaigns").mkdir()
+    (folder / "params.yaml").write_bytes((ROOT / "params.yaml").read_bytes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name in CAMPAIGNS:
+            (folder / "campaigns" / name).symlink_to(ROOT / "campaigns" / name, target_is_directory=True)
+            run = session.open_run(name)
+            run.execute(session.select(run.graph, until="validate"), Serial())
+        yield folder / "runs"
+
+
+def document(runs: Path, path: str, campaign: str = CAMPAIGNS[0]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((runs / campaign / path).read_text(encoding="utf-8"))
+    return found
+
+
+def table(runs: Path, path: str, campaign: str = CAMPAIGNS[0]) -> pa.Table:
+    return pq.ParquetFile(runs / campaign / path).read()
+
+
+def cards(runs: Path, campaign: str = CAMPAIGNS[0]) -> dict[str, dict[str, Any]]:
+    folder = runs / campaign / "synthesise/model_card"
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
+
+
+def coefficient(card: dict[str, Any], axis: str, term: str) -> dict[str, Any]:
+    found: dict[str, Any] = next(item for item in card["axes"][axis]["terms"] if item["term"] == term)
+    return found
+
+
+def remarks(runs: Path, path: str, level: str) -> list[str]:
+    return [block["text"] for block in document(runs, path)["blocks"] if block["kind"] == "remark" and block["level"] == level]
+
+
+def test_surge_damping_is_negative_and_of_the_order_of_tens(runs: Path) -> None:
+    surge = coefficient(cards(runs)["linear"], "X", "u")
+    assert surge["verdict"] == "identified"
+    assert -100.0 < surge["value"] < -20.0  # N s/m, at the scale of the assumed thrust curve
+    assert surge["standard_error"] < 5.0
+
+
+def test_linear_model_holds_in_surge_on_validation(runs: Path) -> None:
+    validation = document(runs, "validate/error_metrics.json")["validation"]
+    assert validation["linear"]["X"] < 0.6
+    assert validation["linear"]["ratio"] < 0.7
+
+
+def test_roll_and_pitch_are_not_excited(runs: Path) -> None:
+    found = cards(runs)
+    assert len(found) == 8
+    for card in found.values():
+        assert card["axes"]["K"]["excitation"] == card["axes"]["M"]["excitation"] == "not excited"
+        for part in card["axes"].values():
+            for item in part["terms"]:
+                if {"p", "q"} & set(item["term"].replace("|", "").split("*")):
+                    assert item["verdict"] == "not excited"
+                    assert item["value"] is None
+                    assert item["standard_error"] is None
+
+
+def test_no_number_rests_on_motion_that_was_not_there(runs: Path) -> None:
+    """In the training leg u alone is excited, and ahead only: no other coefficient than those of u and the constant has a number."""
+    for card in cards(runs).values():
+        for part in card["axes"].values():
+            given = {item["term"] for item in part["terms"] if item["value"] is not None}
+            assert given <= {"u", "|u|", "u*u", "u*|u|", "constant"}
+    surge = cards(runs)["uncoupled"]["axes"]["X"]
+    assert [item["weights"].keys() for item in surge["combinations"]] == [{"u", "|u|"}, {"u*u", "u*|u|"}]
+    assert coefficient(cards(runs)["fossen"], "X", "u*|u|")["verdict"] == "weak"
+
+
+def test_net_buoyancy_is_a_few_newtons_up(runs: Path) -> None:
+    trim = coefficient(cards(runs)["linear"], "Z", "constant")
+    assert trim["verdict"] == "identified"
+    assert -8.0 < trim["value"] < -2.0  # N, z is down
+
+
+def test_a_model_that_fails_is_shown_to_fail(runs: Path) -> None:
+    metrics = document(runs, "validate/error_metrics.json")
+    warnings = remarks(runs, "validate/section.json", "warning")
+    for model, title in (("mcfarland", "McFarland & Whitcomb"), ("gertler_hagen", "Gertler & Hagen"), ("coe", "Coe")):
+        assert metrics["training"][model]["ratio"] < 0.2
+        assert metrics["validation"][model]["ratio"] > 3.0 * metrics["training"][model]["ratio"]
+        assert metrics["validation"][model]["ratio"] > 1.0
+        assert any(words.startswith(f"{title} fails on validation in X") for words in warnings)
+    assert not any(words.startswith("Linear fails") for words in warnings)
+    assert any("leave the range of the training legs" in words and "r (" in words for words in warnings)
+
+
+def test_linear_model_is_put_beside_a_constant(runs: Path) -> None:
+    """Heave is the net buoyancy: the report says that Linear adds nothing to a constant there."""
+    assert any(
+        words.startswith("Linear predicts no better than a constant force alone in Z")
+        for words in remarks(runs, "validate/section.json", "note")
+    )
+    assert (runs / CAMPAIGNS[0] / "validate/tables_text.txt").read_text(encoding="utf-8").count("constant alone") == 2
+
+
+def test_terms_of_the_propeller_do_not_apply(runs: Path) -> None:
+    card = cards(runs)["gertler_hagen"]
+    assert (card["n_bar"], card["n_bar_declared"], len(card["not_applicable"])) == (73, 88, 15)
+    assert "eta_ratio" not in table(runs, "residual/train/residual.parquet").column_names
+
+
+def test_what_is_assumed_is_said(runs: Path) -> None:
+    assumed = cards(runs)["linear"]["assumed"]
+    assert any("rigid_body.mass = 13.5 kg" in words for words in assumed)
+    notes = [block["note"] for block in document(runs, "synthesise/section.json")["blocks"] if block["kind"] == "table"]
+    assert any(f"{len(assumed)} assumed figures of the vehicle as exact" in note for note in notes)
+
+
+def test_battery_is_used_and_directions_have_a_source(runs: Path) -> None:
+    words = [block["text"] for block in document(runs, "residual/train/section.json")["blocks"] if block["kind"] == "remark"]
+    assert any("Motor directions" in text for text in words)
+    assert not any("battery voltage" in text.lower() for text in words)
+
+
+def test_thrust_balances_residual_in_slow_motion(runs: Path) -> None:
+    """At 0.1 m/s inertia and Coriolis forces are small: tau_bar is nearly minus the thrust."""
+    found = table(runs, "residual/train/residual.parquet")
+    for axis, share in zip(("X_N", "Y_N", "Z_N"), (0.1, 0.3, 0.15), strict=True):
+        left = found[f"tau_bar_{axis}"].to_numpy() + found[f"thrusters_{axis}"].to_numpy()
+        assert np.sqrt(np.mean(left**2)) < share * np.sqrt(np.mean(found[f"thrusters_{axis}"].to_numpy() ** 2))
+
+
+def test_csv_files_give_the_same_tables(runs: Path) -> None:
+    ours, theirs = (table(runs, "validate/error_table.parquet", name) for name in CAMPAIGNS)
+    assert ours.column_names == theirs.column_names
+    assert ours.num_rows == 2 * 2 * 8 * 7
+    for name in ours.column_names:
+        one, other = ours[name].to_pylist(), theirs[name].to_pylist()
+        if isinstance(one[0], str):
+            assert one == other
+        else:
+            np.testing.assert_allclose(other, one, rtol=1e-6, atol=0.0, err_msg=name)
+    for model, card in cards(runs).items():
+        other_card = cards(runs, CAMPAIGNS[1])[model]
+        for axis in AXES:
+            verdicts = [[item["verdict"] for item in found["axes"][axis]["terms"]] for found in (card, other_card)]
+            assert verdicts[0] == verdicts[1]
