@@ -14,7 +14,6 @@ import pyarrow as pa
 from stages.base import Collection, Document, Stage, every, param, port
 from stages.report.html import render
 from stages.report.own_sections import legs_section, provenance_section, vehicle_line
-from stages.report.recording import record
 from stages.report.summary import summarise
 
 
@@ -22,6 +21,7 @@ from stages.report.summary import summarise
 class Inputs:
     campaign: Document = port("campaign")
     vehicle: Document = port("vehicle")
+    provenance: Document = port("provenance")
     log_info: Collection[Document] = port("log_info", many=True)
     segment: Collection[Document] = port("segment", many=True)
     fused: Collection[pa.Table] = port("fused", many=True)
@@ -51,10 +51,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     notes = str(inputs.campaign.get("notes") or "")
     own: dict[str, dict[str, Any]] = {
         "campaign": legs_section(segments, logs),
-        "provenance": provenance_section(inputs.campaign, cards, logs),
+        "provenance": provenance_section(inputs.provenance, inputs.campaign, cards),
     }
     log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
     page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
+    from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing
+
     recording = record(title, summary, inputs.views, inputs.tables, inputs.fused, segments, logs, params.path_rate_hz)
     return Outputs(report_html=page, recording=recording)
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
 from typing import Any
 
-from stages.sections import Block, remark, section, table, text
+from stages.sections import Block, remark, section, table
 
 Document = Mapping[str, Any]
-PACKAGES = ("auvid", "numpy", "scipy", "pyarrow", "filterpy", "pymavlink", "pint", "rerun-sdk")
 FIRST, LAST = 1, 1000
 
 
@@ -39,22 +37,27 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
     )
 
 
-def provenance_section(campaign: Document, cards: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
-    """Parameters that the manifest sets, package versions, assumed figures, and the source of each model form."""
+def provenance_section(provenance: Document, campaign: Document, cards: Mapping[str, Document]) -> dict[str, Any]:
+    """Hashes of what went in, every parameter in force, assumed figures, the source of each model form, and versions."""
+    chosen = campaign.get("stages") or {}
     settings = [
-        [stage, name, _setting(value)] for stage, values in (campaign.get("stages") or {}).items() for name, value in values.items()
+        [stage, name, _setting(value), "campaign" if name in (chosen.get(stage) or {}) else "default"]
+        for stage, entry in provenance["stages"].items()
+        for name, value in entry["parameters"].items()
     ]
-    bytes_in = sum(int(item.get("size_bytes") or 0) for log in logs.values() for item in log["files"])
+    files = [[log, item["name"], item["content"]] for log, items in provenance["logs"].items() for item in items]
     blocks: list[Block] = [
-        text(f"{len(logs)} log{'s' * (len(logs) != 1)}, {bytes_in} bytes. What is not listed below has its default from params.yaml."),
-        table("Parameters set by the campaign", ["stage", "parameter", "value"], settings),
+        table("Logs that went in", ["log", "file", "content hash"], [*files, ["", "vehicle document", provenance["vehicle"]]]),
+        table("Parameters in force", ["stage", "parameter", "value", "set by"], settings),
     ]
     assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card["assumed"]))
     if assumed:
         blocks.append(table("Assumed figures of the vehicle", ["figure"], [[item] for item in assumed]))
     forms = [[card["title"], card["n_bar"], card["n_bar_declared"], card["source"]] for card in cards.values()]
     blocks.append(table("Model forms", ["model", "terms fitted", "terms declared", "source"], forms))
-    packages = [["python", platform.python_version()], *([name, version(name)] for name in PACKAGES)]
+    codes = [[stage, entry["code"]] for stage, entry in provenance["stages"].items()]
+    blocks.append(table("Code", ["stage", "hash of code and schemas"], codes))
+    packages = [["python", platform.python_version()], *([name, number] for name, number in provenance["packages"].items())]
     blocks.append(table("Versions", ["package", "version"], packages))
     return section("Provenance", blocks, order=LAST)
 

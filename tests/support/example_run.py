@@ -57,6 +57,12 @@ class ExampleRun:
         return Inputs(
             campaign=self.campaign,
             vehicle=self.vehicle,
+            provenance={
+                "logs": {"dive": [{"name": "logs/dive.BIN", "content": "9f2c"}]},
+                "vehicle": "51aa",
+                "stages": {"fuse": {"code": "07d1", "parameters": {"method": "kinematic", "cutoff_hz": 1.0, "as_published": False}}},
+                "packages": {"numpy": "2.4.6"},
+            },
             log_info=collection(self.logs),
             segment=collection(self.segments),
             fused=collection(self.fused),
