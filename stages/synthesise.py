@@ -24,6 +24,8 @@ from stages.sections import equation, remark, section, table
 from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, forces
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
+UNBROKEN = 32_768
+"""The coloured standard errors take correlation within so many samples into account (11 minutes at 50 Hz): it bounds their memory."""
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
 
 
@@ -148,8 +150,11 @@ def _covariance(fit: AxisFit, training: list[Samples], index: int, params: Param
 def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[Array, Array]]:
     terms = tuple(term for term in fit.terms if term != CONSTANT)
     for part in training:
-        rows = basis_rows(part.nu.T, part.ratio, terms) if terms else np.zeros((0, len(part.force)))
-        yield rows, part.force[:, index]
+        for start in range(0, len(part.force), UNBROKEN):
+            chosen = slice(start, start + UNBROKEN)
+            force = part.force[chosen, index]
+            ratio = None if part.ratio is None else part.ratio[chosen]
+            yield basis_rows(part.nu[chosen].T, ratio, terms) if terms else np.zeros((0, len(force))), force
 
 
 def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityExcitation], axis: str) -> dict[str, Any]:

@@ -71,12 +71,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         predicted = {model.name: predict(model, trims[model.name], residual) for model in models}
         predictions[key] = _prediction_table(key, clock(residual), predicted)
         for name, force in predicted.items():
-            for group in ((use, ALL, name), (use, leg, name)):
-                sums[group] = sums.get(group, ErrorAccumulator()).add(measured, force)
+            sums[(use, leg, name)] = sums.get((use, leg, name), ErrorAccumulator()).add(measured, force)
         seen[use] = seen.get(use, Seen()).add(matrix(residual, VELOCITY), measured)
         if use == "validation":
             plots.append(_prediction_plot(segment, clock(residual), measured, predicted))
-    errors = {group: total.table() for group, total in sums.items()}
+    errors = _errors(sums)
     if not any(use == "validation" for use, _, _ in errors):
         plots.append(remark("No validation leg: nothing says how far these models hold outside the data they were fitted on.", "warning"))
     constant = _constant_alone(seen) if any(card["trim"] for card in cards.values()) else {}
@@ -129,6 +128,14 @@ def _prediction_table(key: str, t_s: Array, predicted: Mapping[str, Array]) -> p
 
 
 Errors = Mapping[tuple[str, str, str], Mapping[str, ErrorMeasures]]
+
+
+def _errors(sums: Mapping[tuple[str, str, str], ErrorAccumulator]) -> dict[tuple[str, str, str], Mapping[str, ErrorMeasures]]:
+    """Measures per use, leg and model, and of all legs of a use together, these first."""
+    together: dict[tuple[str, str, str], ErrorAccumulator] = {}
+    for (use, _, model), part in sums.items():
+        together[(use, ALL, model)] = together.get((use, ALL, model), ErrorAccumulator()).merge(part)
+    return {group: total.table() for group, total in (together | dict(sums)).items()}
 
 
 def _error_table(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
