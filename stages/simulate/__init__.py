@@ -1,0 +1,139 @@
+"""Fly a plan with a twin and write what its sensors record as real log files, with the truth beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.documents import check_document
+from data_schemas.errors import DataError
+from data_schemas.tables import column
+from hydro.dynamics.propeller import level_speed
+from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
+from stages.base import Document, Stage, port
+from stages.sections import panel, plot, remark, section, series, table, text
+
+from .csv_writer import write_csv
+from .dataflash_writer import write_dataflash
+from .flights import FlownLeg, fly_leg, truth_force
+from .plans import log_name, plan_from_document
+from .sensing import Recorded, record, truth_table
+from .tlog_writer import write_tlog
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The vehicle, and what the manifest says of the twin: plan, truth, seed, format."""
+
+    vehicle: Document = port("vehicle")
+    twin: Document = port("twin")
+
+
+@dataclass(frozen=True)
+class Params:
+    """None: what a twin flies stands in its plan."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Log files by name, the truth by leg, what was flown, and how it looked."""
+
+    logs: Mapping[str, bytes] = port("simulated_log", many=True)
+    truth: Mapping[str, pa.Table] = port("truth", many=True)
+    simulation: dict[str, Any] = port("simulation")
+    section: dict[str, Any] = port("section")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """All legs of a plan.
+
+    A truth that becomes unstable ends its leg with time, state and reason; what was flown before is kept. Raises `CampaignError` for a
+    plan that asks for the impossible, and `DataError` where no leg was reached at all.
+    """
+    vehicle, twin = vehicle_from_document(inputs.vehicle), inputs.twin
+    check_document(twin["plan"], "plan", file="the plan")
+    plan = plan_from_document(twin["plan"], vehicle, file="the plan")
+    plant, notes = truth_force(twin["truth"], plan, vehicle)
+    seed, words = int(twin["seed"]), f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}"
+    flown = {leg.id: fly_leg(plan, leg, plant, seed=seed) for leg in plan.legs}
+    reached = {name: leg for name, leg in flown.items() if leg.reached}
+    if not reached:
+        reasons = "; ".join(f"{name}: {leg.flight.stop}" for name, leg in flown.items())
+        raise DataError(f"the twin reached no leg: {reasons}", remedy="Choose another truth, or a plan with less motion.")
+    recorded = {name: record(leg, plan, seed=seed, text=words) for name, leg in reached.items()}
+    logs: dict[str, bytes] = {}
+    for item in recorded.values():
+        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
+    document = _document(twin, flown, recorded, vehicle)
+    return Outputs(logs, tables, document, _section(document, flown, tables, notes))
+
+
+def log_files(recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str) -> dict[str, bytes]:
+    """The files of one log by name, in one of the formats bin, tlog, csv."""
+    if format == "csv":
+        return write_csv(recorded, vehicle, accelerometer=accelerometer)
+    writer = {"bin": write_dataflash, "tlog": write_tlog}[format]
+    return {log_name(recorded.leg, format): writer(recorded)}
+
+
+def _document(twin: Document, flown: Mapping[str, FlownLeg], recorded: Mapping[str, Recorded], vehicle: Vehicle) -> dict[str, Any]:
+    assert vehicle.propeller is not None
+    legs = [
+        {
+            "id": name,
+            "rpm": leg.leg.rpm,
+            "level_speed_m_s": float(level_speed(vehicle.propeller, leg.leg.rev_s)),
+            "start_s": leg.start_s,
+            "end_s": leg.end_s if leg.reached else None,
+            "stopped": None if leg.flight.stop is None else str(leg.flight.stop),
+            "biases": {key: value.tolist() for key, value in recorded[name].biases.items()} if name in recorded else {},
+        }
+        for name, leg in flown.items()
+    ]
+    truth = f"{twin['truth']['name']} ({twin['truth']['source']})"
+    return {"plan": twin["plan"]["title"], "truth": truth, "seed": twin["seed"], "format": twin["format"], "legs": legs}
+
+
+def _section(document: Document, flown: Mapping[str, FlownLeg], tables: Mapping[str, pa.Table], notes: list[str]) -> dict[str, Any]:
+    blocks = [text(f"Plan: {document['plan']}. Truth: {document['truth']}. Seed {document['seed']}, logs as {document['format']}.")]
+    blocks += [remark(words, "note") for words in notes]
+    blocks += [remark(f"Leg '{leg['id']}': {leg['stopped']}", "warning") for leg in document["legs"] if leg["stopped"]]
+    rows = []
+    for name, truth in tables.items():
+        inside = truth.slice(*_rows_of(truth, flown[name]))
+        spread = {key: float(np.degrees(np.abs(column(inside, f"{key}_rad")).max())) for key in ("phi", "theta")}
+        sway, rate = float(np.abs(column(inside, "v_m_s")).max()), float(np.abs(column(inside, "r_rad_s")).max())
+        rows.append([name, flown[name].leg.rpm, float(column(inside, "u_m_s").mean()), sway, rate, spread["phi"], spread["theta"]])
+    heads: list[str | tuple[str, str]] = ["leg", ("speed", "rpm"), ("mean u", "m/s"), ("largest v", "m/s"), ("largest r", "rad/s")]
+    heads += [("roll", "deg"), ("pitch", "deg")]
+    blocks.append(table("What was flown", heads, rows, note="Of the true motion, largest magnitudes within the leg."))
+    for name, truth in tables.items():
+        t = column(truth, "t_s")
+        panels = [
+            panel(label, "deg", [series("true", t, np.degrees(column(truth, key)), "true")])
+            for label, key in (("heading", "psi_rad"), ("roll", "phi_rad"), ("pitch", "theta_rad"))
+        ]
+        panels.append(panel("depth", "m", [series("true", t, column(truth, "z_m"), "true")]))
+        blocks.append(plot(f"True motion of {name}", panels, group=f"truth {name}", look_for="Roll and pitch answer to steps in heading."))
+    return section("The twin", blocks, order=5)
+
+
+def _rows_of(truth: pa.Table, leg: FlownLeg) -> tuple[int, int]:
+    first, last = np.searchsorted(column(truth, "t_s"), [leg.start_s - 1e-9, leg.end_s + 1e-9])
+    return int(first), int(last - first)
+
+
+STAGE: Stage[Inputs, Params, Outputs] = Stage(
+    name="simulate",
+    summary="Fly a plan with a twin and write the logs of its sensors, with the truth beside them",
+    maps_over="campaign",
+    inputs=Inputs,
+    params=Params,
+    outputs=Outputs,
+    run=run,
+)

@@ -1,0 +1,60 @@
+"""Write a log of the twin as CSV, one file per sensor, in double precision, and the column maps that say what the columns are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hydro.dynamics.sensor_models import without_gravity
+from hydro.dynamics.vehicle import Vehicle
+from stages.signals import POSE, VELOCITY, Array
+
+from .plans import CSV_PARTS, csv_name
+from .sensing import ACCEL, BOOT_US, FINS, GYRO, Recorded
+
+TIME = "time_s"
+PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    "ahrs": (("attitude", POSE[3:]), ("imu", (*GYRO, *ACCEL))),
+    "dvl": (("velocity", VELOCITY[:3]),),
+    "depth": (("depth", ("depth_m",)),),
+    "actuators": (("actuators", ("propeller_rev_s", *FINS)),),
+}
+"""File -> the streams in it with their fields; columns have the names of the fields."""
+UNIT_OF_SUFFIX = (("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_rev_s", "1/s"), ("_m_s", "m/s"), ("_rad", "rad"), ("_m", "m"))
+
+
+def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> dict[str, bytes]:
+    """The files of one log by name. `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude, errors included."""
+    files = {}
+    for part in CSV_PARTS:
+        columns: dict[str, Any] = {TIME: recorded.streams[PARTS[part][0][0]]["time_us"] / 1e6}
+        for stream, fields in PARTS[part]:
+            columns |= {name: recorded.streams[stream][name] for name in fields}
+        if part == "ahrs" and accelerometer == "inertial":
+            attitude = np.column_stack([columns[name] for name in POSE[3:]])
+            accel = without_gravity(np.column_stack([columns[name] for name in ACCEL]), attitude, vehicle.imu, gravity=vehicle.gravity)
+            columns |= dict(zip(ACCEL, accel.T, strict=True))
+        files[csv_name(recorded.leg, part)] = _text(columns)
+    return files
+
+
+def _text(columns: Mapping[str, Array]) -> bytes:
+    lines = [",".join(columns)]
+    lines += [",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def column_maps(*, accelerometer: str) -> dict[str, dict[str, Any]]:
+    """The column map of each file (schema `column_map`), by part."""
+    maps = {}
+    for part, streams in PARTS.items():
+        entries = [{"column": name, "stream": stream, "field": name, "unit": _unit(name)} for stream, fields in streams for name in fields]
+        maps[part] = {"time": {"column": TIME, "unit": "s", "epoch": "boot", "start": BOOT_US / 1e6}, "columns": entries}
+    maps["ahrs"]["accelerometer"] = accelerometer
+    return maps
+
+
+def _unit(field: str) -> str:
+    return next(unit for suffix, unit in UNIT_OF_SUFFIX if field.endswith(suffix))

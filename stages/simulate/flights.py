@@ -1,0 +1,154 @@
+"""Fly the legs of a plan, and fit models to what was flown: the physical truth, given coefficients, or a model refitted to the physics."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from data_schemas.errors import CampaignError, DataError, PipelineError, nearest, raise_faults
+from hydro.control.autopilots import StepAutopilot, fin_mixing
+from hydro.dynamics.arrays import AXES, Array
+from hydro.dynamics.physical_viscous import physical_viscous
+from hydro.dynamics.propeller import level_speed
+from hydro.dynamics.simulation import Flight, Limits, Motion, Plant, fly, gauss_markov, motion_at
+from hydro.dynamics.vehicle import Vehicle
+from hydro.dynamics.viscous_basis import BASIS_TERMS, basis_rows, eta_ratio
+from hydro.dynamics.viscous_models import IdentifiedModel, model_named
+from hydro.identification.least_squares import TriangularFactor, solve_axis
+
+from .plans import Leg, Plan
+
+FORCE, IMU, VELOCITY, DEPTH = range(4)
+"""Numbers of the streams of random numbers of a leg."""
+REFERENCE_SPEED_M_S = 2.0
+DEEPER_M = 50.0
+
+
+@dataclass(frozen=True)
+class FlownLeg:
+    """A leg as flown. Times count from the start of its log, which lies `offset_s` after the start of the flight.
+
+    `start_s` to `end_s` is the leg, cut where the flight stopped; `log_end_s` is the last moment that the log can hold.
+    """
+
+    leg: Leg
+    plant: Plant
+    flight: Flight
+    offset_s: float
+    start_s: float
+    end_s: float
+    log_end_s: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether the flight lasted into the leg."""
+        return self.end_s - self.start_s >= 1.0
+
+    def motion(self, t_s: Array) -> Motion:
+        """The motion at times (n,) from the start of the log."""
+        return motion_at(self.plant, self.flight, t_s + self.offset_s)
+
+
+def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
+    """The random numbers of one sensor of one leg: independent of the other legs and of their order."""
+    return np.random.default_rng([seed, zlib.crc32(leg.encode()), stream])
+
+
+def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
+    """Settle at the leg's propeller speed, fly the leg, and go on for the margin of the log.
+
+    The unsteady force grows with the square of the level speed and acts from the start of the settling. Raises `DataError` where the
+    truth needs a level speed that the vehicle's table does not have.
+    """
+    vehicle = plant.vehicle
+    assert vehicle.propeller is not None
+    ticks = round((plan.settle_s + leg.duration_s + plan.margin_s) / plan.tick_s) + 1
+    t_s = np.arange(ticks, dtype=np.float64) * plan.tick_s - plan.settle_s
+    cruise = float(level_speed(vehicle.propeller, leg.rev_s))
+    force = np.zeros((ticks, 6))
+    if plan.unsteady is not None:
+        sd = plan.unsteady.sd * (cruise / REFERENCE_SPEED_M_S) ** 2
+        random = random_of(seed, leg.id, FORCE)
+        force = gauss_markov(random, sd=sd, correlation_s=plan.unsteady.correlation_s, step_s=plan.tick_s, samples=ticks)
+    depth = plan.depth_m + leg.depth_m(t_s)
+    pilot = StepAutopilot(fin_mixing(vehicle), leg.yaw_rad(t_s), depth, plan.tick_s, plan.fin_limit_rad, plan.fin_rate_rad_s)
+    start = plant.start([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0], [cruise, 0.0, 0.0, 0.0, 0.0, 0.0], leg.rev_s)
+    flight = fly(
+        plant,
+        pilot,
+        start,
+        propeller_rev_s=np.full(ticks, leg.rev_s),
+        force=force,
+        tick_s=plan.tick_s,
+        steps_per_tick=plan.steps_per_tick,
+        limits=Limits(deepest_m=float(depth.max()) + DEEPER_M),
+    )
+    offset = plan.settle_s - plan.margin_s
+    last = float(flight.t_s[-1]) - offset
+    return FlownLeg(leg, plant, flight, offset, plan.margin_s, min(plan.margin_s + leg.duration_s, last), last)
+
+
+def truth_force(truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle) -> tuple[Plant, list[str]]:
+    """The plant of a truth (part `truth` of schema `twin`), and sentences about it.
+
+    Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown model.
+    """
+    name, kind = str(truth["name"]), truth["kind"]
+    if kind == "physics":
+        return Plant(vehicle, physical_viscous(vehicle), plan.viscous_lag_s), []
+    if kind == "refit":
+        model, notes = refit(name, plan, vehicle)
+        return Plant(vehicle, model, plan.viscous_lag_s), notes
+    coefficients = checked_coefficients(truth.get("coefficients") or {}, file=truth["source"])
+    return Plant(vehicle, IdentifiedModel(name, coefficients), plan.viscous_lag_s), []
+
+
+def checked_coefficients(coefficients: Mapping[str, Mapping[str, float]], *, file: object) -> Mapping[str, Mapping[str, float]]:
+    """The coefficients, if every axis and term is known and every value is finite; else `CampaignError`, all faults together."""
+    faults: list[PipelineError] = []
+    if not any(coefficients.values()):
+        faults.append(CampaignError("no coefficients", file=file))
+    for axis, terms in coefficients.items():
+        if axis not in AXES:
+            faults.append(CampaignError("unknown axis", file=file, value=axis, allowed=AXES))
+        for term, value in terms.items():
+            if term not in BASIS_TERMS:
+                faults.append(CampaignError("unknown term", file=file, field=axis, value=term, remedy=nearest(term, BASIS_TERMS)))
+            if not np.isfinite(value):
+                faults.append(CampaignError("not a finite coefficient", file=file, field=f"{axis}.{term}", value=value))
+    raise_faults(faults, file=file)
+    return coefficients
+
+
+def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, list[str]]:
+    """A model fitted to the physical truth over all legs of a plan, flown without unsteady force: a truth in the span of that model.
+
+    Where columns are inseparable on these legs, one coefficient of each group carries the force and the others are 0.
+    """
+    assert vehicle.propeller is not None
+    model = model_named(name)
+    plant = Plant(vehicle, physical_viscous(vehicle))
+    factor = TriangularFactor.empty(model.distinct_terms)
+    for leg in plan.legs:
+        flight = fly_leg(_steady(plan), leg, plant, seed=0).flight
+        if flight.stop is not None:
+            raise DataError(f"the physical truth cannot fly leg '{leg.id}': {flight.stop}")
+        nu = flight.state[:: plan.steps_per_tick, 6:12]
+        nu = nu[round(plan.settle_s / plan.tick_s) :]
+        ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)
+        factor = factor.update(basis_rows(nu.T, ratio, model.distinct_terms), plant.viscous_force(nu, ratio))
+    coefficients, errors = {}, []
+    for axis, terms in model.terms.items():
+        if terms:
+            fit = solve_axis(factor, axis, terms)
+            coefficients[axis] = {term: float(value) for term, value in zip(terms, fit.solution, strict=True) if value != 0.0}
+            errors.append(f"{axis} {fit.rms / fit.j0:.3f}" if fit.j0 > 0.0 else f"{axis} -")
+    return IdentifiedModel(name, coefficients), [f"refitted to the flow physics, J/J0 over the legs: {', '.join(errors)}"]
+
+
+def _steady(plan: Plan) -> Plan:
+    return replace(plan, unsteady=None, viscous_lag_s=0.0)

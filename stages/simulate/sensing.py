@@ -1,0 +1,102 @@
+"""What the sensors of a twin record of a flown leg: one table per stream in SI, each on its own clock, and the true motion beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from data_schemas.tables import make_table
+from hydro.dynamics.kinematics import rotation_body_to_ned
+from hydro.dynamics.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
+from hydro.dynamics.vehicle import MountedSensor
+from stages.signals import ACCELERATION, POSE, VELOCITY, Array, force_columns, named
+
+from .flights import DEPTH, IMU, FlownLeg, random_of
+from .flights import VELOCITY as DVL
+from .plans import Plan
+
+BOOT_US = 10_000_000
+"""The vehicle's clock at the first record of every log."""
+PHASE_MS = {"imu": 3, "velocity": 107, "depth": 41, "actuators": 0}
+"""When each sensor first reports, after the start of the log."""
+FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
+Times = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The streams of one log: stream -> column -> values (n,), `time_us` among them, named as in the schemas of the streams."""
+
+    leg: str
+    streams: Mapping[str, Mapping[str, npt.NDArray[Any]]]
+    biases: Mapping[str, Array]
+    text: str
+
+
+def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
+    """Sensor streams over the whole log; a sensor with a lag stamps what it saw that much later.
+
+    Clocks tick in whole milliseconds, which every log format can hold.
+    """
+    vehicle, leg = flown.plant.vehicle, flown.leg.id
+    times = {stream: sample_times(flown, stream, rate) for stream, rate in plan.rates_hz.items()}
+    lags = {"imu": vehicle.imu.lag_s, "velocity": vehicle.dvl.lag_s, "depth": vehicle.depth_sensor.lag_s, "actuators": 0.0}
+    seen = {stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s) for stream, values in times.items()}
+    motion = {stream: flown.motion(values) for stream, values in seen.items()}
+    unit = ahrs(motion["imu"], vehicle.imu, plan.ahrs, random_of(seed, leg, IMU), rate_hz=plan.rates_hz["imu"], gravity=vehicle.gravity)
+    turn = rotation_body_to_ned(plan.dvl_mounting_error_rad)
+    dvl = MountedSensor(vehicle.dvl.arm_m + plan.dvl_arm_error_m, turn @ vehicle.dvl.rotation, vehicle.dvl.lag_s)
+    velocity = velocity_log(motion["velocity"], dvl, random_of(seed, leg, DVL), noise_m_s=plan.dvl_sd_m_s)
+    depth = pressure_depth(motion["depth"], vehicle.depth_sensor, random_of(seed, leg, DEPTH), noise_m=plan.depth_sd_m)
+    control = motion["actuators"].inputs
+    streams = {
+        "imu": {"time_us": times["imu"], **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},
+        "attitude": {"time_us": times["imu"], **named(POSE[3:], _wrapped(unit))},
+        "velocity": {"time_us": times["velocity"], **named(VELOCITY[:3], velocity)},
+        "depth": {"time_us": times["depth"], "depth_m": depth},
+        "actuators": {"time_us": times["actuators"], "propeller_rev_s": control.propeller_rev_s, **named(FINS, control.fins_rad)},
+    }
+    return Recorded(leg, streams, unit.biases, text)
+
+
+def _wrapped(unit: Ahrs) -> Array:
+    """Attitude with yaw within +-pi, as an AHRS gives it."""
+    attitude = unit.attitude.copy()
+    attitude[:, 2] = np.remainder(attitude[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    return attitude
+
+
+def sample_times(flown: FlownLeg, stream: str, rate_hz: float) -> Times:
+    """Times (n,) of a stream in us on the vehicle's clock: its phase, then every 1/rate_hz, rounded to milliseconds."""
+    first, last = PHASE_MS[stream], np.floor(flown.log_end_s * 1000.0 + 1e-6)
+    count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1
+    values = np.rint(first + np.arange(count) * 1000.0 / rate_hz).astype(np.int64) * 1000
+    return np.asarray(values + BOOT_US)
+
+
+def truth_table(flown: FlownLeg, plan: Plan) -> pa.Table:
+    """Schema `truth`: the true motion of the log at the ticks of the autopilot."""
+    first = round(flown.offset_s / plan.tick_s)
+    ticks = np.arange(first, len(flown.flight.inputs.propeller_rev_s))
+    t_s = np.asarray(ticks * plan.tick_s - flown.offset_s, dtype=np.float64)
+    motion = flown.motion(t_s)
+    unsteady = motion.inputs.force
+    columns = {
+        "time_us": BOOT_US + np.rint(t_s * 1e6).astype(np.int64),
+        "t_s": t_s,
+        **named(POSE, motion.eta),
+        **named(VELOCITY, motion.nu),
+        **named(ACCELERATION, motion.nu_dot),
+        "propeller_rev_s": motion.inputs.propeller_rev_s,
+        **named(FINS, motion.inputs.fins_rad),
+    }
+    for name, force in (("viscous", motion.viscous), ("unsteady", unsteady), ("tau_bar", motion.viscous + unsteady)):
+        columns |= named(force_columns(name), force)
+    return make_table("truth", columns)
