@@ -15,6 +15,7 @@ from data_schemas.errors import CampaignError, DataError
 from data_schemas.tables import column, make_table, matrix
 from hydro.identification.filters import zero_phase_lowpass
 from stages import fuse, resample
+from stages.fuse import methods
 from stages.signals import ACCELERATION, ACCELEROMETER, POSE, VELOCITY, Array
 from tests.support.motions import (
     IDEAL,
@@ -135,7 +136,7 @@ def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
     bias = np.array(found.fusion["accel_bias_m_s2"])
     np.testing.assert_allclose(error, transport - bias, rtol=0.0, atol=1e-5)  # m/s^2
     assert np.sqrt(np.mean(error**2)) > 0.05
-    assert found.fusion["integrated_sway_rms_m_s"] > fuse.SWAY_WARNING_M_S
+    assert found.fusion["integrated_sway_rms_m_s"] > methods.SWAY_WARNING_M_S
     assert "sway" in found.fusion["warnings"][0]
     assert [block["level"] for block in found.section["blocks"] if block["kind"] == "remark"] == ["warning"]
 
@@ -157,7 +158,7 @@ def test_the_depth_gives_the_vertical_velocity_of_method_thesis(motion: Motion) 
     rate = np.zeros((motion.t_s.size, 3))
     to_ned_down = np.column_stack([-np.sin(motion.eta[:, 4]), *(np.cos(motion.eta[:, 4]) * f(motion.eta[:, 3]) for f in (np.sin, np.cos))])
     rate[:] = 0.2 * to_ned_down  # 0.2 m/s down, in body axes
-    fixed = fuse.with_depth_rate(motion.nu[:, :3] + rate, motion.eta[:, 3:], np.gradient(motion.eta[:, 2], motion.t_s, edge_order=2))
+    fixed = methods.with_depth_rate(motion.nu[:, :3] + rate, motion.eta[:, 3:], np.gradient(motion.eta[:, 2], motion.t_s, edge_order=2))
     np.testing.assert_allclose(inner(fixed), inner(motion.nu[:, :3]), rtol=0.0, atol=1e-3)  # m/s; second-order differences at 50 Hz
 
 

@@ -1,0 +1,157 @@
+"""Bias-corrected state and state derivative of the body origin, from one segment's sensors.
+
+Method `kinematic`: velocity from the velocity sensor, rates from the gyro, depth from the pressure sensor, derivatives from splines.
+Method `thesis`: McCarter section 2.5, velocity from the integrated accelerometer; with `as_published` the transport term omega x v stays
+in, as the thesis has it; otherwise it is removed and the initial velocity is fitted (corrections: accelerometer kinematics, bias inside
+the integral).
+Method `smoother`: Kalman filter and smoother over velocity, acceleration and accelerometer bias, each sensor at its own times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import CampaignError, DataError
+from data_schemas.tables import make_table
+from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
+from hydro.dynamics.vehicle import vehicle_from_document
+from hydro.identification.bias import integrate
+from stages.base import Document, Stage, param, port
+from stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
+from stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
+from stages.fuse.shown import fuse_section, fuse_views, fusion_document
+from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, Array, named
+
+
+@dataclass(frozen=True)
+class Inputs:
+    segment: Document = port("segment")
+    resampled: pa.Table = port("resampled")
+    vehicle: Document = port("vehicle")
+    log_info: Document = port("log_info")
+    samples_imu: pa.Table | None = port("samples_imu", optional=True)
+    samples_velocity: pa.Table | None = port("samples_velocity", optional=True)
+    samples_depth: pa.Table | None = port("samples_depth", optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    method: str = param("1", "kinematic", meaning="how velocity is found", allowed=("kinematic", "thesis", "smoother"))
+    cutoff_hz: float | None = param("Hz", 3.0, meaning="zero-phase low-pass on all channels alike; null for none", low=0.05, high=100.0)
+    as_published: bool = param("1", False, meaning="thesis method only: take the accelerometer for v_dot, as McCarter 2.5 does")
+    accelerometer: str | None = param(
+        "1",
+        None,
+        meaning="what the accelerometer measures; null takes the log's or the vehicle's word",
+        allowed=("specific_force", "inertial", "derivative"),
+    )
+    fit_gyro_bias: bool = param("1", True, meaning="take a constant gyro bias off, found from the attitude")
+    noise: Mapping[str, float] = param(
+        "SI",
+        {},
+        meaning="smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density tilt_error_rad tilt_time_s bias_m_s2",
+    )
+    estimate_dvl_arm: bool = param("1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment")
+    estimate_dvl_mounting: bool = param("1", False, meaning="smoother only: find the velocity sensor's mounting angles from the segment")
+    edge_s: float = param("s", 0.5, meaning="width cut off at either end after filtering", low=0.0, high=60.0)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    fused: pa.Table = port("fused")
+    fusion: Document = port("fusion")
+    section: Document = port("section")
+    views: Document = port("views")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    if params.as_published and params.method != "thesis":
+        remedy = "Set method: thesis, or leave as_published out."
+        raise CampaignError("belongs to method thesis", field="stages.fuse.as_published", value=f"method {params.method}", remedy=remedy)
+    vehicle = vehicle_from_document(inputs.vehicle)
+    sensed = sensed_motion(inputs.resampled, vehicle, has_gyro="p_rad_s" in inputs.segment["smoothing"])
+    convention = params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
+    cutoff = None if params.method == "smoother" else params.cutoff_hz
+    motion = sensor_motion(
+        inputs.resampled, sensed, vehicle, cutoff_hz=cutoff, fit_gyro_bias=params.fit_gyro_bias, arm=not params.as_published
+    )
+    if params.method == "kinematic":
+        velocity, rate, found = kinematic(motion)
+    elif params.method == "thesis":
+        velocity, rate, found = thesis(
+            motion, inputs.resampled, vehicle, convention=convention, cutoff_hz=params.cutoff_hz, as_published=params.as_published
+        )
+    else:
+        if inputs.samples_depth is None:
+            raise DataError("stage fuse needs the samples of the depth sensor (method smoother)")
+        velocity, rate, found = smoother(
+            motion,
+            SensorSamples(inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth),
+            vehicle,
+            convention=convention,
+            noise=params.noise,
+            estimate_arm=params.estimate_dvl_arm,
+            estimate_mounting=params.estimate_dvl_mounting,
+        )
+    nu, nu_dot = np.hstack([velocity, motion.omega]), np.hstack([rate, motion.omega_dot])
+    pose = _pose(motion, velocity)
+    if params.method == "smoother":
+        pose, nu, nu_dot = (low_pass(motion.t_s, values, params.cutoff_hz) for values in (pose, nu, nu_dot))
+    keep = _inside_edges(motion.t_s, params.edge_s, inputs.segment)
+    columns = {
+        "t_s": motion.t_s,
+        **named(POSE, pose),
+        **named(VELOCITY, nu),
+        **named(POSE_RATE, eta_dot(pose, nu)),
+        **named(ACCELERATION, nu_dot),
+        **_spread(found, inputs.segment, len(motion.t_s)),
+    }
+    fused = make_table("fused", {name: values[keep] for name, values in columns.items()})
+    settings = {
+        "method": params.method,
+        "as_published": params.as_published,
+        "cutoff_hz": params.cutoff_hz,
+        "edge_s": params.edge_s,
+    }
+    fusion = fusion_document(inputs.segment, settings, motion, sensed, nu, keep, found)
+    shown = fuse_section(inputs.segment, inputs.resampled, motion, sensed, nu, pose, keep, fusion)
+    return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views())
+
+
+def _spread(found: Found, segment: Document, n: int) -> dict[str, Array]:
+    """Standard deviations: of velocity from the smoother, of the rates from the gyro's noise within the bandwidth of its spline."""
+    if found.velocity_sd is None:
+        return {}
+    columns = named(("u_sd_m_s", "v_sd_m_s", "w_sd_m_s"), found.velocity_sd)
+    for axis in "pqr":
+        item = segment["smoothing"].get(f"{axis}_rad_s")
+        if item and item.get("cutoff_hz") and item.get("sample_hz"):
+            share = min(1.0, 2.0 * item["cutoff_hz"] / item["sample_hz"])
+            columns[f"{axis}_sd_rad_s"] = np.full(n, item["noise_sd"] * np.sqrt(share))
+    return columns
+
+
+def _pose(motion: Motion, velocity: Array) -> Array:
+    """Pose (n, 6): attitude and depth as measured, x and y from integrated velocity (McCarter 2.91-2.92)."""
+    ned = np.einsum("nij,nj->ni", rotation_body_to_ned(motion.euler), velocity)
+    track = integrate(motion.t_s, ned[:, :2], np.zeros(2))
+    return np.column_stack([track, motion.depth, motion.euler])
+
+
+def _inside_edges(t_s: Array, edge_s: float, segment: Document) -> Mask:
+    keep: Mask = (t_s >= t_s[0] + edge_s - 1e-9) & (t_s <= t_s[-1] - edge_s + 1e-9)
+    if keep.sum() < 10:
+        raise DataError(
+            f"segment '{segment['id']}' of {t_s[-1] - t_s[0]:.1f} s is too short for its edges",
+            field="stages.fuse.edge_s",
+            value=edge_s,
+            remedy="Choose a longer leg or a smaller edge_s.",
+        )
+    return keep
+
+
+STAGE = Stage("fuse", "Bias-corrected state and its derivative, per segment", "segment", Inputs, Params, Outputs, run)
