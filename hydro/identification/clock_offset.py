@@ -33,8 +33,8 @@ def clock_offset(t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike,
 
     x1 (n,) or (n, k) at increasing times t1_s (n,), x2 (m,) or (m, k) at t2_s (m,), the same k signals in the same unit and sign; rates may
     differ, samples may be missing (a pause is no signal). Both are interpolated to one uniform clock at the rate of the slower record,
-    doubled, and compared at every offset with at least `min_overlap_s` in common by the correlation coefficient over the overlap; the peak
-    is refined by a parabola.
+    doubled, and compared at every offset with at least `min_overlap_s` in common by the correlation coefficient rho over the overlap of n
+    samples. The offset with the largest likelihood of a common signal, -n log(1 - rho^2), is refined by a parabola through rho.
 
     The standard deviation follows from the curvature of the peak: with correlation rho, curvature kappa = -C''/C [1/s^2] and n_e
     independent samples of the difference of the signals, var = (1 - rho^2) / (rho^2 kappa n_e) (the Cramer-Rao bound of a delay between
@@ -52,7 +52,9 @@ def clock_offset(t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike,
     two, mask_two = _uniform(*second, step)
     score, count = _correlation(one, mask_one, two, mask_two)
     score = np.where(count * step >= min_overlap_s, score, -np.inf)
-    top = int(np.argmax(score))
+    # The likelihood of a common signal: a high correlation over a short overlap is worth less than a lower one over a long overlap.
+    likelihood = -count * np.log1p(-np.square(np.clip(score, 0.0, 1.0 - 1e-12)))
+    top = int(np.argmax(np.where(np.isfinite(score), likelihood + score, -np.inf)))
     if not np.isfinite(score[top]):
         allowed = f"at least {min_overlap_s:g} s in common"
         raise DataError("the records do not overlap enough", value=f"{float(count.max()) * step:.1f} s", allowed=allowed)

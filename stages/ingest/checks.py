@@ -19,7 +19,7 @@ from stages.sections import Block, remark, table
 from .checks_common import ON_CHANGE, Finding, Recorded
 from .checks_records import file_findings, gap_findings, rate_findings, rejected_findings, sample_findings
 from .checks_sensors import attitude_findings, depth_findings, inertial_findings, velocity_findings
-from .checks_use import capabilities, excitation, excitation_findings
+from .checks_use import capabilities, excitation, excitation_findings, verdict
 from .checks_vehicle import actuation_findings, battery_findings, identity_findings, missing_findings, response_findings
 from .clean import clean
 from .merge import Part
@@ -63,6 +63,8 @@ def check_health(
     """
     log = Recorded(tables, info, dropped, vehicle, others)
     excited = excitation(log)
+    uses = capabilities(log, excited)
+    findings = ranked(_findings(log, excited))
     return {
         "log": info["log"],
         "vehicle": info["vehicle"],
@@ -70,9 +72,10 @@ def check_health(
         "bytes": sum(item["size_bytes"] for item in info["files"]),
         "status": info["status"],
         "duration_s": (info["end_us"] - info["start_us"]) / 1e6,
-        "findings": ranked(_findings(log, excited)),
+        "findings": findings,
         "streams": {name: _stream(log, name) for name in tables},
-        "capabilities": capabilities(log, excited),
+        "verdict": verdict(uses, findings),
+        "capabilities": uses,
         "excitation": excited,
         "notes": list(info["notes"]),
     }
@@ -129,6 +132,7 @@ def health_blocks(document: Mapping[str, Any]) -> list[Block]:
     uses = [[item["name"], "yes" if item["possible"] else "no", item["reason"]] for item in document["capabilities"]]
     errors = [remark(item["text"], LEVELS[item["severity"]]) for item in document["findings"] if item["severity"] == "error"]
     return [
+        remark(document["verdict"], "finding"),
         *errors,
         table("Findings", columns, findings, note="docs/checks.md explains each finding and its threshold."),
         table("What the log can be used for", ["stage", "possible", "why"], uses),

@@ -125,7 +125,7 @@ def sample_findings(log: Recorded) -> Iterator[Finding]:
             yield from _live(log, stream, names)
     accelerometer = log.accelerometer()
     if accelerometer is not None:
-        yield from _constant("imu", ACCELEROMETER, accelerometer)
+        yield from _constant_findings("imu", ACCELEROMETER, accelerometer, _constant(ACCELEROMETER, accelerometer))
     if log.has("imu"):
         rates = log.values("imu", GYRO)
         clipped = [flat_top(axis) if np.abs(axis).max() > SMALLEST_CLIPPED_RAD_S else 0 for axis in rates.T]
@@ -138,9 +138,9 @@ def sample_findings(log: Recorded) -> Iterator[Finding]:
 
 def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
-    constant = list(_constant(stream, names, values))
-    yield from constant
-    if len(constant) == len(names):
+    still = _constant(names, values)
+    yield from _constant_findings(stream, names, values, still)
+    if len(still) == len(names):
         return
     same = repeats(values)
     last = same.run_start + same.run_count - 1
@@ -162,9 +162,14 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
             yield finding("held_samples", text, stream=stream, value=share)
 
 
-def _constant(stream: str, names: tuple[str, ...], values: Array) -> Iterator[Finding]:
-    for name, column in zip(names, values.T, strict=True):
-        live = column[np.isfinite(column)]
-        if live.size >= FEWEST_LIVE and np.ptp(live) == 0.0:
-            text = f"{name} of {stream} is {number(float(live[0]))} in all {live.size} samples."
-            yield finding("constant_signal", text, stream=stream, value=float(live[0]))
+def _constant(names: tuple[str, ...], values: Array) -> list[int]:
+    """Indexes of the columns that never change."""
+    live = [values[np.isfinite(values[:, index]), index] for index in range(len(names))]
+    return [index for index, column in enumerate(live) if column.size >= FEWEST_LIVE and np.ptp(column) == 0.0]
+
+
+def _constant_findings(stream: str, names: tuple[str, ...], values: Array, still: list[int]) -> Iterator[Finding]:
+    if still:
+        level = float(np.nanmax(values[:, still[0]]))
+        said = [f"{names[index]} = {number(float(np.nanmax(values[:, index])))}" for index in still]
+        yield finding("constant_signal", f"Constant in all {len(values)} samples of {stream}: {listed(said)}.", stream=stream, value=level)

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from hydro.identification.excitation import THRESHOLDS, axis_excitation
 from hydro.identification.resampling import gaps
+from stages.base import Document
 
 from .checks_common import Finding, Recorded, finding, limit, listed, number
 from .checks_vehicle import AXES, activity, motions
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+SHORTEST_DRIVEN_S = 20.0
+"""A small vehicle needs one to three seconds to answer a command; ten answers are the least that tell drag from inertia."""
 SHORTEST_S = 5.0
 """The default of stages.resample.min_segment_s."""
 FEWEST = 5
+NO_STATE, NO_FORCE = "no fused state", "no residual force"
+CAVEATS = {
+    "low_actuator_rate": "commands are recorded too slowly",
+    "estimated_velocity": "velocity is the estimate of the navigation filter",
+    "simulated": "the log is simulated",
+}
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 
 
@@ -56,27 +65,83 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
 def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Which stages can run on the log, and why not: {name, possible, reason}."""
     resample = _resample(log)
-    kinematic = resample or _without(log, "velocity", "imu")
+    dead = None if set(motions(log)) & set("pqr") else "no live gyro"
+    kinematic = resample or _without(log, "velocity", "imu") or dead
     accelerometer = None if log.accelerometer() is not None else "no accelerometer"
-    thesis = resample or _without(log, "imu") or accelerometer
+    thesis = resample or _without(log, "imu") or dead or accelerometer
     fused = kinematic is None or thesis is None
-    residual = (None if fused else "no fused state") or _forces(log)
+    residual = _forces(log) or (None if fused else NO_STATE)
     rows = [
         ("resample", resample, "attitude and depth"),
         ("fuse (kinematic)", kinematic, "velocity, gyro and depth"),
         ("fuse (thesis)", thesis, "accelerometer, gyro and depth; drifts on slow vehicles"),
         ("residual", residual, "commands to forces through the vehicle file"),
     ]
+    short = None if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S else f"outputs act for {driven_s(log):.1f} s only"
     for axis, name in AXES.items():
         item = excited[axis]
-        motion = None
+        motion = short
         if item["rms"] is None:
-            motion = f"{name} is not measured"
+            motion = "not measured"
         elif not item["excited"]:
-            motion = f"RMS {number(item['rms'])} {item['unit']} lies below {item['threshold']:g}"
+            motion = "hardly any motion"
         reason = "" if item["rms"] is None else f"RMS {number(item['rms'])} {item['unit']}"
-        rows.append((f"synthesise {name}", (residual and "no residual force") or motion, reason))
+        rows.append((f"synthesise {name}", (residual and NO_FORCE) or motion, reason))
     return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
+
+
+def driven_s(log: Recorded) -> float:
+    """For how long outputs act [s]; the whole log where that cannot be told."""
+    moving = activity(log) if log.has("actuators") else None
+    if moving is None:
+        return (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+    steps = np.minimum(np.diff(log.t_s("actuators"), append=log.t_s("actuators")[-1]), limit("gap"))
+    return float(np.sum(steps[moving]))
+
+
+def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> str:
+    """What a log can be used for, in one sentence."""
+    possible = {item["name"]: item["possible"] for item in uses}
+    reasons = {item["name"]: item["reason"] for item in uses}
+    axes = [name.removeprefix("synthesise ") for name in possible if name.startswith("synthesise ") and possible[name]]
+    if axes:
+        caveats = [] if possible["fuse (kinematic)"] else ["velocity comes from the integrated accelerometer only, which drifts"]
+        caveats += dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS)
+        return f"A force model can be fitted in {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
+    if not possible["residual"]:
+        stage = next(name for name in ("resample", "fuse (kinematic)", "residual") if not possible[name])
+        why = dict.fromkeys((reasons[stage], reasons["residual"]))
+        return f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
+    why = dict.fromkeys(reasons[name] for name in reasons if name.startswith("synthesise "))
+    return f"No force model can be fitted: {'; '.join(why)}."
+
+
+def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
+    """Legs of a manifest in this log: span, time that all sensors cover in one piece, share of active outputs, RMS per axis."""
+    length = (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+    moving = activity(log) if log.has("actuators") else None
+    rows = []
+    for entry in entries:
+        start = float(entry.get("start_s") or 0.0)
+        end = length if entry.get("end_s") is None else float(entry["end_s"])
+        inside = start < min(end, length)
+        within = (log.t_s("actuators") >= start) & (log.t_s("actuators") <= end) if moving is not None else np.zeros(0, bool)
+        active = float(np.mean(moving[within])) if moving is not None and within.any() else None
+        excited = excitation(log, (start, end)) if inside else {}
+        rows.append(
+            {
+                "id": str(entry["id"]),
+                "use": entry.get("use"),
+                "start_s": start,
+                "end_s": end,
+                "inside": inside,
+                "covered_s": longest_common_s(log, (start, min(end, length))) if inside else 0.0,
+                "active_share": active,
+                "rms": {axis: item["rms"] for axis, item in excited.items()},
+                "excited": [AXES[axis] for axis, item in excited.items() if item["excited"]],
+            }
+        )
+    return rows
 
 
 def _without(log: Recorded, *streams: str) -> str | None:

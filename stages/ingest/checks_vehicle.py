@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from data_schemas.streams import supply_text
 from hydro.identification.signal_checks import clock_statistics, response_lag
 
 from .checks_common import GYRO, VELOCITY, Array, Finding, Recorded, finding, limit, listed, percent
@@ -36,15 +35,10 @@ def missing_findings(log: Recorded) -> Iterator[Finding]:
     """Streams that the chain needs and the log has not."""
     for stream in NEEDED:
         if not log.has(stream):
-            refused = [
-                f"{item.source}: {item.refused}"
-                for item in log.others
-                if item.stream == stream and item.refused and "navigation filter" not in item.refused
-            ]
+            others = [item for item in log.others if item.stream == stream and item.refused]
+            refused = [f"{item.source}: {item.refused}" for item in others if "navigation filter" not in str(item.refused)]
             there = f" ({'; '.join(refused)})" if refused else ""
-            yield finding(f"no_{stream}", f"Nothing in the log fills the stream {stream}{there}.", stream=stream) | {
-                "remedy": f"What could supply it: {supply_text(stream)}."
-            }
+            yield finding(f"no_{stream}", f"Nothing in the log fills the stream {stream}{there}.", stream=stream)
     if log.has("actuators") and not log.has("battery") and log.thrusters():
         yield finding("no_battery", "The log has no battery voltage; thrust is not corrected for it.", stream="battery")
 
@@ -159,6 +153,8 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
     if log.has("imu"):
         for axis, name in zip("pqr", GYRO, strict=True):
             rate = log.column("imu", name)
+            if np.ptp(rate) == 0.0:
+                continue  # no live sensor
             found[axis] = (log.t_s("imu"), rate - np.median(rate), log.source("imu"))
     return found
 
@@ -214,5 +210,9 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
             yield finding("wrong_checksum", f"{note[0].upper()}{note[1:]}.")
     recut = [note for note in info["notes"] if RECUT in note]
     if recut:
-        count = sum(int(words) for note in recut for words in NUMBERS.findall(note.split(RECUT)[1]))
-        yield finding("recut_messages", f"{count} messages lost trailing zeros in a router and are read: {'; '.join(recut)}.", value=count)
+        parts = [(note.split(": ")[0], note.split(": ")[-1]) for note in recut]
+        count = sum(int(digits) for _, types in parts for digits in NUMBERS.findall(types))
+        said = "; ".join(f"{types} of {sender}" for sender, types in parts)
+        yield finding(
+            "recut_messages", f"{count} messages lost trailing zeros in a router and are read all the same ({said}).", value=count
+        )

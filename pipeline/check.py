@@ -1,0 +1,221 @@
+"""`auvid check`: the health of logs, given as files or through a campaign, before anything is fitted to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.documents import check_document
+from data_schemas.errors import DataError, LogError, PipelineError
+from data_schemas.tables import column, matrix
+from hydro.identification.clock_offset import ClockOffset, clock_offset
+from pipeline.campaign import Campaign, LogFile, load_campaign
+from pipeline.files import readable, write_atomically
+from pipeline.workspace import workspace_of
+from pipeline.yaml_files import load_yaml
+from stages import KINDS, ingest
+from stages.base import Document, RawLog
+from stages.ingest.checks_common import GYRO, Recorded
+from stages.ingest.checks_use import legs
+from stages.ingest.decoded import RawFile
+
+FINE, REFUSED, LOSSES = 0, 1, 3
+FASTEST_NEEDED_HZ = 5.0
+LEAST_CORRELATION = 0.5
+SHARED: Mapping[str, tuple[str, ...]] = {"imu": GYRO, "depth": ("depth_m",)}
+"""Signals that two logs of one dive share."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is said about one log: its health, or why it was refused; the legs that a campaign has in it."""
+
+    name: str
+    health: Mapping[str, Any] | None = None
+    refused: str | None = None
+    legs: tuple[Mapping[str, Any], ...] = ()
+    outputs: ingest.Outputs | None = field(default=None, repr=False)
+
+    @property
+    def losses(self) -> bool:
+        """Whether bytes were lost or an error was found."""
+        return self.health is not None and (
+            self.health["status"] != "complete" or any(item["severity"] == "error" for item in self.health["findings"])
+        )
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The page as JSON."""
+        if self.health is None:
+            return {"name": self.name, "refused": self.refused}
+        return {"name": self.name, "health": self.health, **({"legs": list(self.legs)} if self.legs else {})}
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The clocks of two logs: add the offset to a time of `second` to get the time of `first`; `signal` is what was compared."""
+
+    first: str
+    second: str
+    signal: str
+    offset: ClockOffset
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The alignment as JSON."""
+        found = self.offset
+        numbers = {"offset_s": found.offset_s, "std_s": found.std_s, "correlation": found.correlation, "overlap_s": found.overlap_s}
+        return {"first": self.first, "second": self.second, "signal": self.signal, **numbers}
+
+
+def check(
+    targets: Sequence[str], *, columns: Path | None = None, json_file: str | None = None, html_file: Path | None = None, align: bool = False
+) -> int:
+    """Print the health page of every log and return the exit code: 0 fine, 1 a log was refused, 3 losses or errors.
+
+    Raises `PipelineError` for what concerns the call itself: no such campaign, a column map that does not hold, nothing to align.
+    """
+    from pipeline import check_page
+
+    pages = [page for target in targets for page in _pages(target, columns)]
+    if align and len(pages) != 2:
+        raise PipelineError("--align needs exactly two logs", value=len(pages), remedy="auvid check dive.tlog dive.BIN --align")
+    aligned = alignment(*pages) if align and all(page.outputs is not None for page in pages) else None
+    if json_file is not None:
+        _write_json(json_file, pages, aligned)
+    if html_file is not None:
+        write_atomically(html_file, check_page.html(pages, aligned).encode())
+    if json_file != "-":
+        check_page.show(pages)
+        if aligned is not None:
+            check_page.show_alignment(aligned)
+    if any(page.refused is not None for page in pages):
+        return REFUSED
+    return LOSSES if any(page.losses for page in pages) else FINE
+
+
+def _pages(target: str, columns: Path | None) -> list[Page]:
+    path = Path(target).expanduser()
+    if path.name == "campaign.yaml" or (path / "campaign.yaml").is_file() or not (path.exists() or path.suffix or os.sep in target):
+        return _campaign_pages(target)
+    mapping = None
+    if columns is not None:
+        found = load_yaml(columns, what="column map")
+        found.check("column_map")
+        mapping = found.value
+    file = LogFile(path.name, path, mapping)
+    return [_page(str(path), path.stem, (file,))]
+
+
+def _campaign_pages(target: str) -> list[Page]:
+    workspace = workspace_of(target)
+    campaign = load_campaign(workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files())
+    return [_log_page(campaign, log) for log in campaign.logs]
+
+
+def _log_page(campaign: Campaign, log: str) -> Page:
+    name = f"{campaign.name}: {log}"
+    try:
+        files = campaign.log_files(log)
+    except PipelineError as fault:
+        return Page(name, refused=str(fault))
+    entries = [leg for leg in campaign.legs.values() if leg["log"] == log]
+    return _page(name, log, files, campaign=campaign, entries=entries)
+
+
+def _page(name: str, log: str, files: Sequence[LogFile], *, campaign: Campaign | None = None, entries: Sequence[Document] = ()) -> Page:
+    """Decode one log and check it; a log that cannot be read is a page that says why."""
+    try:
+        before = [_stamp(file) for file in files]
+        reader = campaign.logs[log].get("reader") if campaign is not None else None
+        raw = RawLog(log, tuple(RawFile(file.name, _bytes(file), file.columns) for file in files), reader)
+        seen = campaign.seen_by(log) if campaign is not None else None
+        vehicle = campaign.vehicle if campaign is not None else None
+        outputs = ingest.run(ingest.Inputs(raw, seen, vehicle), ingest.Params(max_dropped_share=1.0))
+        for file, stamp in zip(files, before, strict=True):
+            if _stamp(file) != stamp:
+                raise LogError("the file changed while it was read", file=file.name, remedy="Wait until the copy or download has finished.")
+    except PipelineError as fault:
+        return Page(name, refused=str(fault))
+    check_document(outputs.health, "health")
+    recorded = Recorded(_tables(outputs), outputs.log_info, outputs.dropped, vehicle)
+    return Page(name, outputs.health, legs=tuple(legs(recorded, entries)), outputs=outputs)
+
+
+def _stamp(file: LogFile) -> tuple[int, int]:
+    with readable(file.path, file=file.path, what="the log"):
+        status = file.path.stat()
+    if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
+        raise LogError("the log is no regular file", file=file.path, remedy="Copy what it delivers into a file first.")
+    return status.st_size, status.st_mtime_ns
+
+
+def _bytes(file: LogFile) -> npt.NDArray[np.uint8]:
+    """The file in memory: a mapped file that shrinks while it is read would kill the process."""
+    with readable(file.path, file=file.path, what="the log"):
+        content = np.fromfile(file.path, dtype=np.uint8)
+    content.flags.writeable = False
+    return content
+
+
+def _tables(outputs: ingest.Outputs) -> dict[str, Any]:
+    return {name: getattr(outputs, name) for name in outputs.health["streams"]}
+
+
+def alignment(first: Page, second: Page) -> Alignment:
+    """The offset between the clocks of two logs of one dive, from the shared signal that gives it most precisely.
+
+    Raises `DataError` if they share no signal, or none that agrees.
+    """
+    found: list[Alignment] = []
+    best = 0.0
+    for stream, names in SHARED.items():
+        one, two = (_signal(page, stream, names) for page in (first, second))
+        if one is None or two is None:
+            continue
+        shorter = min(times[-1] - times[0] for times, _ in (one, two))
+        try:
+            offset = clock_offset(*one, *two, min_overlap_s=max(20.0, 0.2 * shorter))
+        except DataError:
+            continue
+        best = max(best, offset.correlation)
+        if offset.correlation >= LEAST_CORRELATION and np.isfinite(offset.std_s):
+            found.append(Alignment(first.name, second.name, "angular rate" if stream == "imu" else "depth", offset))
+    if not found:
+        raise DataError(
+            "the clocks of the two logs cannot be aligned: no signal that both hold agrees at any offset",
+            file=f"{first.name} and {second.name}",
+            value=f"best correlation {best:.2f}",
+            allowed=f"at least {LEAST_CORRELATION:g}",
+            remedy="They must overlap by 20 s or more in which the vehicle turns or changes depth.",
+        )
+    return min(found, key=lambda item: item.offset.std_s)
+
+
+def _signal(page: Page, stream: str, names: tuple[str, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
+    assert page.outputs is not None
+    table = getattr(page.outputs, stream)
+    about = page.health["streams"].get(stream) if page.health is not None else None
+    if table is None or about is None or not about["rate_hz"]:
+        return None
+    if stream == "imu" and about["rate_hz"] < FASTEST_NEEDED_HZ:
+        return None
+    return column(table, "time_us") / 1e6, matrix(table, names)
+
+
+def _write_json(target: str, pages: Sequence[Page], aligned: Alignment | None) -> None:
+    document = {"logs": [page.document for page in pages], **({"alignment": aligned.document} if aligned is not None else {})}
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        write_atomically(Path(target), text.encode())
