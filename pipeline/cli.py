@@ -81,6 +81,47 @@ def report(
         typer.launch(page.resolve().as_uri())
 
 
+@app.command(epilog="Example: auvid check dive.BIN dive.tlog --align")
+def check(
+    targets: Annotated[list[str], typer.Argument(metavar="LOG... | CAMPAIGN", help="Log files, or a campaign for all its logs and legs.")],
+    columns: Annotated[Path | None, typer.Option(metavar="MAP.yaml", help="Column map of CSV logs.")] = None,
+    json: Annotated[str | None, typer.Option(metavar="FILE|-", help="Write the findings as JSON; - prints them.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the page as one HTML file.")] = None,
+    align: Annotated[bool, typer.Option("--align", help="Estimate the offset between the clocks of two logs of one dive.")] = False,
+) -> None:
+    """Say what is wrong with logs and what they can be used for. Exits with 1 if one is refused, 3 if there are losses or errors."""
+    from pipeline import check as checking
+
+    status = checking.check(targets, columns=columns, json_file=json, html_file=html, align=align)
+    if status:
+        raise typer.Exit(status)
+
+
+@app.command(epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"')
+def regress(
+    campaign: CampaignName,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of golden tables. [default: tests/golden/CAMPAIGN, else golden in the campaign's folder]"),
+    ] = None,
+    update: Annotated[bool, typer.Option("--update", help="Write the golden tables anew; needs --message.")] = False,
+    message: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="For the changelog: 'STAGE: what changed and why'; needs --update.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Hold the error tables against the golden ones. Exits with 1 and names every cell that left its tolerance."""
+    if update != (message is not None):
+        raise typer.BadParameter("--update and --message go together: a changed baseline is remembered in the changelog")
+    from pipeline import regress as golden
+
+    setting = golden.open_setting(campaign, baseline)
+    if message is not None:
+        golden.update(setting, message, as_json=as_json)
+    elif not golden.check(setting, as_json=as_json):
+        raise typer.Exit(FAILED)
+
+
 @app.command(epilog="Example: auvid stages fuse")
 def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
