@@ -1,0 +1,90 @@
+"""The stage fuse with method smoother: samples at the sensors' own times, through resample, against a known motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from data_schemas.documents import check_document
+from data_schemas.errors import CampaignError, DataError
+from data_schemas.tables import column, has_columns, matrix
+from stages import fuse, resample
+from stages.signals import ACCELERATION, VELOCITY
+from tests.support.motions import ODD, RATE_HZ, Motion, Sensors, log_document, mounted_vehicle, resampled_table, rich_motion
+from tests.unit.test_fuse import sampled
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    return rich_motion(40.0, seed=4)
+
+
+def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fuse.Inputs:
+    """What resample gives of the motion as `sensors` see it, with the vehicle file that `told` describes."""
+    vehicle = mounted_vehicle(told or sensors)
+    streams = sampled(resampled_table(motion, sensors), 0.0)
+    log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention)
+    given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
+    cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
+    samples = {name: getattr(cut, name)["one"] for name in ("samples_imu", "samples_velocity", "samples_depth")}
+    return fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log, **samples)
+
+
+def run(given: fuse.Inputs, **params: Any) -> fuse.Outputs:
+    found = fuse.run(given, fuse.Params(**{"method": "smoother", "cutoff_hz": None, "edge_s": 2.0, **params}))
+    check_document(found.fusion, "fusion")
+    return found
+
+
+def errors(found: fuse.Outputs, motion: Motion) -> tuple[float, float]:
+    """RMS errors of velocity [m/s] and its rate [m/s^2] over u, v, w."""
+    t_s = column(found.fused, "t_s")
+    rows = np.searchsorted(motion.t_s, t_s - 1e-9)
+    velocity = matrix(found.fused, VELOCITY[:3]) - motion.nu[rows, :3]
+    rate = matrix(found.fused, ACCELERATION[:3]) - motion.nu_dot[rows, :3]
+    return float(np.sqrt(np.mean(velocity**2))), float(np.sqrt(np.mean(rate**2)))
+
+
+@pytest.mark.parametrize("convention", ["specific_force", "inertial"])
+def test_recovers_velocity_rate_and_bias(motion: Motion, convention: str) -> None:
+    sensors = replace(ODD, convention=convention)
+    found = run(inputs(motion, sensors))
+    velocity, rate = errors(found, motion)
+    # exact sensors sampled at 5 to 100 Hz: what is left is interpolation of attitude and rates between samples
+    assert velocity < 2e-3
+    assert rate < 2e-2
+    np.testing.assert_allclose(found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=5e-3)
+    assert found.fusion["warnings"] == []
+
+
+def test_gives_standard_deviations(motion: Motion) -> None:
+    found = run(inputs(motion, ODD)).fused
+    names = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s")
+    assert has_columns(found, names)
+    assert np.all(matrix(found, names) > 0)
+
+
+def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> None:
+    unknown = replace(ODD, dvl_arm=np.zeros(3))
+    blind = run(inputs(motion, ODD, told=unknown))
+    found = run(inputs(motion, ODD, told=unknown), estimate_dvl_arm=True)
+    assert all(found.fusion["installation"]["dvl_arm_determined"])
+    np.testing.assert_allclose(found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02)  # m
+    assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
+
+
+def test_refuses_without_its_sensors(motion: Motion) -> None:
+    given = inputs(motion, ODD)
+    for name, word in (("samples_imu", "accelerometer"), ("samples_velocity", "velocity"), ("samples_depth", "depth")):
+        with pytest.raises(DataError, match=word):
+            run(replace(given, **{name: None}))
+
+
+def test_unknown_noise_is_refused_with_the_nearest_name(motion: Motion) -> None:
+    with pytest.raises(CampaignError, match="velocity_m_s"):
+        run(inputs(motion, ODD), noise={"velocity_m": 0.01})
+    with pytest.raises(CampaignError, match="positive"):
+        run(inputs(motion, ODD), noise={"velocity_m_s": 0.0})
