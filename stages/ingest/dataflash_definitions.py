@@ -21,6 +21,8 @@ REASONS = ("", UNNAMED, WRONG_COLUMNS, WRONG_LENGTH, UNKNOWN_FORMAT, WRONG_FMT, 
 Ints = npt.NDArray[np.int64]
 Buffer = npt.NDArray[np.uint8]
 ROWS = 4096  # FMT records judged at a time
+LABELS_START = 25  # in a FMT record, behind header, id, length, name and formats
+DAMAGED_LABEL_BYTES = 2  # two firmwares that name fields of one format differently differ in more
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
     reason = np.zeros(raw.shape[0], np.int8)
     for code, fault in (
         (1, ~in_name[:, 0] | (in_name & ((name < 0x20) | (name > 0x7E))).any(axis=1)),
-        (2, (names != fields) & ~cut_off),
+        (2, ((names != fields) & ~cut_off) | (in_columns & ((columns < 0x20) | (columns > 0x7E))).any(axis=1)),
         (3, raw[:, 4] != layout.HEADER_BYTES + (sizes * in_format).sum(axis=1)),
         (4, ((sizes == 0) & in_format).any(axis=1)),
     ):
@@ -107,8 +109,16 @@ class Definitions:
         return entry
 
 
+def _is_repetition(before: bytes, after: bytes) -> bool:
+    """Whether two FMT records agree in all but `DAMAGED_LABEL_BYTES` of the field names."""
+    if before[:LABELS_START] != after[:LABELS_START]:
+        return False
+    return sum(one != other for one, other in zip(before, after, strict=True)) <= DAMAGED_LABEL_BYTES
+
+
 def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
-    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change."""
+    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change, nor is one with hardly other field names:
+    that is a damaged repetition."""
     first = np.full(256, -1, np.int32)
     first[layout.FMT_ID] = 0
     lengths, kept = [layout.FMT_BYTES], [-1]
@@ -118,7 +128,7 @@ def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
     for row in rows:
         id = ids[row]
         identity = proposals.raw[row].tobytes()
-        if id == layout.FMT_ID or current.get(id) == identity:
+        if id == layout.FMT_ID or (id in current and _is_repetition(current[id], identity)):
             continue
         if id not in current:
             first[id] = len(kept)

@@ -28,6 +28,7 @@ from .decoded import ByteAccount, DecodedLog, LogStatus, Messages, RawFile, Skip
 FORMAT = "ArduPilot DataFlash text"
 FMT_LINE = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w", re.MULTILINE)
 NAME = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
+LABEL = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
 NAME_BYTES = 4
 FEW_LINES = 64  # below this a block is parsed line by line: setting up pyarrow takes longer
 
@@ -41,6 +42,7 @@ HARMLESS = frozenset({LEADING, BLANK})
 DAMAGE = frozenset({NO_RECORD, WRONG_FIELDS, UNREADABLE})
 
 CLOCKS = {"TimeUS": 1, "TimeMS": 1000}
+LATEST_US = 1 << 62  # beyond it digits of a time stamp are damaged
 
 Buffer = npt.NDArray[np.uint8]
 Declared = list[tuple[int, layout.Definition]]  # the layouts of one name, each with the line from which it holds
@@ -206,7 +208,7 @@ def _declare(data: bytes, lines: Lines, index: Ints, losses: Losses) -> tuple[di
         id, length, name, formats = int(parts[1]), int(parts[2]), parts[3], parts[4]
         columns = tuple(column.strip() for column in parts[5].split(",")) if parts[5] else ()
         unknown = not set(formats) <= set(layout.FIELD_FORMATS)
-        if name != "FMT" and (unknown or len(columns) != len(formats)):
+        if name != "FMT" and (unknown or len(columns) != len(formats) or not all(map(LABEL.fullmatch, columns))):
             losses.add(UNKNOWN_FORMAT if unknown else WRONG_COLUMNS, np.array([i]))
             continue
         sound.append(i)
@@ -330,7 +332,9 @@ def _seconds_lost(tables: Mapping[str, Table], starts: Sequence[int]) -> float:
     for columns, offset in tables.values():
         for field_name, factor in CLOCKS.items():
             if next(iter(columns), None) == field_name:
-                parts.append((offset, columns[field_name].astype(np.int64) * factor))
+                stamps = columns[field_name].astype(np.float64)
+                sound = np.abs(stamps) * factor < LATEST_US
+                parts.append((offset[sound], columns[field_name][sound].astype(np.int64) * factor))
     if not parts or not starts:
         return 0.0
     offset, times = (np.concatenate(column) for column in zip(*parts, strict=True))
