@@ -22,6 +22,7 @@ UNUSED_CELL = 65535
 ARMED_BIT = 128
 VELOCITY_HORIZONTAL, CONSTANT_POSITION = 2, 128  # EKF_STATUS_FLAGS
 SMALLEST_CHANGE_M = 0.02
+TWIN_ARRAY = ("propeller_rev_s", "fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 Ints = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float64]
 
@@ -202,6 +203,13 @@ def servo_outputs(messages: Messages, log: DecodedLog) -> Columns:
     return {field: values for field, values in columns.items() if bool(np.any(values > 0.0))}
 
 
+def propeller_and_fins(messages: Messages, log: DecodedLog) -> Columns:
+    """Propeller speed and fins from the first five numbers of the float array named ACTU; NaN for arrays of other names."""
+    ours = np.asarray(messages.columns["name"]) == b"ACTU"
+    data = np.where(ours[:, None], np.asarray(messages.columns["data"], dtype=np.float64)[:, : len(TWIN_ARRAY)], np.nan)
+    return dict(zip(TWIN_ARRAY, data.T, strict=True))
+
+
 def battery_cells(messages: Messages, log: DecodedLog) -> Columns:
     """Voltage as the sum of the cells that are reported (ArduPilot puts the whole pack into the first), and current."""
     cells = np.asarray(messages.columns["voltages"]).astype(np.int64)
@@ -263,6 +271,7 @@ RULES = Rules(
         "quaternion": quaternion,
         "pressure_depth": pressure_depth,
         "servo_outputs": servo_outputs,
+        "propeller_and_fins": propeller_and_fins,
         "battery_cells": battery_cells,
         "battery_total": battery_total,
         "modes": modes,
