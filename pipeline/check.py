@@ -89,7 +89,7 @@ def check(
     pages = [page for target in targets for page in _pages(target, columns)]
     if align and len(pages) != 2:
         raise PipelineError("--align needs exactly two logs", value=len(pages), remedy="auvid check dive.tlog dive.BIN --align")
-    aligned = alignment(*pages) if align and all(page.outputs is not None for page in pages) else None
+    aligned, apart = _aligned(pages) if align else (None, None)
     if json_file is not None:
         _write_json(json_file, pages, aligned)
     if html_file is not None:
@@ -98,6 +98,8 @@ def check(
         check_page.show(pages)
         if aligned is not None:
             check_page.show_alignment(aligned)
+    if apart is not None:
+        raise apart
     if any(page.refused is not None for page in pages):
         return REFUSED
     return LOSSES if any(page.losses for page in pages) else FINE
@@ -169,6 +171,16 @@ def _bytes(file: LogFile) -> npt.NDArray[np.uint8]:
 
 def _tables(outputs: ingest.Outputs) -> dict[str, Any]:
     return {name: getattr(outputs, name) for name in outputs.health["streams"]}
+
+
+def _aligned(pages: Sequence[Page]) -> tuple[Alignment | None, DataError | None]:
+    """The alignment of two logs, or why there is none; neither where a log was refused, which its page says."""
+    if any(page.outputs is None for page in pages):
+        return None, None
+    try:
+        return alignment(*pages), None
+    except DataError as fault:
+        return None, fault
 
 
 def alignment(first: Page, second: Page) -> Alignment:

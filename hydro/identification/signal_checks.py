@@ -308,10 +308,10 @@ def response_lag(
 ) -> Response | None:
     """By how much motion (m,) lags behind commands (n, k): the lag whose least-squares fit of the motion by all commands is best.
 
-    Both are put on a uniform clock of `rate_hz`, commands held, and a moving mean over 10 s is taken off both, because slow drifts always
-    look alike. Lags between the two of `lags_s` are tried in steps of the clock. The lag holds the delay and the inertia of the vehicle
-    together. At most ten minutes in the middle of the common span are used. None for fewer than 100 samples, less than 20 s, or commands
-    that stand still.
+    Both are interpolated to a uniform clock of `rate_hz` (commands too: held ones would seem half a step of the log early), and a moving
+    mean over 10 s is taken off both, because slow drifts always look alike. Lags between the two of `lags_s` are tried in steps of the
+    clock. The lag holds the delay and the inertia of the vehicle together. At most ten minutes in the middle of the common span are used.
+    None for fewer than 100 samples, less than 20 s, or commands that stand still.
     """
     at, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
     t, output = np.asarray(t_motion, dtype=np.float64), np.asarray(motion, dtype=np.float64)
@@ -325,13 +325,13 @@ def response_lag(
     if end - start < 2.0 * DRIFT_S or count < 100:
         return None
     clock = middle - half + np.arange(-late, count - early) / rate_hz
-    held = _without_drift(inputs[np.clip(np.searchsorted(at, clock, side="right") - 1, 0, at.size - 1)], width)
+    given = _without_drift(np.stack([np.interp(clock, at, column) for column in inputs.T], axis=1), width)
     response = _without_drift(np.interp(clock[late : late + count], t, output), width)
     total = float(response @ response)
     if total == 0.0:
         return None
     lags = np.arange(early, late + 1)
-    shares = np.array([_explained(held[late - lag : late - lag + count], response, total) for lag in lags])
+    shares = np.array([_explained(given[late - lag : late - lag + count], response, total) for lag in lags])
     return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 
 

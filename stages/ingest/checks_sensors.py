@@ -89,8 +89,8 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
         text = f"The accelerometer reads {size:.3f} (median length) and not {GRAVITY_M_S2}: it is in g."
         yield finding("accelerometer_unit", text, stream="imu", value=size)
     elif abs(size - UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)) > limit("accelerometer_convention"):
-        shows = "gravity removed" if size < GRAVITY_M_S2 / 2.0 else "a specific force"
-        text = f"The accelerometer reads {size:.2f} m/s^2 (median length): {shows}, while {said or 'specific_force'} is expected."
+        expected = UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)
+        text = f"The accelerometer reads {size:.2f} m/s^2 (median length); {said or 'specific_force'} at rest is {expected:g}."
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > GRAVITY_M_S2 / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         yield from _direction(log, accelerometer, found.angle)
