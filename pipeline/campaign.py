@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from data_schemas.errors import CampaignError, PipelineError, SchemaError, nearest, raise_faults
+from pipeline.twin import load_twin, with_logs_of_plan
 from pipeline.yaml_files import YamlFile, load_yaml
 
+SIMULATE = "simulate"
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
@@ -26,18 +29,20 @@ class LogFile:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A loaded campaign. `log_order` and `legs` are in the order of the manifest."""
+    """A loaded campaign; in the order of the manifest. `twin`: the document of schema `twin`, where logs are simulated."""
 
     name: str
     folder: Path
     file: YamlFile
     vehicle_file: Path
     vehicle: Mapping[str, Any]
+    twin: Mapping[str, Any] | None = None
 
-    @property
+    @cached_property
     def document(self) -> Mapping[str, Any]:
+        """The manifest; for a twin with the logs and legs of its plan."""
         value: Mapping[str, Any] = self.file.value
-        return value
+        return value if self.twin is None else with_logs_of_plan(value, self.twin)
 
     @property
     def logs(self) -> dict[str, Mapping[str, Any]]:
@@ -80,13 +85,25 @@ def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicle
     Raises `CampaignError` (all faults of the manifest together) or `SchemaError`.
     """
     file = load_yaml(folder / "campaign.yaml")
-    file.check("campaign")
+    _check(file, kinds)
     faults = [file.located(fault) for fault in _faults(file, kinds)]
     raise_faults(faults, file=file.path)
     vehicle_file = _vehicle_path(file, folder, vehicles)
     vehicle = load_yaml(vehicle_file, named_in=file.path, what="vehicle")
     vehicle.check("vehicle")
-    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value)
+    twin = None
+    if SIMULATE in kinds[file.value["kind"]]:
+        plan = inside(folder, file.value[SIMULATE]["plan"], file.path)
+        twin = load_twin(file.value[SIMULATE], vehicle.value, plan=plan, vehicle_file=vehicle_file, folder=folder, file=file.path)
+    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value, twin)
+
+
+def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
+    """Check the manifest against its schema; the logs and legs of a twin are not in it."""
+    value = file.value
+    if isinstance(value, Mapping) and SIMULATE in kinds.get(str(value.get("kind")), ()):
+        file = replace(file, value={"logs": [], "legs": [], **value})
+    file.check("campaign")
 
 
 def inside(folder: Path, name: str, file: object) -> Path:
@@ -109,6 +126,16 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
     if manifest["kind"] not in kinds:
         yield CampaignError("unknown kind", file=path, field="kind", value=manifest["kind"], allowed=kinds)
         return
+    if SIMULATE in kinds[manifest["kind"]]:
+        for part in ("logs", "legs"):
+            if part in manifest:
+                yield CampaignError("a twin has these from its plan", file=path, field=part, remedy="Leave them out of the manifest.")
+        if SIMULATE not in manifest:
+            yield SchemaError("missing key", file=path, field=SIMULATE, remedy="A twin needs the plan that it flies.")
+        yield from _stage_faults(manifest, kinds, path)
+        return
+    if SIMULATE in manifest:
+        yield CampaignError("only a campaign of kind 'twin' is simulated", file=path, field=SIMULATE)
     for part in ("logs", "legs"):
         if not manifest[part]:
             yield CampaignError("the list is empty", file=path, field=part, remedy="A campaign needs at least one.")
@@ -127,6 +154,10 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
             yield CampaignError(
                 "the leg ends before it starts", file=path, field=f"{at}.end_s", value=end, allowed=f"more than start_s = {start or 0}"
             )
+    yield from _stage_faults(manifest, kinds, path)
+
+
+def _stage_faults(manifest: Mapping[str, Any], kinds: Mapping[str, tuple[str, ...]], path: Path) -> Iterator[PipelineError]:
     for name in manifest.get("stages") or {}:
         allowed = kinds[manifest["kind"]]
         if name not in allowed:

@@ -14,6 +14,7 @@ from stages.base import ports
 
 COMMENT_AT = 44
 CODE = "runs/.code"
+SIMULATE = "simulate"
 
 
 def default_of(item: Field[Any]) -> Any:
@@ -59,10 +60,12 @@ def _scalar(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def dvc_yaml(graph: Graph) -> str:
-    """dvc.yaml with an entry per stage of a graph, over the campaigns of params.yaml."""
+def dvc_yaml(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]) -> str:
+    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage; `campaigns`: name -> kind."""
+    used = tuple(stage for stage in stages if any(stage.name in kinds[kind] for kind in campaigns.values()))
+    graph = Graph(used)
     lines = [
-        "# One entry per stage, for each campaign of params.yaml. `auvid run CAMPAIGN` does the same in one process; either may follow",
+        "# One entry per stage, for each campaign that has it. `auvid run CAMPAIGN` does the same in one process; either may follow",
         "# the other, for what is fresh is decided by the manifests under runs/. The hash of a stage's code (its own imports and schemas)",
         "# stands in a small file that `code` brings up to date each time: an edited equation reruns what uses it.",
         "stages:",
@@ -71,20 +74,29 @@ def dvc_yaml(graph: Graph) -> str:
         "    cmd: auvid code",
         "    always_changed: true",
         "    outs:",
-        *(f"      - {CODE}/{stage.name}.txt: {{cache: false, persist: true}}" for stage in graph.stages),
+        *(f"      - {CODE}/{stage.name}.txt: {{cache: false, persist: true}}" for stage in stages),
     ]
-    for stage in graph.stages:
-        lines += ["", *_entry(graph, stage)]
+    for stage in used:
+        having = [name for name, kind in campaigns.items() if stage.name in kinds[kind]]
+        twins = [name for name in having if SIMULATE in kinds[campaigns[name]]]
+        lines += ["", *_entry(graph, stage, having, twins, every=len(having) == len(campaigns))]
     return "\n".join(lines) + "\n"
 
 
-def _entry(graph: Graph, stage: AnyStage) -> list[str]:
+def _entry(graph: Graph, stage: AnyStage, campaigns: Sequence[str], twins: Sequence[str], *, every: bool) -> list[str]:
     deps = [f"{CODE}/{stage.name}.txt"]
     feeds = graph.feeds(stage)
     manifest = {feed.schema for feed in feeds}
-    deps.append("campaigns/${item}" if "raw_log" in manifest else "campaigns/${item}/campaign.yaml")
+    from_twin = "raw_log" in manifest and bool(twins)
+    foreach = ["    foreach: ${campaigns}" if every else f"    foreach: [{', '.join(campaigns)}]"]
+    if from_twin:  # logs of the campaign folder, or those that the twin writes
+        places = {name: f"runs/{name}/{SIMULATE}" if name in twins else f"campaigns/{name}" for name in campaigns}
+        foreach = ["    foreach:", *(f"      {name}: {{logs: {place}}}" for name, place in places.items())]
+    whole_folder = not from_twin and manifest & {"raw_log", "twin"}
+    deps.append("campaigns/${item}" if whole_folder else "campaigns/${item}/campaign.yaml")
+    deps += ["${item.logs}"] * from_twin
     deps += ["vehicles"] * ("vehicle" in manifest)
-    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers}
+    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers if feed.schema != "raw_log"}
     if stage.maps_over == "segment":
         producers |= {other.name: other for other in graph.stages if other.yields == "segment"}
     for other in graph.stages:
@@ -95,7 +107,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     keys = [f"{stage.name}.{item.name}" for item in fields(stage.params)]
     lines = [
         f"  {stage.name}:",
-        "    foreach: ${campaigns}",
+        *foreach,
         "    do:",
         f"      desc: {stage.summary}",
         f"      cmd: auvid run ${{item}} --only {stage.name}",
@@ -105,7 +117,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
     lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
     lines += ["      metrics:", *(f"        - {path}: {{cache: false, persist: true}}" for path in metrics)] if metrics else []
-    return lines
+    return [line.replace("${item}", "${key}") for line in lines] if from_twin else lines
 
 
 def _outs(stage: AnyStage) -> list[tuple[str, str]]:
@@ -121,10 +133,16 @@ def _outs(stage: AnyStage) -> list[tuple[str, str]]:
     return found
 
 
+def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
+    """The kind of each campaign, from its manifest."""
+    from pipeline.yaml_files import load_yaml
+
+    return {name: str(load_yaml(root / "campaigns" / name / "campaign.yaml").value["kind"]) for name in campaigns}
+
+
 def main() -> None:
     """Write params.yaml and dvc.yaml of the current folder anew; the list of campaigns stays."""
     from pipeline.files import write_atomically
-    from pipeline.graph import stages_of_kind
     from pipeline.yaml_files import load_yaml
     from stages import KINDS, STAGES
 
@@ -135,7 +153,7 @@ def main() -> None:
         else [path.parent.name for path in Path("campaigns").glob("*/campaign.yaml")]
     )
     write_atomically(params, params_yaml(STAGES, sorted(campaigns)).encode())
-    write_atomically(Path("dvc.yaml"), dvc_yaml(Graph(stages_of_kind(STAGES, KINDS, "identification"))).encode())
+    write_atomically(Path("dvc.yaml"), dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), sorted(campaigns))).encode())
 
 
 if __name__ == "__main__":

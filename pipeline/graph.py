@@ -12,7 +12,8 @@ from data_schemas.schemas import schema
 from stages.base import Item, Stage, ports
 
 AnyStage = Stage[Any, Any, Any]
-MANIFEST_PORTS = ("vehicle", "campaign", "leg", "raw_log", "provenance")
+MANIFEST_PORTS = ("vehicle", "campaign", "leg", "raw_log", "twin", "provenance")
+SIMULATED_LOG = "simulated_log"
 WHOLE = "campaign"
 SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
 
@@ -55,7 +56,10 @@ class Port:
 
 @dataclass(frozen=True)
 class Feed:
-    """How an input port is fed: by the manifest (no producers), by one port, or by all ports of a schema (`every`)."""
+    """How an input port is fed: by the manifest (no producers), by one port, or by all ports of a schema (`every`).
+
+    A raw log is fed by the manifest, or by the one port of simulated logs.
+    """
 
     port: str
     schema: str
@@ -101,7 +105,8 @@ class Graph:
     def _feed(self, stage: AnyStage, name: str, spec: Mapping[str, Any]) -> Feed:
         wanted, optional = spec["port"], bool(spec.get("optional"))
         if wanted in MANIFEST_PORTS:
-            return Feed(name, wanted, optional)
+            # The logs of a twin come from the stage that simulates them.
+            return Feed(name, wanted, optional, self.producers(SIMULATED_LOG) if wanted == "raw_log" else ())
         found = tuple(port for port in self.producers(wanted) if port.stage is not stage)
         late = [port for port in found if self.stages.index(port.stage) > self.stages.index(stage)]
         if spec.get("every"):

@@ -18,11 +18,11 @@ from pipeline.campaign import Campaign
 from pipeline.engines import Engine
 from pipeline.files import prune, sweep, write_atomically
 from pipeline.fingerprints import FileHashes, as_document, fingerprint_line, hash_value, package_versions, stage_code
-from pipeline.graph import WHOLE, AnyStage, Feed, Graph, Port
+from pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
 from pipeline.lock import locked
 from pipeline.manifest import Manifest
 from pipeline.progress import Progress, Silent
-from pipeline.sources import Artefact, Many, Source, Value, log_source
+from pipeline.sources import Artefact, Log, Many, Source, Value, log_source, simulated_log
 from pipeline.work import Outcome, Task
 
 
@@ -170,7 +170,9 @@ class Run:
     def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
         if feed.schema == "raw_log":
             assert place.log is not None
-            return log_source(self.campaign, place.log, self.hashes)
+            return self._log(place.log)
+        if feed.schema == "twin":
+            return Value(self.campaign.twin)
         if feed.schema == "vehicle":
             return Value(self.campaign.vehicle)
         if feed.schema == "campaign":
@@ -185,9 +187,18 @@ class Run:
             return Value(None)
         return self._produced(stage, feed, feed.producers[0], place)
 
+    def _log(self, log: str) -> Log:
+        """The source of a log: the files of the manifest, or what the twin wrote."""
+        if self.campaign.twin is None:
+            return log_source(self.campaign, log, self.hashes)
+        producer = self.graph.producers(SIMULATED_LOG)[0]
+        self._items(producer.stage)
+        files = {str(key): artefact for key, artefact in self.artefacts_of(producer, WHOLE).items()}
+        return simulated_log(self.campaign.logs[log], self.campaign.twin, files)
+
     def provenance(self) -> dict[str, Any]:
         """Where the results come from: content hashes of the logs and the vehicle, code and parameters of every stage, package versions."""
-        logs = {log: log_source(self.campaign, log, self.hashes).fingerprint["files"] for log in self.campaign.logs}
+        logs = {log: self._log(log).fingerprint["files"] for log in self.campaign.logs}
         stages = {name: {"code": code, "parameters": as_document(self.params[name])} for name, code in self._codes.items()}
         return {"logs": logs, "vehicle": hash_value(self.campaign.vehicle), "stages": stages, "packages": package_versions()}
 

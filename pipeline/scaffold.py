@@ -10,7 +10,6 @@ from data_schemas.errors import PipelineError
 from pipeline.declarations import dvc_yaml, params_yaml
 from pipeline.example_data import example_log
 from pipeline.files import write_atomically
-from pipeline.graph import Graph, stages_of_kind
 from pipeline.yaml_files import load_yaml
 from stages import KINDS, STAGES
 
@@ -22,8 +21,7 @@ def make_workspace(folder: Path) -> None:
     folder = folder.expanduser()
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise PipelineError("there is something already, and nothing is overwritten", file=folder, remedy="Choose a new folder.")
-    stages = stages_of_kind(STAGES, KINDS, "identification")
-    made = {"params.yaml": params_yaml(STAGES, [EXAMPLE]), "dvc.yaml": dvc_yaml(Graph(stages))}
+    made = {"params.yaml": params_yaml(STAGES, [EXAMPLE]), "dvc.yaml": dvc_yaml(STAGES, KINDS, {EXAMPLE: "identification"})}
     for name, text in made.items():
         write_atomically(folder / name, text.encode())
     _copy(resources.files("pipeline") / "templates", folder)

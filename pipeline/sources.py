@@ -14,13 +14,14 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from data_schemas.errors import LogError
+from data_schemas.errors import DataError, LogError
 from pipeline import artefacts
 from pipeline.campaign import Campaign
 from pipeline.files import readable
 from pipeline.fingerprints import FileHashes, hash_value
 from stages.base import Collection, RawLog
 from stages.ingest.decoded import RawFile
+from stages.simulate.csv_writer import column_maps
 
 
 class Source(Protocol):
@@ -126,6 +127,24 @@ def log_source(campaign: Campaign, log: str, hashes: FileHashes) -> Log:
             status = file.path.stat()
             parts.append(LogPart(file.name, file.path, hashes.of(file.path), status.st_size, status.st_mtime_ns, file.columns))
     return Log(log, campaign.logs[log].get("reader"), tuple(parts))
+
+
+def simulated_log(entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapping[str, Artefact]) -> Log:
+    """The source of a log that the stage simulate wrote: `entry` of the manifest, `files` by name.
+
+    Raises `DataError` where the twin did not reach the leg of this log.
+    """
+    maps = column_maps(accelerometer=twin["accelerometer"])
+    parts = []
+    for item in entry.get("files") or [entry]:
+        name = item["file"]
+        if name not in files:
+            remedy = "The report of stage simulate says when and why the flight stopped."
+            raise DataError(f"the twin did not reach leg '{entry['id']}', so there is no log of it", value=name, remedy=remedy)
+        status = files[name].path.stat()
+        columns = maps[Path(item["columns"]).stem] if "columns" in item else None
+        parts.append(LogPart(name, files[name].path, files[name].hash, status.st_size, status.st_mtime_ns, columns))
+    return Log(entry["id"], None, tuple(parts))
 
 
 def _map(path: Path) -> npt.NDArray[np.uint8]:

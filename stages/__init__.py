@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import fuse, ingest, report, resample, residual, synthesise, validate
+from stages import fuse, ingest, report, resample, residual, simulate, synthesise, validate
 from stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
+    simulate.STAGE,
     ingest.STAGE,
     resample.STAGE,
     fuse.STAGE,
@@ -19,4 +20,5 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
 
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
+    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
 }

@@ -9,15 +9,26 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.declarations import dvc_yaml
-from pipeline.graph import Graph, stages_of_kind
+from pipeline.declarations import campaign_kinds, dvc_yaml
+from pipeline.graph import Graph
 from stages import KINDS, STAGES
 from stages.base import Stage, ports
 
 ROOT = Path(__file__).resolve().parents[2]
 DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
 PARAMS: dict[str, Any] = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+CAMPAIGNS = campaign_kinds(ROOT, PARAMS["campaigns"])
+TWINS = [name for name, kind in CAMPAIGNS.items() if "simulate" in KINDS[kind]]
 AnyStage = Stage[Any, Any, Any]
+
+
+def campaigns_of(entry: dict[str, Any]) -> list[str]:
+    return list(PARAMS["campaigns"] if entry["foreach"] == "${campaigns}" else entry["foreach"])
+
+
+def texts(entries: Any) -> Any:
+    """The same with ${item}, however an entry calls its campaign."""
+    return yaml.safe_load(yaml.safe_dump(entries).replace("${key}", "${item}"))
 
 
 def paths(entries: list[Any]) -> set[str]:
@@ -26,7 +37,7 @@ def paths(entries: list[Any]) -> set[str]:
 
 def test_file_is_what_the_stages_declare() -> None:
     """`make declarations` writes it anew."""
-    assert (ROOT / "dvc.yaml").read_text(encoding="utf-8") == dvc_yaml(Graph(stages_of_kind(STAGES, KINDS, "identification")))
+    assert (ROOT / "dvc.yaml").read_text(encoding="utf-8") == dvc_yaml(STAGES, KINDS, CAMPAIGNS)
 
 
 def test_entries_are_the_stages_and_their_code() -> None:
@@ -36,9 +47,9 @@ def test_entries_are_the_stages_and_their_code() -> None:
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
-def test_entry_runs_the_stage_for_every_campaign(stage: AnyStage) -> None:
-    entry = DVC[stage.name]
-    assert entry["foreach"] == "${campaigns}"
+def test_entry_runs_the_stage_for_every_campaign_that_has_it(stage: AnyStage) -> None:
+    entry = texts(DVC[stage.name])
+    assert campaigns_of(entry) == [name for name, kind in CAMPAIGNS.items() if stage.name in KINDS[kind]]
     assert entry["do"]["cmd"] == f"auvid run ${{item}} --only {stage.name}"
     assert f"runs/.code/{stage.name}.txt" in entry["do"]["deps"]
 
@@ -52,18 +63,26 @@ def test_entry_names_single_parameters(stage: AnyStage) -> None:
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
 def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
-    graph, deps = Graph(STAGES), set(DVC[stage.name]["do"]["deps"])
+    graph, deps = Graph(STAGES), set(texts(DVC[stage.name])["do"]["deps"])
     for feed in graph.feeds(stage):
         for port in feed.producers:
-            do = DVC[port.stage.name]["do"]
+            do = texts(DVC[port.stage.name])["do"]
+            if feed.schema == "raw_log":
+                continue
             assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
     assert ("vehicles" in deps) == ("vehicle" in {spec["port"] for spec in ports(stage.inputs).values()})
     assert any(path.startswith("campaigns/${item}") for path in deps)
 
 
+def test_logs_of_a_twin_are_those_it_writes() -> None:
+    places = {name: entry["logs"] for name, entry in DVC["ingest"]["foreach"].items()}
+    assert places == {name: f"runs/{name}/simulate" if name in TWINS else f"campaigns/{name}" for name in CAMPAIGNS}
+    assert "${item.logs}" in DVC["ingest"]["do"]["deps"]
+
+
 def test_outs_persist_and_error_tables_are_metrics() -> None:
     for stage in STAGES:
-        do = DVC[stage.name]["do"]
+        do = texts(DVC[stage.name])["do"]
         for entry in (*do["outs"], *do.get("metrics", [])):
             (path, options) = next(iter(entry.items()))
             assert options["persist"] is True

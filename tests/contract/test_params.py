@@ -67,4 +67,4 @@ def test_kinds_are_those_of_the_manifest_schema() -> None:
 def test_every_schema_is_used() -> None:
     """A schema nobody reads or writes is a promise nobody keeps."""
     used = {spec["port"] for stage in STAGES for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()}
-    assert set(schema_names()) - used - set(MANIFEST_PORTS) == {"column_map", "tolerances"}
+    assert set(schema_names()) - used - set(MANIFEST_PORTS) == {"column_map", "plan", "tolerances"}
