@@ -122,6 +122,31 @@ def regress(
         raise typer.Exit(FAILED)
 
 
+@app.command(epilog="Example: auvid simulate vt690 campaigns/vt690_twin/plans/short.yaml -o campaigns/my_twin --seed 3")
+def simulate(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to its file.")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Path of the plan to fly.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for logs, truth and campaign; new or empty.")],
+    log_format: Annotated[str, typer.Option("--format", metavar="bin|tlog|csv", help="Kind of log files.")] = "bin",
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of all noise.")] = 0,
+    truth: Annotated[
+        str, typer.Option(metavar="TRUTH", help="physics, the name of a model with published coefficients, refit:MODEL, or a model card.")
+    ] = "physics",
+    accelerometer: Annotated[
+        str, typer.Option(metavar="specific_force|inertial", help="What the accelerometer columns of CSV logs hold.")
+    ] = "specific_force",
+) -> None:
+    """Fly a plan with a twin and write its logs, the truth, and a campaign that is ready to run. Exits with 3 if a leg was cut short."""
+    from pipeline import simulate as twin
+
+    losses = twin.write_campaign(vehicle, plan, output, truth=truth, format=log_format, seed=seed, accelerometer=accelerometer)
+    print(f"made {output}\n\n    auvid run {output}\n")
+    for line in losses:
+        _say(f"cut short: {line}", LOSSES)
+    if losses:
+        raise typer.Exit(LOSSES)
+
+
 @app.command(epilog="Example: auvid stages fuse")
 def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""

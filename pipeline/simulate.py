@@ -1,0 +1,103 @@
+"""The command `auvid simulate`: fly a plan with a vehicle, and write its logs, the truth and a campaign that is ready to run."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow.csv as pc
+import yaml
+
+from data_schemas.errors import CampaignError, PipelineError, nearest
+from pipeline.artefacts import encode
+from pipeline.files import write_atomically
+from pipeline.twin import PHYSICS, load_twin
+from pipeline.workspace import SHIPPED_VEHICLES, find_workspace
+from pipeline.yaml_files import load_yaml
+from stages import simulate
+from stages.simulate.csv_writer import column_maps
+from stages.simulate.plans import manifest_entries
+
+
+def write_campaign(
+    vehicle: str,
+    plan: Path,
+    folder: Path,
+    *,
+    truth: str = PHYSICS,
+    format: str = "bin",
+    seed: int = 0,
+    accelerometer: str = "specific_force",
+) -> list[str]:
+    """Fly the plan and write `logs/`, `truth/` (Parquet and CSV), `columns/` for CSV logs and `campaign.yaml` into a new or empty folder.
+
+    Returns sentences about legs that the flight did not finish. Raises `PipelineError` for whatever is wrong with what the user gave.
+    """
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        raise PipelineError("there is something already, and nothing is overwritten", file=folder, remedy="Choose a new folder.")
+    if seed < 0:
+        raise CampaignError("not a seed", field="--seed", value=seed, allowed="0 or more")
+    for option, value, allowed in (("--format", format, FORMATS), ("--accelerometer", accelerometer, ACCELEROMETERS)):
+        if value not in allowed:
+            raise CampaignError("unknown value", field=option, value=value, allowed=allowed, remedy=nearest(value, allowed))
+    vehicle_file = _vehicle_file(vehicle)
+    document = load_yaml(vehicle_file, what="vehicle")
+    document.check("vehicle")
+    entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
+    twin = load_twin(entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan)
+    results = simulate.run(simulate.Inputs(document.value, twin), simulate.Params())
+    for name, content in results.logs.items():
+        write_atomically(folder / "logs" / name, content)
+    if format == "csv":
+        for name, mapping in column_maps(accelerometer=accelerometer).items():
+            write_atomically(folder / "columns" / f"{name}.yaml", _yaml(mapping))
+    for leg, table in results.truth.items():
+        write_atomically(folder / "truth" / f"{leg}.parquet", encode(table, "truth", file=leg))
+        sink = io.BytesIO()
+        pc.write_csv(table, sink)
+        write_atomically(folder / "truth" / f"{leg}.csv", sink.getvalue())
+    write_atomically(folder / "truth" / "simulation.json", encode(results.simulation, "simulation", file="simulation"))
+    write_atomically(folder / "vehicle.yaml", vehicle_file.read_bytes())
+    write_atomically(folder / "campaign.yaml", _yaml(_manifest(results.simulation, twin)))
+    return [f"leg '{leg['id']}': {leg['stopped']}" for leg in results.simulation["legs"] if leg["stopped"]]
+
+
+FORMATS = ("bin", "tlog", "csv")
+ACCELEROMETERS = ("specific_force", "inertial")
+
+
+def _vehicle_file(name: str) -> Path:
+    """A vehicle given by name, or by a path to its file."""
+    if name.endswith(".yaml"):
+        return Path(name).expanduser()
+    try:
+        known = find_workspace(Path.cwd()).vehicle_files()
+    except PipelineError:
+        known = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
+    if name not in known:
+        raise CampaignError("no such vehicle", value=name, allowed=known, remedy=nearest(name, known))
+    return known[name]
+
+
+def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
+    """A manifest of kind identification over the legs that were reached, each cut where its flight stopped."""
+    ends = {leg["id"]: leg["end_s"] for leg in simulation["legs"] if leg["end_s"] is not None}
+    logs, legs = manifest_entries(twin["plan"], format=twin["format"])
+    for log in logs:
+        for item in log.get("files", [log]):
+            item["file"] = f"logs/{item['file']}"
+    notes = f"Simulated: truth {simulation['truth']}, seed {simulation['seed']}. The true motion and forces lie in truth/."
+    return {
+        "kind": "identification",
+        "title": str(simulation["plan"]),
+        "notes": notes,
+        "vehicle": "./vehicle.yaml",
+        "logs": [log for log in logs if log["id"] in ends],
+        "legs": [{**leg, "end_s": float(ends[leg["id"]])} for leg in legs if leg["id"] in ends],
+    }
+
+
+def _yaml(document: Mapping[str, Any]) -> bytes:
+    return yaml.safe_dump(dict(document), sort_keys=False, allow_unicode=True, width=140).encode()
