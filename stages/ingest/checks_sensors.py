@@ -162,8 +162,7 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
             named = log.vehicle is not None and "barometer_instance" in ((log.vehicle.get("sensors") or {}).get("depth") or {})
             reason = _choice(named, any(item.source == "CTUN" for item in others))
             text = (
-                f"{other.source} reads {np.min(values):.2f} to {np.max(values):.2f} m while {used} reads {np.min(depth):.2f} to "
-                f"{np.max(depth):.2f} m: it sits in the housing. {used} is used{reason}."
+                f"{other.source} reads {_range(values)} while {used} reads {_range(depth)}: it sits in the housing. {used} is used{reason}."
             )
             yield finding("housing_barometer", text, stream="depth", value=own)
         elif moved > limit("housing_barometer") and found.correlation > 0.9 and _wrong_unit(found.scale):
@@ -172,6 +171,12 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
         elif moved > limit("housing_barometer") and (abs(found.scale - 1.0) > limit("depth_disagrees") or found.correlation < 0.5):
             text = f"{other.source} moves {number(found.scale)} times as much as {used} (correlation {found.correlation:.2f})."
             yield finding("depth_disagrees", text, stream="depth", value=abs(found.scale - 1.0))
+
+
+def _range(values: Array) -> str:
+    # Adding zero keeps a rounded -0.004 from being shown as -0.00.
+    low, high = (round(float(value), 2) + 0.0 for value in (np.min(values), np.max(values)))
+    return f"{low:.2f} to {high:.2f} m"
 
 
 def _in_housing(found: Following, own: float, moved: float) -> bool:

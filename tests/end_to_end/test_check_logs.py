@@ -1,0 +1,385 @@
+"""`auvid check` on every licensed log: which findings must and must not appear, what the page says, bad input, campaigns, two clocks."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from data_schemas.checks import checks, documentation
+from data_schemas.documents import check_document
+from data_schemas.errors import PipelineError
+from pipeline import check as checking
+from pipeline import check_page, cli
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "tests" / "data"
+DIVE = ROOT / "campaigns" / "bluerov2_dvl" / "logs" / "00000029_first130s.BIN"
+SMALL = DATA / "bluerov2_ugps_small" / "small.BIN"
+
+AXES = ("Surge", "Sway", "Heave", "Yaw")
+COMMANDS = [{"column": name, "stream": "actuators", "field": f"command_{name.lower()}", "unit": "1"} for name in AXES]
+BLUEYE = {
+    "time": {"column": "Time", "unit": "s", "epoch": "unix"},
+    "columns": [{"column": "Depth", "stream": "depth", "field": "depth_m", "unit": "m"}, *COMMANDS],
+}
+GLIDER = {
+    "time": {"column": "time_s", "unit": "s", "epoch": "unix"},
+    # One bar is ten metres of fresh water within 2 %.
+    "columns": [{"column": "pressure_bar", "stream": "depth", "field": "depth_m", "unit": "decametre"}],
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One log: what must be found, with words of the sentence or None; what must not; the exit code; words of the verdict."""
+
+    file: Path
+    must: dict[str, str | None]
+    must_not: set[str]
+    code: int
+    verdict: str
+    columns: dict[str, Any] | None = field(default=None)
+
+
+WRONG_SENSORS = {"gyro_sign", "gyro_axes", "gyro_scale", "gyro_lag", "gyro_disagrees", "accelerometer_unit", "accelerometer_convention"}
+WRONG_SENSORS |= {
+    "attitude_jumps",
+    "depth_above_water",
+    "accelerometer_direction",
+    "gyro_saturated",
+    "depth_sign",
+    "constant_signal",
+    "stuck_sensor",
+    "held_samples",
+}
+LOSSES = {"file_damaged", "file_truncated", "clock_leap", "most_rejected"}
+LOGS = (
+    Row(
+        DIVE,
+        {
+            "attitude_disagrees": "DCM by 46 degrees and AHR2 by 46 degrees",
+            "housing_barometer": "BARO[0] reads 76.64 to 83.22 m while BARO[1] reads 13.29 to 13.78 m",
+            "not_excited": "heave 0.0176 m/s, roll 0.0132 rad/s and pitch 0.0127 rad/s",
+            "irregular_rate": "velocity (VISO)",
+            "parameters_missing": "FRAME_CONFIG and 8 directions (2 parameters are)",
+            "firmware_unknown": None,
+            "command_lag": "yaw follows by 0.2",
+        },
+        WRONG_SENSORS | LOSSES | {"gap", "unaided_velocity", "no_velocity", "low_actuator_rate", "no_actuation", "simulated"},
+        0,
+        "can be fitted in surge, sway and yaw",
+    ),
+    Row(
+        SMALL,
+        {
+            "no_actuation": "Outputs 1 to 6 stay within 8 us of 1500 us",
+            "unaided_velocity": "XKF1",
+            "no_velocity": None,
+            "housing_barometer": "BARO[0] reads 9.09 to 10.34 m",
+            "battery_current": "-11.2 A",
+            "not_excited": "heave",
+        },
+        WRONG_SENSORS | LOSSES | {"gap", "attitude_disagrees", "low_actuator_rate", "parameters_missing", "firmware_unknown"},
+        3,
+        "no velocity; no actuator acts",
+    ),
+    Row(
+        DATA / "bluerov2_ugps_small" / "small.tlog",
+        {
+            "never_armed": None,
+            "low_actuator_rate": "SERVO_OUTPUT_RAW) comes at 2 Hz",
+            "low_rate": "LOCAL_POSITION_NED) comes at 2.99 Hz",
+            "estimated_velocity": None,
+            "depth_estimated": "GLOBAL_POSITION_INT",
+            "accelerometer_missing": None,
+            "recut_messages": "4 messages",
+        },
+        WRONG_SENSORS | LOSSES | {"unaided_velocity", "no_velocity", "several_vehicles", "housing_barometer"},
+        3,
+        "no actuator acts",
+    ),
+    Row(
+        DATA / "bluerov2_bad_data" / "bad_data.tlog",
+        {"never_armed": None, "low_actuator_rate": "2 Hz", "no_velocity": None, "recut_messages": "158 DISTANCE_SENSOR", "gap": "battery"},
+        WRONG_SENSORS | LOSSES | {"estimated_velocity", "wrong_checksum", "depth_estimated"},
+        3,
+        "no velocity",
+    ),
+    Row(
+        DATA / "px4_ulog" / "sample_log_small.ulg",
+        {
+            "unaided_velocity": "v_xy_valid",
+            "not_underwater": "MAV_TYPE 22",
+            "stray_stamps": "1194",
+            "gyro_bias": "Gyro z reads +0.029 rad/s",
+            "no_velocity": None,
+        },
+        (WRONG_SENSORS | LOSSES | {"gap", "low_rate", "firmware_unknown", "no_actuation"}),
+        0,
+        "not an underwater vehicle",
+    ),
+    Row(
+        DATA / "px4_ulog" / "sample_appended_multiple.ulg",
+        {"never_armed": None, "not_underwater": "MAV_TYPE 2", "depth_estimated": "vehicle_local_position", "no_battery": None},
+        WRONG_SENSORS | LOSSES | {"gap", "stray_stamps", "low_rate"},
+        3,
+        "not an underwater vehicle",
+    ),
+    Row(
+        DATA / "blueye_sea_trial" / "sea_trial_start.csv",
+        {
+            "most_rejected": "repeated time stamp: 1314",
+            "gap": "128.0 s at 200.0 s",
+            "low_actuator_rate": "1 Hz",
+            "outputs_saturated": "command surge",
+            "no_attitude": None,
+            "no_imu": None,
+        },
+        {"file_damaged", "file_truncated", "clock_leap", "no_actuators", "firmware_unknown", "parameters_missing", "depth_above_water"},
+        3,
+        "normalised commands only",
+        BLUEYE,
+    ),
+    Row(
+        DATA / "slocum_glider" / "glider_start.csv",
+        {"no_attitude": None, "no_actuators": None, "no_imu": None, "no_velocity": None, "gap": "139.2 s"},
+        LOSSES | {"not_excited", "no_battery", "depth_above_water", "simulated", "rejected_samples"},
+        3,
+        "no attitude; no actuators",
+        GLIDER,
+    ),
+)
+
+
+def column_map(folder: Path, columns: dict[str, Any] | None) -> Path | None:
+    if columns is None:
+        return None
+    path = folder / "map.yaml"
+    path.write_text(yaml.safe_dump(columns), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("row", LOGS, ids=lambda row: row.file.name)
+def test_findings_of_every_licensed_log(row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "health.json"
+    code = checking.check([str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target))
+    (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
+    check_document(page["health"], "health")
+    found = {item["id"]: item for item in page["health"]["findings"]}
+    assert set(found) >= set(row.must), sorted(set(row.must) - set(found))
+    assert not set(found) & row.must_not
+    for name, words in row.must.items():
+        texts = [item["text"] for item in page["health"]["findings"] if item["id"] == name]
+        assert words is None or any(words in text for text in texts), texts
+    assert row.verdict in page["health"]["verdict"]
+    assert code == row.code
+    shown = capsys.readouterr().out
+    assert all(item["id"] in shown for item in found.values())
+    assert "\x1b" not in shown  # no colours where the output is no terminal
+
+
+def test_the_page_of_the_dive(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "110")
+    assert checking.check([str(DIVE)]) == 0
+    shown = capsys.readouterr().out
+    lines = shown.splitlines()
+    assert len(lines) <= 45, "one screen"
+    assert re.search(r"velocity +VISO +1011 +9\.08 +65 +0\.41 +XKF1", shown)
+    assert "complete" in lines[1]
+    assert "cannot run: synthesise heave, roll, pitch: hardly any motion" in shown
+    assert "motion RMS: u 0.0984" in shown
+
+
+def test_a_campaign_with_its_legs_and_vehicle(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "120")
+    target = tmp_path / "health.json"
+    assert checking.check(["bluerov2_dvl"], json_file=str(target)) == 0
+    (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
+    train, validate = page["legs"]
+    assert (train["id"], train["start_s"], train["end_s"], train["inside"]) == ("train", 0.0, 90.0, True)
+    assert train["covered_s"] == pytest.approx(90.0, abs=0.3)
+    assert validate["excited"] == ["surge", "sway", "yaw"]
+    assert train["active_share"] > 0.9
+    shown = capsys.readouterr().out
+    assert "because the vehicle file names it" in " ".join(shown.split())
+    assert re.search(r"train +training +0\.0 +90\.0", shown)
+
+
+def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
+    whole = SMALL.read_bytes()
+    (tmp_path / "cut.BIN").write_bytes(whole[: len(whole) - 9])
+    (tmp_path / "damaged.BIN").write_bytes(whole[:200_000] + bytes(700) + whole[200_500:])
+    target = tmp_path / "health.json"
+    assert checking.check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target)) == 3
+    cut, damaged = (page["health"] for page in json.loads(target.read_text(encoding="utf-8"))["logs"])
+    found = {item["id"]: item for item in cut["findings"]}
+    assert cut["status"] == "truncated"
+    assert 0 < found["file_truncated"]["value"] < 200
+    found = {item["id"]: item for item in damaged["findings"]}
+    assert damaged["status"] == "damaged"
+    assert 500 <= found["file_damaged"]["value"] < 1000
+
+
+def test_html_is_one_file_with_everything_escaped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    original = checking.ingest.run
+
+    def hostile(inputs: Any, params: Any) -> Any:
+        outputs = original(inputs, params)
+        outputs.health["vehicle"] = "\x1b[31mArduSub\x1b[0m <script>alert(1)</script> \u202eevil\x07"
+        outputs.health["findings"][0]["text"] = "\x1b]0;title\x07[bold]x[/bold] <img src=x onerror=y>"
+        return outputs
+
+    monkeypatch.setattr(checking.ingest, "run", hostile)
+    target = tmp_path / "page.html"
+    checking.check([str(SMALL)], html_file=target)
+    page = target.read_text(encoding="utf-8")
+    assert "<script>" not in page
+    assert "<img" not in page
+    assert "&lt;script&gt;" in page
+    assert not re.search(r"(src|href)=[\"']?(http|//)", page)
+    assert "\x1b" not in page
+    assert "\u202e" not in page
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown
+    assert "\u202e" not in shown
+    assert "[bold]x[/bold]" in shown
+    assert "title" not in shown
+
+
+def test_json_on_standard_output_is_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    checking.check([str(SMALL)], json_file="-")
+    assert json.loads(capsys.readouterr().out)["logs"][0]["health"]["log"] == "small"
+
+
+def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: Path) -> None:
+    """One process for all: exit code 1, a reason for each, no traceback, and the good log is shown."""
+    (tmp_path / "empty.BIN").touch()
+    (tmp_path / "zeros.BIN").write_bytes(bytes(5000))
+    (tmp_path / "picture.BIN").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
+    (tmp_path / "letter.txt").write_text("Dear crew, the dive went well.\n")
+    whole = SMALL.read_bytes()
+    (tmp_path / "headers.BIN").write_bytes(whole[:3500])
+    (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
+    (tmp_path / "folder").mkdir()
+    reasons = {
+        "empty.BIN": "empty",
+        "zeros.BIN": "empty",
+        "picture.BIN": "no reader recognises",
+        "letter.txt": "no reader recognises|column map",
+        "headers.BIN": "no message that fills a stream",
+        "plain.csv": "column map",
+        "folder": "is a folder",
+        "missing.BIN": "is not there",
+    }
+    code = "import sys; from pipeline.cli import main; sys.argv[0] = 'auvid'; main()"
+    command = [sys.executable, "-c", code, "check", *(str(tmp_path / name) for name in reasons), str(SMALL)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env={"COLUMNS": "400"}, check=False)
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    pages = re.split(r"(?m)^.*/([\w.]+) ─+$", done.stdout)[1:]
+    said = dict(zip(pages[::2], pages[1::2], strict=True))
+    for name, reason in reasons.items():
+        assert re.search(reason, said[name]), said[name]
+        assert "✗ refused" in said[name]
+    assert "no_actuation" in said["small.BIN"]
+
+
+def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(checking.np, "fromfile", refuse)
+    page = checking._pages(str(SMALL), None)[0]
+    assert page.refused is not None
+    assert "no permission" in page.refused
+
+
+def test_a_file_that_grows_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = tmp_path / "growing.BIN"
+    log.write_bytes(SMALL.read_bytes())
+    original = checking.ingest.run
+
+    def growing(inputs: Any, params: Any) -> Any:
+        with log.open("ab") as file:
+            file.write(b"more")
+        return original(inputs, params)
+
+    monkeypatch.setattr(checking.ingest, "run", growing)
+    page = checking._pages(str(log), None)[0]
+    assert page.refused is not None
+    assert "changed while it was read" in page.refused
+
+
+def test_a_device_is_no_log() -> None:
+    page = checking._pages("/dev/null", None)[0]
+    assert page.refused is not None
+    assert "no regular file" in page.refused
+
+
+def test_wrong_calls_are_errors_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(PipelineError, match="no such campaign"):
+        checking.check(["bluerov2_dvk"])
+    with pytest.raises(PipelineError, match="two logs"):
+        checking.check([str(SMALL)], align=True, json_file="-")
+    (tmp_path / "map.yaml").write_text("times: 3\n")
+    with pytest.raises(PipelineError, match="times"):
+        checking.check([str(SMALL)], columns=tmp_path / "map.yaml")
+
+
+SHIFT_S = 37.25
+
+
+def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A part of the dive as CSV with a clock set back: the offset is known to the microsecond."""
+    source = ROOT / "campaigns" / "bluerov2_dvl_csv"
+    head, *rows = (source / "logs" / "imu.csv").read_text(encoding="utf-8").splitlines()
+    cells = np.array([row.split(",") for row in rows[800:2400]], dtype=np.float64)
+    cells[:, 0] += SHIFT_S
+    moved = tmp_path / "imu.csv"
+    np.savetxt(moved, cells, delimiter=",", header=head, comments="", fmt="%.9g")
+    target = tmp_path / "health.json"
+    checking.check([str(DIVE), str(moved)], columns=source / "columns" / "imu.yaml", align=True, json_file=str(target))
+    found = json.loads(target.read_text(encoding="utf-8"))["alignment"]
+    start_s = json.loads(target.read_text(encoding="utf-8"))["logs"][0]["health"]["duration_s"]
+    assert start_s == pytest.approx(130.0, abs=0.1)
+    # The CSV counts from the first record of the dive, at 600.014074 s of the boot clock.
+    assert found["offset_s"] == pytest.approx(600.014074 - SHIFT_S, abs=0.001)
+    assert found["std_s"] < 0.001
+    assert found["correlation"] > 0.999
+    assert "angular rate" in capsys.readouterr().out
+
+
+def test_two_dives_cannot_be_aligned(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(PipelineError, match="cannot be aligned"):
+        checking.check([str(DIVE), str(SMALL)], align=True)
+    assert "BARO[1]" in capsys.readouterr().out  # the pages are shown all the same
+
+
+def test_the_documentation_holds_every_finding() -> None:
+    text = (ROOT / "docs" / "checks.md").read_text(encoding="utf-8")
+    assert text == documentation()
+    for name, entry in checks().items():
+        assert f"### `{name}`" in text
+        assert entry.remedy in text
+        assert entry.reason in text
+
+
+def test_texts_lose_escapes_and_control_characters() -> None:
+    assert check_page.plain("\x1b[1;31mred\x1b[0m\x07 \x9b31m \x1b]8;;http://x\x1b\\link\u2066") == "red   31m link "
+
+
+def test_the_command_is_registered() -> None:
+    assert "check" in {command.name or command.callback.__name__ for command in cli.app.registered_commands if command.callback}
