@@ -47,6 +47,7 @@ class Params:
 @dataclass(frozen=True)
 class Outputs:
     residual: pa.Table = port("residual")
+    controls: pa.Table = port("controls")
     section: Document = port("section")
     views: Document = port("views")
 
@@ -62,7 +63,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         columns["eta_ratio"] = eta_ratio(level, nu, params.minimum_speed_m_s)
     for name, force in parts.components().items():
         columns |= named(force_columns(name), force)
-    return Outputs(residual=make_table("residual", columns), section=_section(inputs, vehicle, parts, said), views=_views())
+    return Outputs(
+        residual=make_table("residual", columns),
+        controls=_controls(inputs, commands, level),
+        section=_section(inputs, vehicle, parts, said),
+        views=_views(),
+    )
 
 
 def with_logged_directions(vehicle: Vehicle, parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
@@ -119,6 +125,20 @@ def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control
             remedy="Extend actuators.propeller.level_speed in the vehicle file; check the unit of the column (revolutions per second).",
         )
     return Control(propeller_rev_s=rev_s, fins_rad=fins, thruster_force_N=thrust), level
+
+
+def _controls(inputs: Inputs, commands: Control, level: Array | None) -> pa.Table:
+    columns: dict[str, Array] = {"t_s": clock(inputs.fused)}
+    if commands.propeller_rev_s is not None:
+        columns["propeller_rev_s"] = np.asarray(commands.propeller_rev_s)
+    if level is not None:
+        columns["level_speed_m_s"] = level
+    if commands.fins_rad is not None:
+        columns |= named(FINS, np.asarray(commands.fins_rad))
+    if commands.thruster_force_N is not None:
+        force = np.asarray(commands.thruster_force_N)
+        columns |= named([f"thruster_{number}_N" for number in range(1, force.shape[1] + 1)], force)
+    return make_table("controls", columns)
 
 
 def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -147,6 +147,12 @@ def _covariance(fit: AxisFit, training: list[Samples], index: int, params: Param
     return hac_fit_covariance(fit, _pairs(fit, training, index), lags=params.hac_lags)
 
 
+def _covariance_entry(terms: Sequence[str], covariance: Array) -> dict[str, Any]:
+    """The covariance of the terms that carry a number in `solution`: their names and the rows of the lower triangle."""
+    kept = np.flatnonzero(np.isfinite(np.diag(covariance)))
+    return {"terms": [terms[i] for i in kept], "lower": [[float(covariance[i, j]) for j in kept if j <= i] for i in kept]}
+
+
 def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[Array, Array]]:
     terms = tuple(term for term in fit.terms if term != CONSTANT)
     for part in training:
@@ -188,6 +194,7 @@ def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityEx
         "excitation": _excitation(motion[VELOCITY_OF_AXIS[axis]]),
         "terms": terms,
         "combinations": combinations,
+        "covariance": _covariance_entry(fit.terms, covariance),
     }
 
 

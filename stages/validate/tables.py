@@ -1,8 +1,4 @@
-"""Judge every model on every segment: predicted forces and the error tables of McCarter 5.1 and 5.2, (4.22)-(4.27).
-
-Two things keep the tables honest. Models with a constant force per axis are put beside that constant alone, because J0 contains it; and
-the report says how far the validation legs leave the range of motion that the models were fitted in.
-"""
+"""Error tables of every model: as artefact, as metrics, as blocks of the report, and as text in McCarter's layout."""
 
 from __future__ import annotations
 
@@ -13,14 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from data_schemas.errors import CampaignError, DataError
-from data_schemas.tables import column, has_columns, make_table, matrix
-from hydro.dynamics.viscous_models import IdentifiedModel
+from data_schemas.tables import make_table
 from hydro.identification.errors import TOTAL, ErrorAccumulator, ErrorMeasures
-from hydro.identification.least_squares import CONSTANT
-from stages.base import Collection, Document, Stage, param, port
-from stages.sections import panel, plot, remark, section, series, table
-from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, clock, force_columns, forces, named
+from stages.base import Document
+from stages.sections import remark, table
+from stages.signals import AXES, AXIS_UNITS, Array
 
 USES = ("validation", "training")
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
@@ -30,76 +23,8 @@ FAILED_RATIO = 1.0
 OUTSIDE_SHARE = 0.05
 """From this share of validation samples outside the training range on, a warning says so."""
 
-
-@dataclass(frozen=True)
-class Inputs:
-    model_card: Collection[Document] = port("model_card", many=True)
-    residual: Collection[pa.Table] = port("residual", many=True)
-    segment: Collection[Document] = port("segment", many=True)
-
-
-@dataclass(frozen=True)
-class Params:
-    failed_ratio: float = param(
-        "1", FAILED_RATIO, meaning="a model fails on an axis where J/J0 on validation exceeds this", low=0.1, high=10.0
-    )
-
-
-@dataclass(frozen=True)
-class Outputs:
-    predictions: Mapping[str, pa.Table] = port("predictions", many=True)
-    error_table: pa.Table = port("error_table")
-    error_metrics: Document = port("error_metrics")
-    tables_text: bytes = port("tables_text")
-    section: Document = port("section")
-    views: Document = port("views")
-
-
-def run(inputs: Inputs, params: Params) -> Outputs:
-    cards = dict(inputs.model_card.items())
-    models = [IdentifiedModel(name, card["solution"]) for name, card in cards.items()]
-    trims = {name: np.array([card["solution"].get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]) for name, card in cards.items()}
-    sums: dict[tuple[str, str, str], ErrorAccumulator] = {}
-    seen: dict[str, Seen] = {}
-    predictions, plots = {}, []
-    for key, residual in inputs.residual.items():
-        segment = inputs.segment[key]
-        use, leg = str(segment["use"]), str(segment["leg"])
-        if leg == ALL:
-            raise CampaignError(f"a leg may not be called '{ALL}': that is the row of all legs together", field="legs", value=leg)
-        measured = forces(residual, "tau_bar")
-        predicted = {model.name: predict(model, trims[model.name], residual) for model in models}
-        predictions[key] = _prediction_table(key, clock(residual), predicted)
-        for name, force in predicted.items():
-            sums[(use, leg, name)] = sums.get((use, leg, name), ErrorAccumulator()).add(measured, force)
-        seen[use] = seen.get(use, Seen()).add(matrix(residual, VELOCITY), measured)
-        if use == "validation":
-            plots.append(_prediction_plot(segment, clock(residual), measured, predicted))
-    errors = _errors(sums)
-    if not any(use == "validation" for use, _, _ in errors):
-        plots.append(remark("No validation leg: nothing says how far these models hold outside the data they were fitted on.", "warning"))
-    constant = _constant_alone(seen) if any(card["trim"] for card in cards.values()) else {}
-    blocks = [*_verdicts(errors, cards, constant, params.failed_ratio), *_tables(errors, cards, constant), *_range(seen), *plots]
-    return Outputs(
-        predictions=predictions,
-        error_table=_error_table(errors, cards),
-        error_metrics=_metrics(errors),
-        tables_text=_text(errors, cards, constant).encode("utf-8"),
-        section=section(
-            "Validation", blocks, order=10, look_for="J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no model."
-        ),
-        views=_views(inputs, cards),
-    )
-
-
-def predict(model: IdentifiedModel, trim: Array, residual: pa.Table) -> Array:
-    """Force of a model at the velocities of a residual table: (n, 6), trim (6,) added."""
-    ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
-    coefficients = {axis: {term: value for term, value in terms.items() if term != CONSTANT} for axis, terms in model.coefficients.items()}
-    bare = IdentifiedModel(model.name, coefficients)
-    if not bare.terms:
-        return np.tile(trim, (residual.num_rows, 1))
-    return np.asarray(bare.force(matrix(residual, VELOCITY), ratio) + trim)
+Errors = Mapping[tuple[str, str, str], Mapping[str, ErrorMeasures]]
+Constant = Mapping[str, Mapping[str, tuple[float, float]]]
 
 
 @dataclass(frozen=True)
@@ -118,19 +43,7 @@ class Seen:
         return np.concatenate(self.parts)
 
 
-def _prediction_table(key: str, t_s: Array, predicted: Mapping[str, Array]) -> pa.Table:
-    if not predicted:
-        raise DataError("there is no model to judge")
-    n, stacked = t_s.size, np.vstack(list(predicted.values()))
-    names = pa.array(np.repeat(list(predicted), n).tolist(), type=pa.string())
-    columns = {"segment": pa.array([key] * len(names), type=pa.string()), "model": names, "t_s": np.tile(t_s, len(predicted))}
-    return make_table("predictions", {**columns, **named(force_columns("tau"), stacked)})
-
-
-Errors = Mapping[tuple[str, str, str], Mapping[str, ErrorMeasures]]
-
-
-def _errors(sums: Mapping[tuple[str, str, str], ErrorAccumulator]) -> dict[tuple[str, str, str], Mapping[str, ErrorMeasures]]:
+def total_errors_of(sums: Mapping[tuple[str, str, str], ErrorAccumulator]) -> dict[tuple[str, str, str], Mapping[str, ErrorMeasures]]:
     """Measures per use, leg and model, and of all legs of a use together, these first."""
     together: dict[tuple[str, str, str], ErrorAccumulator] = {}
     for (use, _, model), part in sums.items():
@@ -138,7 +51,7 @@ def _errors(sums: Mapping[tuple[str, str, str], ErrorAccumulator]) -> dict[tuple
     return {group: total.table() for group, total in (together | dict(sums)).items()}
 
 
-def _error_table(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
+def error_rows(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
     rows: dict[str, list[Any]] = {name: [] for name in ("use", "leg", "model", "axis", "n_bar", "rank", "samples")}
     rows |= {name: [] for name in ("sse", "mae", "mse", "rms", "mad", "j0", "ratio")}
     for (use, leg, model), measures in errors.items():
@@ -158,7 +71,7 @@ def _counts(card: Document, axis: str) -> tuple[int, int]:
     return (len(part["terms"]), int(part["rank"])) if part else (0, 0)
 
 
-def _metrics(errors: Errors) -> dict[str, Any]:
+def metrics(errors: Errors) -> dict[str, Any]:
     metrics: dict[str, Any] = {"training": {}, "validation": {}}
     for (use, leg, model), measures in errors.items():
         if leg == ALL:
@@ -171,7 +84,7 @@ def _digits(value: float) -> float | None:
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
-def _constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float, float]]]:
+def constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float, float]]]:
     """J and J/J0 per use and axis (and in total) of the mean training force, the least that a model with a constant must beat."""
     if "training" not in seen:
         return {}
@@ -187,10 +100,7 @@ def _constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float
     return found
 
 
-Constant = Mapping[str, Mapping[str, tuple[float, float]]]
-
-
-def _verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, failed: float) -> list[dict[str, Any]]:
+def verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, failed: float) -> list[dict[str, Any]]:
     found = []
     for model, card in cards.items():
         measures = errors.get(("validation", ALL, model))
@@ -212,7 +122,7 @@ def _verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant,
     return found
 
 
-def _tables(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> list[dict[str, Any]]:
+def error_blocks(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> list[dict[str, Any]]:
     blocks = []
     for use in USES:
         groups = {model: measures for (kind, leg, model), measures in errors.items() if kind == use and leg == ALL}
@@ -246,7 +156,7 @@ def _tables(errors: Errors, cards: Mapping[str, Document], constant: Constant) -
     return blocks
 
 
-def _range(seen: Mapping[str, Seen]) -> list[dict[str, Any]]:
+def range_blocks(seen: Mapping[str, Seen]) -> list[dict[str, Any]]:
     """The range of each velocity in training and in validation, and a warning where the models have to extrapolate."""
     if not {"training", "validation"} <= set(seen):
         return []
@@ -276,7 +186,7 @@ def _range(seen: Mapping[str, Seen]) -> list[dict[str, Any]]:
     return blocks
 
 
-def _text(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> str:
+def tables_as_text(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> str:
     """The tables as plain text, in the layout of McCarter 5.1 and 5.2 with per-axis columns."""
     lines: list[str] = []
     width = max(len(title) for title in ("model", CONSTANT_TITLE, *(str(card["title"]) for card in cards.values())))
@@ -299,39 +209,3 @@ def _text(errors: Errors, cards: Mapping[str, Document], constant: Constant) -> 
             lines.append(line(CONSTANT_TITLE, 0, 0, alone[TOTAL][0], [alone[axis][1] for axis in (TOTAL, *AXES)]))
         lines.append("")
     return "\n".join(lines)
-
-
-def _prediction_plot(segment: Document, t_s: Array, measured: Array, predicted: Mapping[str, Array]) -> dict[str, Any]:
-    t = t_s + float(segment["leg_start_s"])
-    panels = []
-    for index, axis in enumerate(AXES):
-        lines = [series("measured", t, measured[:, index], "measured")]
-        lines += [series(name, t, force[:, index], name) for name, force in predicted.items()]
-        panels.append(panel(axis, AXIS_UNITS[axis], lines))
-    title = f"Force on {segment['id']}: every model against measurement (McCarter Figures 5.8-5.15)"
-    return plot(title, panels, group="time", look_for="A model that follows the measured line here has not seen it before.")
-
-
-def _views(inputs: Inputs, cards: Sequence[str] | Mapping[str, Document]) -> dict[str, Any]:
-    groups = []
-    for key in inputs.segment:
-        for index, axis in enumerate(AXES):
-            for model in cards:
-                groups.append(
-                    {
-                        "entity": f"residual/{axis}/{model}",
-                        "table": f"predictions/{key}",
-                        "columns": [force_columns("tau")[index]],
-                        "names": [f"{axis} {model}"],
-                        "roles": [model],
-                        "tab": "Answer",
-                        "unit": AXIS_UNITS[axis],
-                        "filter": {"model": model},
-                    }
-                )
-    return {"groups": groups}
-
-
-STAGE = Stage(
-    "validate", "Predicted forces and error tables of every model, training and validation", "campaign", Inputs, Params, Outputs, run
-)
