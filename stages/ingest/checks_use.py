@@ -109,8 +109,9 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
         caveats += dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS)
         return f"A force model can be fitted in {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
     if not possible["residual"]:
-        stage = next(name for name in ("resample", "fuse (kinematic)", "residual") if not possible[name])
-        why = dict.fromkeys((reasons[stage], reasons["residual"]))
+        blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
+        blocked += ["fuse (thesis)"] if blocked and not possible["fuse (thesis)"] else []
+        why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))
         return f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
     why = dict.fromkeys(reasons[name] for name in reasons if name.startswith("synthesise "))
     return f"No force model can be fitted: {'; '.join(why)}."
