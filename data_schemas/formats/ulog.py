@@ -110,7 +110,7 @@ class Formats:
 
     by_name: dict[str, Format] = field(default_factory=dict)
     _sizes: dict[str, int] = field(default_factory=dict)
-    _layouts: dict[str, Layout | None] = field(default_factory=dict)
+    _layouts: dict[str, Layout] = field(default_factory=dict)
 
     def add(self, declared: Format) -> bool:
         """Whether the declaration is new or repeats the one that holds."""
@@ -136,10 +136,13 @@ class Formats:
         return total
 
     def layout(self, name: str) -> Layout | None:
-        """Sizes of a topic's records, or None where `size` is 0; settled when first asked for."""
-        if name not in self._layouts:
-            self._layouts[name] = self._layout(name)
-        return self._layouts[name]
+        """Sizes of a topic's records, or None as long as `size` is 0: the formats that it needs may still come."""
+        known = self._layouts.get(name)
+        if known is None:
+            known = self._layout(name)
+            if known is not None:
+                self._layouts[name] = known
+        return known
 
     def _layout(self, name: str) -> Layout | None:
         padded = self.size(name)

@@ -71,11 +71,13 @@ class Numbers:
     def __init__(self) -> None:
         self.size = [np.zeros(1 << 16, np.int32) for _ in range(3)]
         self.stream = [np.full(1 << 16, UNDEFINED_STREAM, np.int32) for _ in range(3)]
+        self.sizes_met: set[int] = set()
         self.version = 0
 
     def put(self, table: int, id: int, size: int, stream: int) -> None:
         self.size[table][id] = size
         self.stream[table][id] = stream
+        self.sizes_met.add(size)
         self.version += 1
 
     def known(self, id: int) -> bool:
@@ -90,6 +92,10 @@ class Numbers:
         elif padded != written:
             self.put(1, id, padded, stream)
         self.put(0, id, written, stream)
+
+    def sizes(self, id: int) -> list[int]:
+        """The sizes that data with this number have had, the subscribed one first."""
+        return [int(table[id]) for table in self.size if table[id]]
 
     def match(self, id: int, size: int) -> int | None:
         for sizes, streams in zip(self.size, self.stream, strict=True):

@@ -35,13 +35,14 @@ class Subscription(NamedTuple):
 
 
 def information(content: bytes) -> bool:
-    """Whether this is the content of an `I` message: key length, `type name`, value."""
-    return _value(content) is not None
+    """Whether this is the content of an `I` message: key length, `type name`, value; characters up to the first NUL are text."""
+    found = _value(content)
+    return found is not None and (found[0] != "char" or _TEXT.fullmatch(found[3].split(b"\0", 1)[0]) is not None)
 
 
 def information_multiple(content: bytes) -> bool:
     """Whether this is the content of an `M` message: 0 or 1, then as `I`."""
-    return content[:1] in (b"\x00", b"\x01") and _value(content[1:]) is not None
+    return content[:1] in (b"\x00", b"\x01") and information(content[1:])
 
 
 def parameter(content: bytes) -> tuple[str, float] | None:

@@ -39,7 +39,8 @@ from .ulog_contents import (
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
-FRAMES_TO_FOLLOW = 8
+FRAMES_TO_FOLLOW = 5
+FRAMES_TO_BELIEVE = 3
 LOOSE_TYPES = b"IMLC"
 NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
 
@@ -201,7 +202,8 @@ class Scan:
         return True
 
     def _flag_bits(self, content: bytes, apply: bool) -> bool:
-        if len(content) < layout.FLAG_BITS_BYTES:
+        end = layout.HEADER_BYTES + layout.MESSAGE_HEADER_BYTES + len(content)
+        if len(content) < layout.FLAG_BITS_BYTES or (len(content) > layout.FLAG_BITS_BYTES and not self._follows(end)):
             return False
         if apply:
             flags = content[8:16]
@@ -254,12 +256,17 @@ class Scan:
             self._drop_last()
             self._gap(before, resume)
             return resume
-        if self._framed(place, resume):
-            return resume
+        framed = self._framed(place, resume)
+        if framed > place:
+            return framed
         if resume == self.limit and self._cut_off(place):
             self._gap(place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED)
             return self._pass_boundary(place, resume)
-        if before >= 0 and not self._misread_header(place, resume) and not self._blank_behind(place, resume):
+        behind = self._behind_misread_header(place)
+        if place < behind <= resume:
+            self._gap(place, behind)
+            return behind
+        if before >= 0 and not self._blank_behind(place, resume) and not self._damage_starts_behind(place):
             self._drop_last()
             cut = resume == self.size and not self.buffer[place:].any()
             self._gap(before, place, CUT_OFF if cut else DAMAGED)
@@ -269,6 +276,14 @@ class Scan:
     def _blank_behind(self, place: int, resume: int) -> bool:
         """Whether zeros begin at `place`, and not before: a message that ends in zeros may have been cut by them."""
         return bool(self.buffer[place - 1]) and not self.buffer[place:resume].any()
+
+    def _damage_starts_behind(self, place: int) -> bool:
+        """Whether the first bytes at `place` are those of a header, so that the message before has all of its bytes: a size that data
+        have, or the low byte of one behind which the chain goes on."""
+        size = int(self.words[place]) if place < self.words.size else 0
+        return size in self.numbers.sizes_met or any(
+            self._follows(place + layout.MESSAGE_HEADER_BYTES + other) for other in self.numbers.sizes_met if (other ^ size) & 0xFF == 0
+        )
 
     def _pass_boundary(self, place: int, boundary: int) -> int:
         """Where to go on when a message is cut by appended data; back to it if the offset of the appended data proves wrong."""
@@ -301,31 +316,39 @@ class Scan:
             return self.numbers.match(id, size) is not None
         return self.limit - place < layout.DATA_HEADER_BYTES or kind in layout.TYPES
 
-    def _misread_header(self, place: int, resume: int) -> bool:
-        """Whether only the size of the data message at `place` is damaged: the one that its number has leads to `resume`."""
+    def _behind_misread_header(self, place: int) -> int:
+        """The end of the data message at `place` if only its size is damaged: the one that its number has leads on; -1 if not."""
         if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
-            return False
-        expected = int(self.numbers.size[0][int(self.words[place + 3])])
-        return expected > 0 and resume == place + layout.MESSAGE_HEADER_BYTES + expected
+            return -1
+        for expected in self.numbers.sizes(int(self.words[place + 3])):
+            end = place + layout.MESSAGE_HEADER_BYTES + expected
+            if end <= self.limit and self._follows(end):
+                return end
+        return -1
 
-    def _framed(self, place: int, resume: int) -> bool:
-        """Whether sizes lead from `place` to `resume` over messages that have a frame but no meaning; if so, account for them.
+    def _framed(self, place: int, resume: int) -> int:
+        """How far sizes lead from `place` to `resume` over messages that have a frame but no meaning; these are accounted for.
 
-        The first may be of any type. Numbers of data that are met this way are taken as known from here on, without meaning.
+        The first may be of any type if they lead all the way; several that lead part of it are believed but for the last, whose size
+        may be the damaged one. Numbers of data that are met this way are taken as known from here on, without meaning.
         """
         frames = list(self._frames(place, resume))
         if not frames or frames[-1][1] != resume:
-            return False
+            sound = len(frames) - (frames[:1] != [] and frames[0][2] not in layout.TYPES)
+            if sound <= FRAMES_TO_BELIEVE:
+                return place
+            frames.pop()
         for start, stop, kind in frames:
             if kind == layout.DATA and stop - start >= layout.DATA_HEADER_BYTES:
-                id = int(self.words[start + 3])
-                stream = WRONG_SIZE_STREAM if self.numbers.known(id) else UNDEFINED_STREAM
-                if self.numbers.match(id, stop - start - layout.MESSAGE_HEADER_BYTES) is None:
-                    self.numbers.put(2, id, stop - start - layout.MESSAGE_HEADER_BYTES, stream)
+                id, size = int(self.words[start + 3]), stop - start - layout.MESSAGE_HEADER_BYTES
+                stream = self.numbers.match(id, size)
+                if stream is None:
+                    stream = WRONG_SIZE_STREAM if self.numbers.known(id) else UNDEFINED_STREAM
+                    self.numbers.put(2, id, size, stream)
                 self.out.data.append((np.array([start]), np.array([stream], np.int32)))
             else:
                 self._gap(start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE)
-        return True
+        return frames[-1][1]
 
     def _frames(self, place: int, resume: int) -> Iterator[tuple[int, int, int]]:
         start = place
@@ -364,7 +387,10 @@ class Scan:
         return first
 
     def _follows(self, place: int) -> bool:
-        """Whether at `place` there is the end, or a message, if need be behind one with a damaged header or some without meaning."""
+        """Whether at `place` there is the end, or a message, if need be behind one with a damaged header or some without meaning.
+
+        `FRAMES_TO_FOLLOW` sound frames in a row are proof enough, whatever they mean.
+        """
         if place >= self.limit - layout.MESSAGE_HEADER_BYTES or self._stands(place):
             return True
         if place + layout.DATA_HEADER_BYTES > self.limit:
@@ -382,7 +408,7 @@ class Scan:
             if end == self.limit or self._stands(end):
                 return True
             place = end
-        return False
+        return True
 
     def _stands(self, place: int) -> bool:
         return self._data_at(place)[1] >= 0 or self._other_at(place) >= 0

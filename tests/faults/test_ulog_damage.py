@@ -15,10 +15,26 @@ from data_schemas.formats import ulog as layout
 from stages.ingest import ulog_contents
 from stages.ingest.decoded import DecodedLog
 from tests.support.mutate import Kept, mutations
-from tests.support.ulog_file import DEPTH, HEADER, data, declare, depth, depths, keyed, message, read, reasons, subscribe, sync, text
+from tests.support.ulog_file import (
+    DEPTH,
+    HEADER,
+    data,
+    declare,
+    depth,
+    depths,
+    flag_bits,
+    keyed,
+    message,
+    read,
+    reasons,
+    subscribe,
+    sync,
+    text,
+)
 
 LOGS = Path(__file__).parents[1] / "data" / "px4_ulog"
 START = HEADER + DEPTH + subscribe(0, "depth")
+SIZE_BYTES = 2
 RECORD = len(depth(0))
 
 Ints = npt.NDArray[np.int64]
@@ -71,13 +87,37 @@ def test_garbage_between_records_costs_no_record_that_follows() -> None:
     assert log.seconds_lost == pytest.approx(5.5, abs=0.01)  # s: medians of five records of 0.1 s on either side, of a gap of 5.1 s
 
 
+def test_record_whose_end_was_cut_away_is_not_read() -> None:
+    """The record after it is damaged too: nothing begins at its end, nor inside it."""
+    log = read(START + depths(0, 50) + depth(50)[:-2] + b"\x99" * 300 + depths(60, 100))
+    assert metres(log) == [*range(50), *range(60, 100)]
+
+
+def test_formats_that_come_behind_a_stray_subscription_are_used() -> None:
+    log = read(HEADER + subscribe(0, "depth") + DEPTH + subscribe(0, "depth") + depths(0, 20))
+    assert metres(log) == list(range(20))
+
+
+def test_flag_bits_of_an_unlikely_size_swallow_nothing() -> None:
+    broken = bytearray(flag_bits())
+    broken[1] ^= 0x40
+    log = read(HEADER + bytes(broken) + START[layout.HEADER_BYTES :] + depths(0, 2000))
+    assert metres(log) == list(range(2000))
+
+
+def test_known_records_between_many_of_unknown_number_are_read() -> None:
+    unknown = b"".join(data(9, bytes([n]) * 30) for n in range(20))
+    log = read(START + (unknown[:-5] + depth(1) + unknown) * 3)
+    assert metres(log) == [1, 1, 1]
+
+
 def test_record_that_lost_bytes_is_not_read() -> None:
     for lost in range(1, RECORD):
         whole = depth(50)
         log = read(START + depths(0, 50) + whole[: RECORD - lost] + depths(51, 100))
         left = RECORD - lost
-        # What is left of a header does not say whether it belongs to the record before it: that one goes too.
-        before = 50 if left >= layout.DATA_HEADER_BYTES else 49
+        # A single byte that is left does not say whether it belongs to the record before it: that one goes too.
+        before = 50 if left >= SIZE_BYTES else 49
         assert metres(log) == [*range(before), *range(51, 100)]
         assert set(reasons(log)) == {ulog_contents.DAMAGED}
 

@@ -1,0 +1,183 @@
+"""Judge what a reader makes of a damaged log: what it must give back, what it must not, and that every byte is explained."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.errors import PipelineError
+from stages.ingest.decoded import DecodedLog, Messages
+from stages.ingest.tlog_account import explain
+from tests.support.mutate import Kept
+from tests.support.small_logs import Ints, SmallLog, line_ends
+
+SLOW_S = 2.0
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass
+class Judgement:
+    """Of one damaged log: `expected` records whose bytes and definition are whole, those `lost`, records `invented`, and the faults.
+
+    `refused` is the clear error with which the reader declined, if it did; it may do so only where nothing whole is left, or for a CSV
+    file whose cells are no numbers.
+    """
+
+    expected: int = 0
+    lost: int = 0
+    invented: int = 0
+    refused: str = ""
+    faults: list[str] = field(default_factory=list)
+
+
+def judge(source: SmallLog, damaged: bytes, kept: Sequence[Kept]) -> Judgement:
+    """Read the damaged form of `source`, of which the ranges `kept` are unchanged, and hold the result against the whole log."""
+    result = Judgement()
+    ranges = _Ranges(kept)
+    whole, moved = _whole(source, ranges)
+    result.expected = int(whole.sum())
+    begin = time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            source.reader.recognises(damaged)
+            log = source.read(damaged)
+    except PipelineError as fault:
+        result.refused = str(fault)
+        if result.expected and source.name != "csv":
+            result.faults.append(f"refused with {result.expected} whole records: {fault}")
+            result.lost = result.expected
+        return result
+    except Exception as crash:
+        result.faults.append(f"crash: {type(crash).__name__}: {crash}")
+        result.lost = result.expected
+        return result
+    seconds = time.perf_counter() - begin
+    if seconds > SLOW_S:
+        result.faults.append(f"slow: {seconds:.1f} s")
+    result.faults += _account_faults(log, len(damaged))
+    found = _found(source, log, damaged)
+    result.lost = result.expected - _count_recovered(source, found, whole, moved)
+    result.invented = _invented(source, damaged, ranges, found)
+    result.faults += _wrong_values(source, log, damaged, whole, moved)
+    return result
+
+
+class _Ranges:
+    """Kept ranges as arrays."""
+
+    def __init__(self, kept: Sequence[Kept]) -> None:
+        columns = np.array([tuple(part) for part in kept], np.int64).reshape(-1, 3).T
+        self.start, self.stop, self.offset = columns
+
+    def whole(self, start: Ints, stop: Ints) -> tuple[Mask, Ints]:
+        """Which ranges of the source are whole in the damaged log, and by how much they moved."""
+        if not self.start.size:
+            return np.zeros(start.shape, np.bool_), np.zeros(start.shape, np.int64)
+        part = np.maximum(np.searchsorted(self.start, start, side="right") - 1, 0)
+        return (self.start[part] <= start) & (stop <= self.stop[part]), self.offset[part] - self.start[part]
+
+    def origin(self, offset: Ints) -> tuple[Ints, Ints]:
+        """Where bytes of the damaged log come from, and where that range ends in the source; -1 for new bytes."""
+        if not self.start.size:
+            return np.full(offset.shape, -1), np.full(offset.shape, -1)
+        part = np.maximum(np.searchsorted(self.offset, offset, side="right") - 1, 0)
+        source = offset - self.offset[part] + self.start[part]
+        inside = (source >= self.start[part]) & (source < self.stop[part])
+        return np.where(inside, source, -1), np.where(inside, self.stop[part], -1)
+
+
+def _whole(source: SmallLog, ranges: _Ranges) -> tuple[Mask, Ints]:
+    """Which records are whole with all that defines them, and where they are now."""
+    places = source.places
+    # A range that begins one byte before the file (the line feed of the first line) has no such byte to lose.
+    whole, shift = ranges.whole(np.maximum(places.start, 0), places.stop)
+    defined = np.array([ranges.whole(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs], np.bool_)
+    return whole & defined[places.type], places.first + shift
+
+
+def _offsets(table: Messages, source: SmallLog, damaged: bytes) -> Ints:
+    """Byte offsets of the records; those of a CSV are rows."""
+    if source.name != "csv":
+        return table.offset
+    return np.concatenate([[0], line_ends(damaged)])[table.offset - 1]
+
+
+def _found(source: SmallLog, log: DecodedLog, damaged: bytes) -> dict[str, Ints]:
+    """Byte offsets of the records that were read, by type."""
+    if source.name == "tlog":
+        return {"frame": explain(np.frombuffer(damaged, np.uint8)).records.start.astype(np.int64)}
+    return {name: _offsets(table, source, damaged) for name, table in log.messages.items()}
+
+
+def _account_faults(log: DecodedLog, size: int) -> list[str]:
+    account, faults = log.account, []
+    if account.record_bytes + account.definition_bytes + account.skipped_bytes != size or account.size != size:
+        faults.append(f"account: {account} does not add up to {size}")
+    if any(part.bytes < 0 or part.count < 1 for part in account.skipped) or min(account.record_bytes, account.definition_bytes) < 0:
+        faults.append(f"account: {account}")
+    for name, table in log.messages.items():
+        if any(len(column) != len(table) for column in table.columns.values()):
+            faults.append(f"columns of {name} differ in length")
+    if not 0.0 <= log.seconds_lost < np.inf:
+        faults.append(f"seconds lost: {log.seconds_lost}")
+    return faults
+
+
+def _count_recovered(source: SmallLog, found: dict[str, Ints], whole: Mask, moved: Ints) -> int:
+    """Whole records that were read as what they are."""
+    count = 0
+    for index, name in enumerate(source.places.types):
+        if name in found:
+            count += int(np.isin(moved[whole & (source.places.type == index)], found[name]).sum())
+    return count
+
+
+def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str, Ints]) -> int:
+    """Records where the source has none: those that begin in kept bytes but at no record of the source, and frames with a checksum whose
+    content the source does not have. What begins in repeated or spliced bytes may be a true copy."""
+    if source.name == "tlog":
+        pieces = {source.data[a + 8 : b] for a, b in zip(source.places.start.tolist(), source.places.stop.tolist(), strict=True)}
+        records = explain(np.frombuffer(damaged, np.uint8)).records
+        return sum(damaged[a + 8 : b] not in pieces for a, b in zip(records.start.tolist(), records.stop.tolist(), strict=True))
+    count = 0
+    for offset in found.values():
+        origin, end = ranges.origin(offset)
+        count += int(((origin >= 0) & (origin + source.header <= end) & ~np.isin(origin, source.places.first)).sum())
+    return count
+
+
+def _wrong_values(source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask, moved: Ints) -> list[str]:
+    """Types of which a whole record does not have the values of the source."""
+    faults = []
+    for name, table in log.messages.items():
+        clean = source.log.messages.get(name)
+        if clean is None:
+            continue
+        if source.name == "tlog":
+            member = np.searchsorted(source.places.first, clean.offset)
+        else:
+            member = np.flatnonzero(source.places.type == source.places.types.index(name))
+        rows = np.flatnonzero(whole[member])
+        offset = _offsets(table, source, damaged)
+        if not rows.size or not offset.size:
+            continue
+        at = np.minimum(np.searchsorted(offset, moved[member[rows]]), offset.size - 1)
+        there = offset[at] == moved[member[rows]]
+        rows, at = rows[there], at[there]
+        for key, column in clean.columns.items():
+            if key not in table.columns or not _equal(column[rows], table.columns[key][at]):
+                faults.append(f"values of {name}.{key}")
+                break
+    return faults
+
+
+def _equal(first: npt.NDArray[np.generic], second: npt.NDArray[np.generic]) -> bool:
+    if first.dtype == second.dtype and first.dtype.kind != "O":
+        return first.tobytes() == second.tobytes()
+    return bool(np.array_equal(first, second, equal_nan=first.dtype.kind == "f"))
