@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import butter, sosfiltfilt
 
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import Array
@@ -38,6 +37,8 @@ def zero_phase_lowpass(t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, o
             value=cutoff_hz,
             allowed=f"0 to {0.5 / step:.3g} Hz",
         )
+    from scipy.signal import butter, sosfiltfilt  # a second to import, and most commands do not filter
+
     sections = butter(order, cutoff_hz, fs=1.0 / step, output="sos")
     padding = min(int(np.ceil(2.0 * edge_zone_s(cutoff_hz, order=order) / step)), len(t) - 1)
     if len(t) < 4:
