@@ -27,14 +27,25 @@ def implausible(stamp: Stamps) -> npt.NDArray[np.bool_]:
     backwards = np.flatnonzero(step < -OFF_US) + 1
     # Beyond this share there is no line to leave: the order of the file is not the order of time.
     if backwards.size <= max(3, stamp.size // 10):
+        low, high = np.quantile(stamp, (0.1, 0.9)) if backwards.size else (0.0, 0.0)
+        span = high - low
         for index in backwards:
             if not spoilt[index - 1] and not spoilt[index]:
-                spoilt[_excursion(stamp, int(index))] = True
+                blamed = _excursion(stamp, int(index))
+                spoilt[blamed] = ~_misplaced(stamp[blamed], low - span, high + span)
     if not spoilt[-2:].any() and step[-1] > DAY_US:
         spoilt[-1] = True
     if not spoilt[:2].any() and step[0] > DAY_US:
         spoilt[0] = True
     return spoilt
+
+
+def _misplaced(run: Stamps, low: float, high: float) -> npt.NDArray[np.bool_]:
+    """Which stamps of an excursion are sound although their records stand at the wrong place of the file: those of the time of the log
+    that agree with a neighbour."""
+    agree = np.abs(np.diff(run)) <= OFF_US
+    beside: npt.NDArray[np.bool_] = np.append(agree, False) | np.append(False, agree)
+    return beside & (run >= low) & (run <= high)
 
 
 def _excursion(stamp: Stamps, index: int) -> slice:

@@ -186,3 +186,11 @@ def test_a_damaged_message_id_is_damage_and_not_an_unknown_message() -> None:
         decoded = read(bytes(data))
         assert reasons(decoded) == {"CRC mismatch": (1, RECORD)}
         assert decoded.status == "damaged"
+
+
+def test_records_copied_to_another_place_are_kept_with_those_around_them() -> None:
+    """A sound block of the file stands twice: the records have their checksum and a time of this log."""
+    data = log(FRAMES)
+    decoded = read(data[: at(20)] + data[at(70) : at(80)] + data[at(20) :])
+    assert boots(decoded) == [*range(1, 20), *range(70, 80), *range(20, 100)]
+    assert decoded.status == "complete"
