@@ -116,7 +116,7 @@ def _entry(graph: Graph, stage: AnyStage, campaigns: Sequence[str], twins: Seque
     ]
     lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
     lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
-    lines += ["      metrics:", *(f"        - {path}: {{cache: false, persist: true}}" for path in metrics)] if metrics else []
+    lines += ["      metrics:", *(f"        - {path}: {{persist: true}}" for path in metrics)] if metrics else []
     return [line.replace("${item}", "${key}") for line in lines] if from_twin else lines
 
 

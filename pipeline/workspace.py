@@ -73,18 +73,32 @@ def find_workspace(start: Path) -> Workspace:
 
 
 def workspace_of(campaign: str) -> Workspace:
-    """The workspace around the current folder, or around a campaign given by path."""
+    """The workspace around the current folder, or around a campaign given by path.
+
+    A campaign folder outside any workspace is its own: every stage parameter has its default, and runs/ stands in that folder.
+    """
+    given = Path(campaign).expanduser()
     try:
         return find_workspace(Path.cwd())
     except PipelineError:
-        given = Path(campaign).expanduser()
         if not given.exists():
             raise
-        return find_workspace(given)
+    folder = given.resolve().parent if given.is_file() else given.resolve()
+    try:
+        return find_workspace(folder)
+    except PipelineError:
+        if not (folder / "campaign.yaml").is_file():
+            raise
+    return Workspace(folder)
 
 
 def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
-    """params.yaml, its sections checked against the stages. Raises `CampaignError` for unknown sections or parameters."""
+    """params.yaml, its sections checked against the stages; empty for a campaign outside any workspace.
+
+    Raises `CampaignError` for unknown sections or parameters.
+    """
+    if not (workspace.root / PARAMS_FILE).exists() and (workspace.root / "campaign.yaml").is_file():
+        return YamlFile(workspace.root / PARAMS_FILE, {})
     file = load_yaml(workspace.root / PARAMS_FILE)
     if not isinstance(file.value, Mapping):
         raise CampaignError("needs one section per stage", file=file.path)

@@ -149,7 +149,7 @@ def _covariance(fit: AxisFit, training: list[Samples], index: int, params: Param
 
 def _covariance_entry(terms: Sequence[str], covariance: Array) -> dict[str, Any]:
     """The covariance of the terms that carry a number in `solution`: their names and the rows of the lower triangle."""
-    kept = np.flatnonzero(np.isfinite(np.diag(covariance)))
+    kept = [int(i) for i in np.flatnonzero(np.isfinite(np.diag(covariance)))]
     return {"terms": [terms[i] for i in kept], "lower": [[float(covariance[i, j]) for j in kept if j <= i] for i in kept]}
 
 

@@ -87,7 +87,7 @@ def test_outs_persist_and_error_tables_are_metrics() -> None:
             (path, options) = next(iter(entry.items()))
             assert options["persist"] is True
             assert path.startswith(f"runs/${{item}}/{stage.name}")
-    assert DVC["validate"]["do"]["metrics"] == [{"runs/${item}/validate/error_metrics.json": {"cache": False, "persist": True}}]
+    assert DVC["validate"]["do"]["metrics"] == [{"runs/${item}/validate/error_metrics.json": {"persist": True}}]
 
 
 def test_analytics_are_off() -> None:

@@ -9,7 +9,7 @@ import pytest
 from data_schemas.errors import PipelineError
 from pipeline.campaign import load_campaign
 from pipeline.engines import Serial
-from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params
+from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
 from pipeline.yaml_files import load_yaml
 from tests.support.toy_stages import KINDS, MANIFEST, STAGES, VEHICLES, open_run, write_campaign
 
@@ -191,3 +191,15 @@ def test_merge_keys_and_anchors_are_plain_yaml(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text("base: &b {x: 1}\nmore: {<<: *b, y: 2}\n")
     assert load_yaml(path).value["more"] == {"x": 1, "y": 2}
+
+
+def test_a_campaign_outside_any_workspace_is_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "alone"
+    folder.mkdir()
+    (folder / "campaign.yaml").write_text("kind: identification\n")
+    monkeypatch.chdir(tmp_path)
+    found = workspace_of(str(folder))
+    assert found.root == folder
+    assert load_defaults(found, STAGES).value == {}
+    with pytest.raises(PipelineError, match=r"params\.yaml"):
+        workspace_of("alone_but_not_there")
