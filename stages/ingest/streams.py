@@ -137,6 +137,8 @@ def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStrea
         # PX4 writes the further instances of a topic as topic.1, topic.2 ...
         if name.startswith(f"{source.message}.") and len(sibling):
             refused = rules.conditions[source.when](sibling, log) if source.when else None
+            if rules.clock(sibling, log) is None:
+                refused = "has no time stamp"
             yield Candidate(source, f"{source.name}[{name.rsplit('.', 1)[1]}]", sibling, refused)
 
 
@@ -224,5 +226,7 @@ def linear(stream: str, messages: Messages, source: Source) -> Columns:
         declared = messages.units.get(rule.column, "")
         unit = declared if declared not in ("", "#") and convertible(declared, target) else rule.unit
         factor, offset = factor_and_offset(unit, target)
-        columns[name] = rule.sign * (factor * np.asarray(messages.columns[rule.column], dtype=np.float64) + offset)
+        # Damage can leave a signalling NaN, which numpy warns of when it widens the value.
+        with np.errstate(invalid="ignore", over="ignore"):
+            columns[name] = rule.sign * (factor * np.asarray(messages.columns[rule.column], dtype=np.float64) + offset)
     return columns

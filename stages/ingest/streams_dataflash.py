@@ -33,7 +33,8 @@ def clock(messages: Messages, log: DecodedLog) -> Ints | None:
 
 
 def floats(messages: Messages, name: str) -> Array:
-    return np.asarray(messages.columns[name], dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # damage can leave a signalling NaN
+        return np.asarray(messages.columns[name], dtype=np.float64)
 
 
 def displacement_over_interval(messages: Messages, log: DecodedLog) -> Columns:
