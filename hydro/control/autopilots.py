@@ -20,8 +20,8 @@ from hydro.dynamics.vehicle import Vehicle
 class Gains:
     """Rudder per rad of heading error, rad/s of yaw rate and rad s of its integral; elevator likewise; pitch asked per m of depth error."""
 
-    heading: float = 1.2
-    yaw_rate: float = 0.8
+    heading: float = 1.8
+    yaw_rate: float = 0.9
     heading_integral: float = 0.06
     pitch: float = 1.5
     pitch_rate: float = 0.8

@@ -36,9 +36,9 @@ class LiftingSurface:
     area_m2: float
     lift_slope: float = 3.0
     plate_drag: float = 1.2
-    stall_rad: float = math.radians(16.0)
+    stall_rad: float = math.radians(24.0)
     profile_drag: float = 0.012
-    induced_drag: float = 1.5
+    induced_drag: float = 0.6
 
     def row(self, density: float) -> list[float]:
         """Centre, normal, 1/2 rho S times (slope, plate drag), 1 / sin^2(stall), 1/2 rho S times profile and induced drag: (11,)."""
@@ -128,7 +128,7 @@ def physical_viscous(vehicle: Vehicle) -> PhysicalViscous:
     return PhysicalViscous(
         strips=read_only(_strips(rho, length, diameter)),
         surfaces=read_only(rows),
-        body=read_only([1.38 * lift, 0.16 * scale, 0.8 * lift]),
+        body=read_only([1.38 * lift, 0.16 * scale, 0.32 * lift]),
         axial=read_only([0.5 * rho * 0.0100 * scale**2, 0.12]),
         asymmetry=read_only(np.array([0.0, 0.10, -0.15, 0.008, 0.03, 0.02]) * scale**2),
     )
@@ -150,7 +150,7 @@ _SURFACES = (
     LiftingSurface("port fin", (_FIN_X, -_FIN_RADIUS, 0.0), (0.0, 0.0, 1.0), _FIN_AREA),
     LiftingSurface("bottom fin", (_FIN_X, 0.0, _FIN_RADIUS), (0.0, 1.0, 0.0), _FIN_AREA),
     LiftingSurface("top fin", (_FIN_X, 0.0, -_FIN_RADIUS), (0.0, 1.0, 0.0), _FIN_AREA),
-    LiftingSurface("mast", (-0.72, 0.0, -0.17), (0.0, 1.0, 0.0), 0.003, lift_slope=1.2, profile_drag=0.08, stall_rad=math.radians(12.0)),
+    LiftingSurface("mast", (-0.72, 0.0, -0.17), (0.0, 1.0, 0.0), 0.003, lift_slope=1.2, profile_drag=0.08, stall_rad=math.radians(18.0)),
 )
 
 
