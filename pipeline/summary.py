@@ -9,6 +9,7 @@ from typing import Any
 
 from pipeline.graph import WHOLE
 from pipeline.runner import Run
+from stages.report.own_sections import shared_data
 
 PLACES = {
     "report_html": "report",
@@ -58,10 +59,13 @@ def losses(run: Run) -> list[str]:
 
 
 def warnings(run: Run) -> list[str]:
-    """Sentences that a user should read: warnings of the report sections, of Python, and legs that gave no segment."""
+    """What a user should read: warnings of the report sections and of Python, notes on segments, legs without segment."""
     found: Counter[str] = Counter()
     for document in _of_schema(run, "section"):
         found.update(block["text"] for block in document["blocks"] if block["kind"] == "remark" and block["level"] == "warning")
+    segments = {str(document["id"]): document for document in _of_schema(run, "segment")}
+    found.update(f"{name}: {words}" for name, document in segments.items() for words in document["notes"])
+    found.update(shared_data(segments))
     for stage in run.graph.stages:
         manifest = run.manifests[stage.name]
         for item, record in manifest.records.items():

@@ -46,13 +46,13 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     sections = dict(inputs.sections.items())
     cards, segments, logs = dict(inputs.model_card.items()), dict(inputs.segment.items()), dict(inputs.log_info.items())
-    summary = summarise(cards, inputs.error_table, segments, logs, sections)
     title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
     notes = str(inputs.campaign.get("notes") or "")
     own: dict[str, dict[str, Any]] = {
         "campaign": legs_section(segments, logs),
         "provenance": provenance_section(inputs.provenance, inputs.campaign, cards),
     }
+    summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle)
     log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
     page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
     from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing

@@ -23,8 +23,9 @@ from markupsafe import Markup
 
 from stages.report.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, ink, is_model, key
 from stages.report.equations import mathml
+from stages.report.findings import AXIS_WORDS
 from stages.report.plots import lay_out
-from stages.report.summary import AXIS_WORDS, Summary
+from stages.report.summary import Summary
 
 Document = Mapping[str, Any]
 VERDICTS = {

@@ -30,11 +30,27 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
             "Segments", heads, rows, note="Start in seconds from the first time-stamped record of the log. Gaps split a leg into segments."
         ),
     ]
-    notes = [(name, words) for name, item in (*logs.items(), *segments.items()) for words in item["notes"]]
-    blocks += [remark(f"{name}: {words}") for name, words in notes]
+    blocks += [remark(f"{name}: {words}") for name, item in logs.items() for words in item["notes"]]
+    blocks += [remark(f"{name}: {words}", "warning") for name, item in segments.items() for words in item["notes"]]
+    blocks += [remark(words, "warning") for words in shared_data(segments)]
     return section(
         "Logs and legs", blocks, order=FIRST, look_for="Every file whole, training and validation on different stretches of data."
     )
+
+
+def shared_data(segments: Mapping[str, Document]) -> list[str]:
+    """A sentence for each training and validation segment that cover the same stretch of a log."""
+    found = []
+    for one, first in segments.items():
+        for other, second in segments.items():
+            if first["log"] != second["log"] or (first["use"], second["use"]) != ("training", "validation"):
+                continue
+            spans = [(item["leg_start_s"], item["leg_start_s"] + item["duration_s"]) for item in (first, second)]
+            shared = min(span[1] for span in spans) - max(span[0] for span in spans)
+            if shared > 1.0 / first["rate_hz"]:
+                words = f"Training segment {one} and validation segment {other} share {shared:.1f} s of log {first['log']}"
+                found.append(f"{words}: validation there is on data that the models have seen.")
+    return found
 
 
 def provenance_section(provenance: Document, campaign: Document, cards: Mapping[str, Document]) -> dict[str, Any]:

@@ -21,8 +21,9 @@ import rerun as rr
 from data_schemas.tables import column, has_columns, matrix
 from stages.report.blueprint import TIMELINE, Owned, Seen, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, ink, is_model, key
+from stages.report.findings import AXIS_WORDS
 from stages.report.html import visible
-from stages.report.summary import AXIS_WORDS, Summary
+from stages.report.summary import Summary
 
 Array = npt.NDArray[np.float64]
 Document = Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""The first screen of the report: what was identified, how good it is, which model to take, and what is missing.
+"""The first screen of the report: which model to take, how good it is, what it says about the vehicle, and what is missing.
 
 Everything here is computed from model cards, the error table and the documents of segments and logs; no stage writes its own praise.
 The rule for the model to take: of the models whose J on the validation legs is within `CLOSE` of the smallest, the one with the fewest
@@ -15,11 +15,11 @@ from typing import Any, Literal
 
 import pyarrow as pa
 
-AXES = ("X", "Y", "Z", "K", "M", "N")
-AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
+from hydro.identification.least_squares import CONSTANT
+from stages.report.findings import AXES, AXIS_WORDS, Finding, assumed_words, findings
+
 CLOSE = 1.05
 OVERFIT = 2.0
-ASSUMED_SHOWN = 6
 Document = Mapping[str, Any]
 Level = Literal["good", "fair", "poor"]
 
@@ -69,6 +69,7 @@ class Summary:
     judged_on: str
     facts: tuple[Fact, ...]
     models: tuple[ModelScore, ...]
+    identified: tuple[Finding, ...]
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -79,6 +80,7 @@ def summarise(
     segments: Mapping[str, Document],
     logs: Mapping[str, Document],
     sections: Mapping[str, Document],
+    vehicle: Document,
 ) -> Summary:
     """The summary of one campaign."""
     rows = error_table.to_pylist() if error_table is not None else []
@@ -95,8 +97,9 @@ def summarise(
         judged_on="validation" if judged else "training",
         facts=_facts(segments, logs, models, take, card),
         models=models,
-        missing=tuple(_missing(models, take, card, cards, segments, logs, judged)),
-        warnings=_warnings(sections),
+        identified=findings(card) if card is not None else (),
+        missing=tuple(_missing(models, take, card, cards, segments, logs, judged)) + _said_of(take, sections) + _assumed(vehicle),
+        warnings=_warnings(sections, models),
     )
 
 
@@ -206,7 +209,8 @@ def _facts(
 
 
 def _verdicts(card: Document) -> Counter[str]:
-    return Counter(term["verdict"] for axis in card["axes"].values() for term in axis["terms"])
+    """How many coefficients have which verdict; the constant force per axis is none of them."""
+    return Counter(term["verdict"] for axis in card["axes"].values() for term in axis["terms"] if term["term"] != CONSTANT)
 
 
 def _missing(
@@ -240,12 +244,6 @@ def _missing(
         found += _unexcited(any_card)
     if card is not None:
         found += _undetermined(card)
-    assumed = list(dict.fromkeys(_short(str(item)) for card in cards.values() for item in card["assumed"]))
-    if assumed:
-        more = [f"{len(assumed) - ASSUMED_SHOWN} more (see Provenance)"] if len(assumed) > ASSUMED_SHOWN else []
-        found.append(
-            f"Assumed, not measured: {_listed([*assumed[:ASSUMED_SHOWN], *more])}. The coefficients shift or scale with these figures."
-        )
     for name, log in logs.items():
         if log["status"] != "complete":
             lost = sum(float(item.get("seconds_lost") or 0) for item in log["files"])
@@ -253,12 +251,27 @@ def _missing(
     return found
 
 
+def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
+    """What stages note about the model to take, by its title."""
+    return () if take is None else tuple(words for words in _remarks(sections, "note") if words.startswith(f"{take.title} "))
+
+
+def _assumed(vehicle: Document) -> tuple[str, ...]:
+    count, words = assumed_words(vehicle)
+    if not count:
+        return ()
+    return (f"{_plural(count, 'figure')} assumed, not measured (sources: Provenance); the coefficients shift or scale with them. {words}.",)
+
+
 def _unexcited(card: Document) -> list[str]:
     found = []
-    for state, words in (("not excited", "The training legs do not move the vehicle in"), ("weak", "The training legs hardly excite")):
+    for state, words, so in (
+        ("not excited", "The training legs do not excite", "damping there is not determined"),
+        ("weak", "The training legs hardly excite", "damping there is not to be trusted"),
+    ):
         axes = [f"{AXIS_WORDS.get(axis, axis)} ({axis})" for axis, item in card["axes"].items() if item["excitation"] == state]
         if axes:
-            found.append(f"{words} {_listed(axes)}: coefficients there are not to be trusted.")
+            found.append(f"{words} {_listed(axes)}: {so}.")
     return found
 
 
@@ -276,25 +289,25 @@ _OPEN = {
 }
 
 
-def _warnings(sections: Mapping[str, Document]) -> tuple[str, ...]:
-    words = (
-        str(block["text"])
-        for document in sections.values()
-        for block in document["blocks"]
-        if block["kind"] == "remark" and block["level"] == "warning"
-    )
-    return tuple(dict.fromkeys(words))
+def _warnings(sections: Mapping[str, Document], models: Sequence[ModelScore]) -> tuple[str, ...]:
+    """Warnings of all sections, once each. Those of single models that fail, which the model table shows, become one sentence."""
+    of_models = tuple(f"{model.title} fails on validation" for model in models)
+    found = [words for words in _remarks(sections, "warning") if not words.startswith(of_models)]
+    failing = sum(bool(_failing(model)) for model in models)
+    if failing:
+        found.insert(
+            0, f"{failing} of {_plural(len(models), 'model')} fail on at least one axis of the validation legs: J/J0 above 1 in the table."
+        )
+    return tuple(dict.fromkeys(found))
+
+
+def _remarks(sections: Mapping[str, Document], level: str) -> list[str]:
+    blocks = (block for document in sections.values() for block in document["blocks"])
+    return [str(block["text"]) for block in blocks if block["kind"] == "remark" and block["level"] == level]
 
 
 def _figure(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.2f}"
-
-
-def _short(assumed: str) -> str:
-    """`rigid_body.centre_of_gravity = [0, 0, 0] m (source)` -> `centre of gravity`; `added_mass.X_udot = ...` -> `added mass`."""
-    path = assumed.split(" = ")[0].split(".")
-    name = path[-2] if len(path) > 1 and path[-1] != path[-1].lower() else " ".join(path[-2:]) if path[0] == "sensors" else path[-1]
-    return name.replace("_", " ")
 
 
 def _plural(count: int, noun: str) -> str:

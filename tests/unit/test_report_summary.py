@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stages.report.summary import Summary, summarise
+from stages.sections import remark
 from tests.support.example_run import AXES, MODELS, ExampleRun, example_run
 
 
@@ -14,7 +15,7 @@ def run() -> ExampleRun:
 
 
 def summary_of(run: ExampleRun) -> Summary:
-    return summarise(run.cards, run.error_table() if run.errors else None, run.segments, run.logs, run.sections)
+    return summarise(run.cards, run.error_table() if run.errors else None, run.segments, run.logs, run.sections, run.vehicle)
 
 
 def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "all") -> None:
@@ -87,17 +88,19 @@ def test_without_error_table_the_page_says_so(run: ExampleRun) -> None:
 
 
 def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRun) -> None:
-    run.cards["fossen"]["assumed"] = [
-        "rigid_body.mass = 13.5 kg (a book)",
-        "added_mass.X_udot = -6 kg (a book)",
-        "added_mass.Y_vdot = -7 kg (a book)",
-    ]
+    figures = {"inertia": [[0.26, 0, 0], [0, 0.23, 0], [0, 0, 0.37]], "centre_of_gravity": [0, 0, -0.01], "displaced_mass": 13.5}
+    run.vehicle["rigid_body"] |= {name: {"value": value, "unit": "kg*m^2", "assumed": True} for name, value in figures.items()}
+    run.vehicle["actuators"] = {"thrusters": {"thrust_curve": {"force": {"value": [1.0] * 25, "unit": "N", "assumed": True}}}}
+    run.vehicle["sensors"] = {"dvl": {"lag": {"value": 0.15, "unit": "s", "source": "measured"}}}
     text = "\n".join(summary_of(run).missing)
-    assert "do not move the vehicle in roll (K) and pitch (M)" in text
+    assert "do not excite roll (K) and pitch (M): damping there is not determined" in text
     assert "hardly excite yaw (N)" in text
     assert "6 are weak (the interval reaches zero or nearly), 6 are not excited and 6 cannot be told apart" in text
-    assert "thrust curve" in text
-    assert "added mass" in text
+    assert "5 figures assumed, not measured" in text
+    assert "rigid body: mass 13.5 kg, inertia diag(0.26, 0.23, 0.37) kg m²" in text
+    assert "centre of gravity [0, 0, −0.01] kg m²" in text
+    assert "actuators thrusters thrust curve: force." in text
+    assert "dvl" not in text
     assert "Log dive is truncated: 0.4 s are lost." in text
 
 
@@ -111,7 +114,27 @@ def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> Non
 
 def test_warnings_are_those_of_the_sections_once_each(run: ExampleRun) -> None:
     run.sections["extra"] = run.sections["ingest/dive"]
+    for axis in AXES:
+        set_ratio(run, "validation", dict.fromkeys(MODELS, 0.5), axis)
     assert summary_of(run).warnings == ("The velocity stream has a gap of 0.41 s at 77 s.",)
+
+
+def test_models_that_fail_are_one_sentence(run: ExampleRun) -> None:
+    for axis in AXES:
+        set_ratio(run, "validation", {name: 1.4 if name in ("coe", "linear") and axis == "Z" else 0.5 for name in MODELS}, axis)
+    words = "Coe fails on validation in Z (1.40): its error exceeds the force itself."
+    run.sections["validate"]["blocks"].append(remark(words, "warning"))
+    warnings = summary_of(run).warnings
+    assert warnings[0].startswith("2 of 8 models fail on at least one axis")
+    assert words not in warnings
+
+
+def test_note_on_the_model_to_take_is_on_the_first_screen(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"coe": 0.2})
+    words = [f"{title} predicts no better than a constant force alone in Z (0.86 against 0.72)." for title in ("Coe", "Linear")]
+    run.sections["validate"]["blocks"] += [remark(item, "note") for item in words]
+    assert words[0] in summary_of(run).missing
+    assert words[1] not in summary_of(run).missing
 
 
 def test_models_stand_best_first(run: ExampleRun) -> None:
