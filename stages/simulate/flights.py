@@ -22,10 +22,12 @@ from hydro.identification.least_squares import TriangularFactor, solve_axis
 
 from .plans import Leg, Plan
 
-FORCE, IMU, VELOCITY, DEPTH = range(4)
+FORCE, IMU, VELOCITY, DEPTH, SCATTER = range(5)
 """Numbers of the streams of random numbers of a leg."""
 REFERENCE_SPEED_M_S = 2.0
 DEEPER_M = 50.0
+SPREAD = np.array([0.05, 0.05, 0.05, 0.3, 0.05, 0.05])
+"""Standard deviation of u v w [m/s] and p q r [rad/s] about the flown motion, where a model is refitted."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ def checked_coefficients(coefficients: Mapping[str, Mapping[str, float]], *, fil
 def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, list[str]]:
     """A model fitted to the physical truth over all legs of a plan, flown without unsteady force: a truth in the span of that model.
 
+    The force is sampled around the flown velocities (`SPREAD`, seeded), so that motions which the legs hardly have, roll above all, keep
+    their damping and the model stays flyable.
     Where columns are inseparable on these legs, one coefficient of each group carries the force and the others are 0.
     """
     assert vehicle.propeller is not None
@@ -139,6 +143,7 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
             raise DataError(f"the physical truth cannot fly leg '{leg.id}': {flight.stop}")
         nu = flight.state[:: plan.steps_per_tick, 6:12]
         nu = nu[round(plan.settle_s / plan.tick_s) :]
+        nu = nu + SPREAD * random_of(0, leg.id, SCATTER).standard_normal(nu.shape)
         ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)
         factor = factor.update(basis_rows(nu.T, ratio, model.distinct_terms), plant.viscous_force(nu, ratio))
     coefficients, errors = {}, []
