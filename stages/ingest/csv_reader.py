@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,13 +18,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
-from data_schemas.errors import CampaignError, LogError, PipelineError, raise_faults
+from data_schemas.errors import CampaignError, LogError
 
 from .column_map import ColumnMap, MappedColumn, column_map, dialect_map
+from .csv_lines import ISO_TIME, Form, SoundRows, read_sound_rows
+from .dataflash_health import covered_seconds
 from .decoded import ByteAccount, DecodedLog, LogStatus, Messages, RawFile, Skipped
 
 NAME = "csv"
-NUMBER = r"^\s*[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|(?i:nan|inf|infinity))\s*$"
 EXAMPLE = """
     time: {column: %s, unit: s}
     columns:
@@ -87,9 +88,10 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
         )
     mapping = column_map(raw, head.names, file=file.name)
     columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
-    table, ragged = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
-    rows = _rows(file.buffer, table.num_rows, ragged)
-    messages, idle, notes = _streams(table, columns, mapping, _time(table, mapping, rows, file.name), rows)
+    found = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
+    rows = found.rows
+    time_us = _time(found.table, mapping, rows, file.name)
+    messages, idle, notes = _streams(found.table, columns, mapping, time_us, rows)
     unused = [name for name in head.names if name not in {item.column for item in mapping.columns} | {mapping.time}]
     if said is not None:
         notes.append(f"{file.name}: {said}")
@@ -99,17 +101,28 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
         format="CSV",
         messages=messages,
         counts={name: len(item) for name, item in messages.items()},
-        account=ByteAccount(file.buffer.size, file.buffer.size - head.bytes - ragged.bytes, head.bytes, (*ragged.skipped(), *idle)),
-        status=_status(ragged, rows),
-        notes=tuple(notes),
+        account=_account(file.buffer.size, head, (*found.skipped(), *idle)),
+        status=_status(found),
+        seconds_lost=_seconds_lost(found, time_us),
+        notes=(*notes, *found.notes),
     )
     return log, mapping
 
 
-def _status(ragged: Ragged, rows: Rows) -> LogStatus:
-    if not ragged.lines.size:
+def _account(size: int, head: Head, skipped: tuple[Skipped, ...]) -> ByteAccount:
+    return ByteAccount(size, size - head.bytes - sum(part.bytes for part in skipped), head.bytes, skipped)
+
+
+def _status(found: SoundRows) -> LogStatus:
+    lost = found.lost_lines
+    if not lost:
         return "complete"
-    return "truncated" if ragged.lines.size == 1 and (not rows.size or ragged.lines[0] > rows[-1]) else "damaged"
+    return "truncated" if len(lost) == 1 and (not found.rows.size or lost[0] > found.rows[-1]) else "damaged"
+
+
+def _seconds_lost(found: SoundRows, time_us: npt.NDArray[np.float64]) -> float:
+    known = np.isfinite(time_us)
+    return covered_seconds(found.rows[known], time_us[known].astype(np.int64), found.lost_lines) if found.lost else 0.0
 
 
 def header(file: RawFile, delimiter: str | None) -> Head:
@@ -129,105 +142,36 @@ def header(file: RawFile, delimiter: str | None) -> Head:
     return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
 
 
-@dataclass(frozen=True)
-class Ragged:
-    """Rows with a wrong number of columns: their lines as an editor counts them (n,), their bytes, and the reason."""
-
-    lines: Rows
-    bytes: int
-    reason: str
-
-    def skipped(self) -> tuple[Skipped, ...]:
-        if not self.lines.size:
-            return ()
-        return (Skipped(self.reason, self.bytes, int(self.lines.size), int(self.lines[0]), int(self.lines[-1])),)
-
-
-def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str) -> tuple[pa.Table, Ragged]:
+def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str) -> SoundRows:
+    """The columns of the file; line by line only if it is not sound from end to end."""
     types: dict[str, pa.DataType] = {
         item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64()) for item in columns
     }
-    types[mapping.time] = pa.float64() if mapping.time_factor is not None else pa.string()
-    ragged: list[Any] = []
-
-    def skip(row: Any) -> str:
-        ragged.append(row)
-        return "skip"
-
-    def read(types: Mapping[str, pa.DataType], threads: bool) -> pa.Table:
-        ragged.clear()
-        return pacsv.read_csv(
-            pa.BufferReader(pa.py_buffer(file.buffer)),
-            read_options=pacsv.ReadOptions(use_threads=threads, encoding=head.encoding),
-            parse_options=pacsv.ParseOptions(delimiter=head.delimiter, invalid_row_handler=skip),
-            convert_options=pacsv.ConvertOptions(
-                include_columns=list(types),
-                column_types=dict(types),
-                null_values=list(mapping.missing),
-                strings_can_be_null=True,
-                decimal_point=decimal,
-            ),
-        )
-
+    types[mapping.time] = pa.float64() if mapping.time_factor is not None else ISO_TIME
+    form = Form(head.names, head.delimiter, decimal, mapping.missing)
     try:
-        table = read(types, True)
-    except pa.ArrowInvalid as fault:
-        texts = read(dict.fromkeys(types, pa.string()), False)
-        rows = _rows(file.buffer, texts.num_rows, _ragged(ragged, file.buffer))
-        _raise_cells(texts, types, rows, file.name, decimal)
-        raise LogError(f"cannot be read as CSV: {fault}", file=file.name) from None
-    if ragged:
-        # Only the reading on one thread tells which rows they were.
-        read({mapping.time: pa.string()}, False)
-    return table, _ragged(ragged, file.buffer)
+        table = pacsv.read_csv(
+            pa.BufferReader(pa.py_buffer(file.buffer)),
+            read_options=pacsv.ReadOptions(encoding=head.encoding),
+            parse_options=pacsv.ParseOptions(delimiter=head.delimiter),
+            convert_options=form.options(types),
+        )
+    except (pa.ArrowInvalid, UnicodeError):
+        table = None
+    rows = None if table is None else _rows(file.buffer, table.num_rows)
+    if table is None or rows is None or (mapping.time_factor is None and iso_microseconds(table[mapping.time]) is None):
+        return read_sound_rows(file.buffer.tobytes(), types, form, file=file.name)
+    return SoundRows(table, rows)
 
 
-def _raise_cells(texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, file: str, decimal: str) -> None:
-    """Name every cell that is no number, with its row."""
-    faults: list[PipelineError] = []
-    for name, kind in types.items():
-        if kind != pa.float64():
-            continue
-        values = texts[name] if decimal == "." else pc.replace_substring(texts[name], decimal, ".")
-        bad = np.flatnonzero(np.asarray(pc.fill_null(pc.invert(pc.match_substring_regex(values, NUMBER)), False)))
-        for index in bad:
-            faults.append(
-                LogError(
-                    "not a number",
-                    file=file,
-                    row=int(rows[index]),
-                    field=name,
-                    value=texts[name][int(index)].as_py(),
-                    remedy="If this text stands for an empty cell, list it under 'missing' in the column map.",
-                )
-            )
-    raise_faults(faults, file=file)
-
-
-def _ragged(found: Sequence[Any], buffer: npt.NDArray[np.uint8]) -> Ragged:
-    if not found:
-        return Ragged(np.zeros(0, np.int64), 0, "")
-    # The parser counts rows without blank lines, an editor counts these too.
-    lines = _content_lines(buffer)[np.array(sorted(row.number - 1 for row in found))]
-    reason = f"row with {found[0].actual_columns} columns in place of {found[0].expected_columns}"
-    return Ragged(lines, sum(len(row.text.encode()) + 1 for row in found), reason)
-
-
-def _content_lines(buffer: npt.NDArray[np.uint8]) -> Rows:
-    """Numbers (from 1) of the lines that are not blank."""
-    lines = buffer.tobytes().split(b"\n")
-    return np.array([number for number, line in enumerate(lines, 1) if line not in (b"", b"\r")], np.int64)
-
-
-def _rows(buffer: npt.NDArray[np.uint8], count: int, ragged: Ragged) -> Rows:
-    """The row of each of `count` samples as an editor counts it."""
+def _rows(buffer: npt.NDArray[np.uint8], count: int) -> Rows | None:
+    """The row of each of `count` samples as an editor counts it; None if they are not one to a line."""
     ends = sum(int(np.count_nonzero(buffer[at : at + BLOCK] == NEWLINE)) for at in range(0, buffer.size, BLOCK))
     lines = ends + int(buffer[-1] != NEWLINE)
     if lines == count + 1:
         return np.arange(2, count + 2)
-    content = _content_lines(buffer)[1:]
-    content = content[~np.isin(content, ragged.lines)]
-    return content if content.size == count else np.arange(2, count + 2)
+    content = [number for number, line in enumerate(buffer.tobytes().split(b"\n"), 1) if line not in (b"", b"\r")]
+    return np.array(content[1:], np.int64) if len(content) == count + 1 else None
 
 
 def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDArray[np.float64]:

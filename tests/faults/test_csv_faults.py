@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import PipelineError
+from stages.ingest.csv_lines import STRAY_QUOTE, UNREADABLE, WRONG_CELLS
 from stages.ingest.csv_reader import read_csv
-from stages.ingest.decoded import RawFile
+from stages.ingest.decoded import DecodedLog, RawFile
 
 GOOD = "t,d\n0,1\n1,2\n"
 DEPTH = {"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}
@@ -99,3 +100,61 @@ def test_an_empty_file(text: str) -> None:
 
 def test_a_held_stream_that_is_not_mapped() -> None:
     assert "field 'held'" in message(held=["velocity"])
+
+
+def log_of(data: bytes, **keys: Any) -> DecodedLog:
+    mapping = {"time": {"column": "t", "unit": "s"}, "columns": [DEPTH], **keys}
+    log, _ = read_csv(RawFile("dive.csv", np.frombuffer(data, np.uint8), mapping))
+    account = log.account
+    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    return log
+
+
+def rows(count: int) -> list[bytes]:
+    return [b"t,d\n", *(b"%d,%d\n" % (number, number) for number in range(count))]
+
+
+@pytest.mark.parametrize(
+    ("row", "reason"),
+    [
+        (b"20,2x\n", UNREADABLE),
+        (b"2\xff,20\n", UNREADABLE),
+        (b"20,\x0020\n", UNREADABLE),
+        (b'20,"20\n', STRAY_QUOTE),
+        (b'20,2"0\n', STRAY_QUOTE),
+        (b"20,20,\n", WRONG_CELLS.format(2)),
+        (b"\x00\x01garbage\xfe\n", WRONG_CELLS.format(2)),
+    ],
+)
+def test_a_damaged_row_is_left_out_and_counted(row: bytes, reason: str) -> None:
+    lines = rows(100)
+    lines[21] = row
+    log = log_of(b"".join(lines))
+    assert log.messages["depth"].columns["depth_m"].tolist() == [*range(20), *range(21, 100)]
+    assert [(part.reason, part.bytes, part.count, part.first_offset) for part in log.account.skipped] == [(reason, len(row), 1, 22)]
+    assert log.status == "damaged"
+    assert log.seconds_lost == pytest.approx(6.0)  # s: between the medians of five rows on either side
+    assert len(log.notes) == (reason == UNREADABLE)
+
+
+def test_a_quotation_mark_swallows_no_rows() -> None:
+    lines = rows(100)
+    lines[10], lines[60] = b'9,"9\n', b'59"59",\n'
+    assert len(log_of(b"".join(lines)).messages["depth"]) == 98
+
+
+def test_quoted_cells_are_no_damage() -> None:
+    log = log_of(b't,d,note\n0,1,"a, ""b"""\n1,"2",c\n2,x,y,z\n', columns=[DEPTH])
+    assert log.messages["depth"].columns["depth_m"].tolist() == [1.0, 2.0]
+    assert log.account.skipped[0].count == 1
+
+
+def test_a_damaged_iso_time_costs_its_row() -> None:
+    lines = [b"t,d\n", *(b"2024-05-01T10:00:%02d,%d\n" % (second, second) for second in range(60))]
+    lines[30] = b"2024-05-01T1\xb0:00:29,29\n"
+    log = log_of(b"".join(lines), time={"column": "t", "unit": "iso8601"})
+    assert len(log.messages["depth"]) == 59
+
+
+def test_nothing_but_damaged_rows() -> None:
+    assert "no row can be read" in message("t,d\n1\n2\n")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -230,7 +230,7 @@ NAMES = tuple(_MAKERS)
 BINARY = ("dataflash", "tlog", "ulog")
 
 
-@lru_cache(maxsize=None)
+@cache
 def small_log(name: str) -> SmallLog:
     """The small log of a reader."""
     return _MAKERS[name]()
