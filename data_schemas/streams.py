@@ -41,11 +41,12 @@ CHOICES: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Linear:
-    """One stream field as a column of the log: its unit there, and the sign."""
+    """One stream field as a column of the log: its unit there, the sign, and whether the unit holds against what the log declares."""
 
     column: str
     unit: str
     sign: int
+    forced: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,8 @@ def _source(entry: Mapping[str, object]) -> Source:
 
 
 def _linear(text: str) -> Linear:
-    column, unit = text.removeprefix("-").split(" ", 1)
-    return Linear(column, unit, -1 if text.startswith("-") else 1)
+    column, unit = text.lstrip("-").split(" ", 1)
+    return Linear(column, unit.removesuffix("!"), -1 if text.startswith("-") else 1, unit.endswith("!"))
 
 
 def _mapping(value: object) -> Mapping[str, object]:

@@ -68,13 +68,13 @@ def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> lis
     dead = None if set(motions(log)) & set("pqr") else "no live gyro"
     kinematic = resample or _without(log, "velocity", "imu") or dead
     accelerometer = None if log.accelerometer() is not None else "no accelerometer"
-    thesis = resample or _without(log, "imu") or dead or accelerometer
-    fused = kinematic is None or thesis is None
-    residual = _forces(log) or (None if fused else NO_STATE)
+    integrating = kinematic or accelerometer
+    residual = _forces(log) or (NO_STATE if kinematic else None)
     rows = [
         ("resample", resample, "attitude and depth"),
         ("fuse (kinematic)", kinematic, "velocity, gyro and depth"),
-        ("fuse (thesis)", thesis, "accelerometer, gyro and depth; drifts on slow vehicles"),
+        ("fuse (thesis)", integrating, "accelerometer, its bias found against the velocity; drifts on slow vehicles"),
+        ("fuse (smoother)", integrating, "accelerometer, velocity, gyro and depth, each at its own times"),
         ("residual", residual, "commands to forces through the vehicle file"),
     ]
     short = None if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S else f"outputs act for {driven_s(log):.1f} s only"
@@ -105,12 +105,10 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
     reasons = {item["name"]: item["reason"] for item in uses}
     axes = [name.removeprefix("synthesise ") for name in possible if name.startswith("synthesise ") and possible[name]]
     if axes:
-        caveats = [] if possible["fuse (kinematic)"] else ["velocity comes from the integrated accelerometer only, which drifts"]
-        caveats += dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS)
+        caveats = list(dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS))
         return f"A force model can be fitted in {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
     if not possible["residual"]:
         blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
-        blocked += ["fuse (thesis)"] if blocked and not possible["fuse (thesis)"] else []
         why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))
         return f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
     why = dict.fromkeys(reasons[name] for name in reasons if name.startswith("synthesise "))

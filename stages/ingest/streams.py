@@ -219,12 +219,12 @@ def _status(item: Candidate, chosen: Candidate) -> str:
 
 
 def linear(stream: str, messages: Messages, source: Source) -> Columns:
-    """Fields that are one column each: unit to SI, sign. The unit that the log itself declares goes before the one of the mapping."""
+    """Fields that are one column each: unit to SI, sign. The unit that the log declares goes before that of the mapping, if not forced."""
     columns: Columns = {}
     for name, rule in source.fields.items():
         target = schema(stream).columns[name].unit
         declared = messages.units.get(rule.column, "")
-        unit = declared if declared not in ("", "#") and convertible(declared, target) else rule.unit
+        unit = declared if not rule.forced and declared not in ("", "#") and convertible(declared, target) else rule.unit
         factor, offset = factor_and_offset(unit, target)
         # Damage can leave a signalling NaN, which numpy warns of when it widens the value.
         with np.errstate(invalid="ignore", over="ignore"):

@@ -133,6 +133,8 @@ def aided(messages: Messages, log: DecodedLog) -> str | None:
         good = (flags & VELOCITY_HORIZONTAL != 0) & (flags & CONSTANT_POSITION == 0)
         if float(np.mean(good)) > 0.5:
             return None
+        if not flags.any():
+            return "the navigation filter was not running (EKF_STATUS_REPORT has no flag set)"
         return "the navigation filter had no velocity or position sensor (constant-position mode in EKF_STATUS_REPORT)"
     return None if log.counts.get("VISION_POSITION_DELTA") else "nothing shows that the navigation filter had a velocity or position sensor"
 

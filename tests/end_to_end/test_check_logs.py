@@ -112,7 +112,7 @@ LOGS = (
         {"never_armed": None, "low_actuator_rate": "2 Hz", "no_velocity": None, "recut_messages": "158 DISTANCE_SENSOR", "gap": "battery"},
         WRONG_SENSORS | LOSSES | {"estimated_velocity", "wrong_checksum", "depth_estimated"},
         3,
-        "no velocity; no accelerometer; no actuator acts",
+        "no velocity; no actuator acts",
     ),
     Row(
         DATA / "px4_ulog" / "sample_log_small.ulg",
