@@ -38,7 +38,11 @@ def findings(card: Document) -> tuple[Finding, ...]:
 
     Standard errors allow for coloured residuals and take the assumed figures of the vehicle as exact.
     """
-    found = [Finding(f"{AXIS_WORDS[axis]} damping", lines) for axis, part in card["axes"].items() if (lines := _damping(axis, part))]
+    found = [
+        Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
+        for axis, part in card["axes"].items()
+        if (lines := _damping(axis, part))
+    ]
     single = [(axis, item) for axis, part in card["axes"].items() for item in _identified(part)]
     constant = [
         _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, ())) for axis, item in single if item["term"] == CONSTANT
@@ -57,6 +61,15 @@ def findings(card: Document) -> tuple[Finding, ...]:
         if figures:
             found.append(Finding(label, (*figures[:SHOWN], *more), note))
     return tuple(found)
+
+
+def _range(axis: str, conditions: Document) -> str:
+    """Where the training legs went, and so where the damping holds."""
+    name = VELOCITY_OF[axis]
+    seen = conditions[name]
+    return true_minus(
+        f"Between {seen['low']:.2g} and {seen['high']:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'}, where the training legs went."
+    )
 
 
 def _damping(axis: str, part: Document) -> tuple[str, ...]:
@@ -123,7 +136,7 @@ def assumed_words(vehicle: Document) -> tuple[int, str]:
     """How many figures of a vehicle document are assumed, and which: names and values, grouped, without their sources."""
     groups: dict[str, list[str]] = {}
     for path, quantity in _assumed(vehicle, ()):
-        groups.setdefault(" ".join(path[:-1]).replace("_", " "), []).append(f"{_name(path[-1])}{_value(quantity)}")
+        groups.setdefault("".join(path[-2:-1]).replace("_", " "), []).append(f"{_name(path[-1])}{_value(quantity)}")
     words = [f"{group}: {', '.join(items)}" if group else ", ".join(items) for group, items in groups.items()]
     return sum(len(items) for items in groups.values()), "; ".join(words)
 
@@ -149,13 +162,13 @@ def _value(quantity: Document) -> str:
     elif value.size > SHOWN:
         return ""
     else:
-        words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:g}"
+        words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:.4g}"
     unit = str(quantity.get("unit", "1")).replace("*", " ").replace("^2", "²").replace("^3", "³")
     return true_minus(words if unit == "1" else f"{words} {unit}")
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
+    return ", ".join(f"{value:.3g}" for value in values)
 
 
 def true_minus(words: str) -> str:

@@ -185,7 +185,7 @@ def _card(name: str) -> dict[str, Any]:
         "assumed": ["mass", "inertia", "thrust curve"],
         "axes": axes,
         "not_applicable": [],
-        "conditions": {"u": [-0.4, 0.5]},
+        "conditions": {name: {"rms": 0.2, "low": -0.4, "high": 0.5} for name in "uvwpqr"},
         "solution": {},
     }
 

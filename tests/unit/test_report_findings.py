@@ -15,7 +15,8 @@ def term(name: str, value: float | None, error: float | None, verdict: str = "id
 
 
 def card(combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"axes": {axis: {"terms": axes.get(axis, []), "combinations": combinations or [] if axis == "X" else []} for axis in "XYZKMN"}}
+    parts = {axis: {"terms": axes.get(axis, []), "combinations": combinations or [] if axis == "X" else []} for axis in "XYZKMN"}
+    return {"axes": parts, "conditions": {name: {"rms": 0.1, "low": -0.0125, "high": 0.222} for name in "uvwpqr"}}
 
 
 @pytest.mark.parametrize(
@@ -31,6 +32,7 @@ def test_damping_has_unit_and_interval(axis: str, name: str, value: float, error
     (found,) = findings(card(**{axis: [term(name, value, error)]}))
     assert found.label == {"X": "surge damping", "N": "yaw damping"}[axis]
     assert found.figures == (words,)
+    assert found.note == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs went."
 
 
 def test_only_identified_coefficients_stand_there() -> None:

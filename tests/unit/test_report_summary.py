@@ -99,7 +99,7 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
     assert "5 figures assumed, not measured" in text
     assert "rigid body: mass 13.5 kg, inertia diag(0.26, 0.23, 0.37) kg m²" in text
     assert "centre of gravity [0, 0, −0.01] kg m²" in text
-    assert "actuators thrusters thrust curve: force." in text
+    assert "; thrust curve: force." in text
     assert "dvl" not in text
     assert "Log dive is truncated: 0.4 s are lost." in text
 
