@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from data_schemas.formats import ulog as layout
 
 from . import ulog_messages as messages
+from .ulog_blocks import Block, data_headers
 from .ulog_contents import (
     BLANK,
     BLANK_END,
@@ -49,18 +49,6 @@ Buffer = npt.NDArray[np.uint8]
 
 _searchable = np.zeros(256, np.bool_)
 _searchable[list(b"FIMPQASLC")] = True
-
-
-@dataclass(frozen=True)
-class Block:
-    """Headers of data messages that begin in `start:stop`; `breaks` are the indices of those that end where no other begins."""
-
-    start: int
-    stop: int
-    offset: Ints
-    end: Ints
-    stream: npt.NDArray[np.int32]
-    breaks: Ints
 
 
 class Scan:
@@ -216,27 +204,15 @@ class Scan:
 
     # ---- runs of data messages
 
-    def _headers(self, start: int, stop: int) -> Block:
-        """All headers in `start:stop` whose number and size agree with a subscription and whose message ends within the limit."""
-        first = start + 2
-        offset = np.flatnonzero(self.buffer[first : min(stop + 2, self.limit - 2)] == layout.DATA) + start
-        size = self.words[offset]
-        index, stream = self.numbers.select(self.words[offset + 3], size)
-        offset = offset[index]
-        end = offset + (size[index].astype(np.int64) + layout.MESSAGE_HEADER_BYTES)
-        if offset.size and int(offset[-1]) + layout.MAX_CONTENT_BYTES + layout.MESSAGE_HEADER_BYTES > self.limit:
-            inside = np.flatnonzero(end <= self.limit)
-            offset, end, stream = offset[inside], end[inside], stream[inside]
-        breaks = np.append(np.flatnonzero(end[:-1] != offset[1:]), offset.size - 1)
-        return Block(start, stop, offset, end, stream, breaks)
-
     def _take_run(self, place: int) -> int:
         """Take the data message at `place` and all that follow it without a break in one block; return the end of the last."""
         block = self.block
         if self.block_version != self.numbers.version:
             self.block_bytes = FIRST_BLOCK
         if block is None or self.block_version != self.numbers.version or not block.start <= place < block.stop:
-            block = self.block = self._headers(place, min(place + self.block_bytes, self.limit))
+            block = self.block = data_headers(
+                self.buffer, self.words, self.numbers, place, min(place + self.block_bytes, self.limit), self.limit
+            )
             self.block_version = self.numbers.version
             self.block_bytes = min(2 * self.block_bytes, LAST_BLOCK)
         at = int(block.offset.searchsorted(place))
@@ -372,7 +348,7 @@ class Scan:
         return self.limit
 
     def _search_block(self, start: int, stop: int) -> int:
-        data = self._headers(start, stop)
+        data = data_headers(self.buffer, self.words, self.numbers, start, stop, self.limit)
         first = -1
         for index in range(data.offset.size):
             if data.stream[index] >= 0 and self._follows(int(data.end[index])):
