@@ -14,7 +14,7 @@ help:
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
 	@echo "make lint                 ruff and mypy"
-	@echo "make bench                benchmarks"
+	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make declarations         write params.yaml and dvc.yaml anew from the stages"
 	@echo "make lock                 pin the dependencies anew"
 	@echo "make clean                remove results and caches, not .venv"
@@ -39,6 +39,7 @@ demo: $(STAMP)
 	auvid run bluerov2_dvl
 
 campaign: $(STAMP) .dvc/config.local
+	@grep -qE "^ *- +$(NAME) *(#|$$)" params.yaml || { echo "campaign $(NAME) is not in the list 'campaigns:' of params.yaml: add a line '  - $(NAME)' and run make declarations"; exit 1; }
 	dvc repro report@$(NAME)
 	@auvid report $(NAME)
 
@@ -72,7 +73,7 @@ lock:
 		--no-emit-index-url --no-emit-find-links --quiet -o requirements.lock
 
 bench: $(STAMP)
-	@for script in benchmarks/*.py; do echo "== $$script"; python $$script || exit 1; done
+	@python -m benchmarks
 
 clean:
 	rm -rf runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
