@@ -53,7 +53,7 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
     arrays = []
     for target in fields:
         try:
-            arrays.append(pa.array(columns[target.name], type=target.type, from_pandas=False))
+            arrays.append(_arrow_array(columns[target.name], target.type))
         except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError) as fault:
             raise SchemaError(f"cannot hold these values: {fault}", file=f"table '{name}'", field=target.name) from fault
     if len({len(array) for array in arrays}) > 1:
@@ -63,6 +63,15 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={"auvid_schema": name}))
     check_table(table, name)
     return table
+
+
+def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
+    """An Arrow array of a type; numbers of that type go over as they lie in memory (`pa.array` of numpy data imports pandas, a second)."""
+    if isinstance(values, np.ndarray) and values.ndim == 1 and pa.types.is_primitive(kind) and kind != pa.bool_():
+        plain = np.ascontiguousarray(values)
+        if plain.dtype == np.dtype(kind.to_pandas_dtype()):
+            return pa.Array.from_buffers(kind, len(plain), [None, pa.py_buffer(plain)])
+    return pa.array(values, type=kind, from_pandas=False)
 
 
 def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
@@ -80,7 +89,7 @@ def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
             continue
         faults += _column_faults(table[column.name], column, where)
     if spec.clock and not faults and table.num_rows > 1:
-        steps = np.diff(np.asarray(table[spec.clock]))
+        steps = np.diff(numbers(table[spec.clock]))
         bad = np.flatnonzero(steps <= 0)
         if bad.size:
             faults.append(
@@ -103,7 +112,7 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
         if empty:
             return [SchemaError(f"{empty} empty or NaN cells", file=where, field=column.name, allowed="numbers only")]
     if column.range is not None and len(values):
-        array = np.asarray(values, dtype=np.float64)
+        array = numbers(values).astype(np.float64)
         bad = np.flatnonzero((array < column.range[0]) | (array > column.range[1]))
         if bad.size:
             low, high = column.range
@@ -120,9 +129,22 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
     return []
 
 
+def numbers(values: pa.ChunkedArray) -> npt.NDArray[Any]:
+    """A column (n,) as a numpy array of its own type, a read-only view where it lies in one piece; nulls become NaN.
+
+    `to_numpy` of pyarrow does the same but imports pandas.
+    """
+    kind = values.type
+    if values.null_count or not pa.types.is_primitive(kind) or kind == pa.bool_():
+        return np.asarray(values.to_numpy())
+    dtype = np.dtype(kind.to_pandas_dtype())
+    parts = [np.frombuffer(part.buffers()[1], dtype=dtype)[part.offset : part.offset + len(part)] for part in values.chunks if len(part)]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0, dtype)
+
+
 def column(table: pa.Table, name: str) -> Array:
     """A numeric column as a read-only float64 array (n,); nulls become NaN."""
-    values = np.asarray(table[name].to_numpy(), dtype=np.float64)
+    values = np.asarray(numbers(table[name]), dtype=np.float64)
     values.flags.writeable = False
     return values
 
@@ -131,7 +153,7 @@ def matrix(table: pa.Table, names: Sequence[str]) -> Array:
     """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls become NaN."""
     values = np.empty((table.num_rows, len(names)))
     for index, name in enumerate(names):
-        values[:, index] = table[name].to_numpy()
+        values[:, index] = numbers(table[name])
     values.flags.writeable = False
     return values
 
