@@ -22,6 +22,7 @@ UNUSED_CELL = 65535
 ARMED_BIT = 128
 VELOCITY_HORIZONTAL, CONSTANT_POSITION = 2, 128  # EKF_STATUS_FLAGS
 SMALLEST_CHANGE_M = 0.02
+TWIN_ARRAY_ID = 2759
 TWIN_ARRAY = ("propeller_rev_s", "fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 Ints = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float64]
@@ -206,8 +207,8 @@ def servo_outputs(messages: Messages, log: DecodedLog) -> Columns:
 
 
 def propeller_and_fins(messages: Messages, log: DecodedLog) -> Columns:
-    """Propeller speed and fins from the first five numbers of the float array named ACTU; NaN for arrays of other names."""
-    ours = np.asarray(messages.columns["name"]) == b"ACTU"
+    """Propeller speed and fins from the first five numbers of the float array of that number; NaN for other arrays."""
+    ours = np.asarray(messages.columns["array_id"]) == TWIN_ARRAY_ID
     data = np.where(ours[:, None], np.asarray(messages.columns["data"], dtype=np.float64)[:, : len(TWIN_ARRAY)], np.nan)
     return dict(zip(TWIN_ARRAY, data.T, strict=True))
 

@@ -1,7 +1,7 @@
 """Write a log of the twin as MAVLink telemetry (.tlog), packed by pymavlink.
 
 ATTITUDE, HIGHRES_IMU, VISION_POSITION_DELTA and SCALED_PRESSURE2 hold single-precision SI numbers (RAW_IMU's whole millirad/s would not
-do for recovery). Propeller [rev/s] and fins S, P, B, T [rad] are the first five numbers of DEBUG_FLOAT_ARRAY 'ACTU'. The recorder stamps
+do for recovery). Propeller [rev/s] and fins S, P, B, T [rad] are the first five numbers of DEBUG_FLOAT_ARRAY 2759. The recorder stamps
 each message with the vehicle's own time, as over a link without delay.
 """
 
@@ -17,7 +17,7 @@ from .dataflash_writer import FRESH_WATER_PA_M, STANDARD_PRESSURE_PA
 from .sensing import BOOT_US, FINS, Recorded
 
 UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do
-ARRAY_NAME, ARRAY_LENGTH = b"ACTU", 58
+ARRAY_NAME, ARRAY_ID, ARRAY_LENGTH = b"ACTU", 2759, 58
 HEARTBEAT_US = 1_000_000
 SYSTEM, COMPONENT = 1, 1
 
@@ -57,7 +57,7 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int,
         yield int(t), mav.scaled_pressure2_encode(int(t) // 1000, hpa, 0.0, 2000)
     actuators = streams["actuators"]
     for t, *values in _rows(actuators["time_us"], actuators["propeller_rev_s"], *(actuators[name] for name in FINS)):
-        yield int(t), mav.debug_float_array_encode(int(t), ARRAY_NAME, 0, [*values, *[0.0] * (ARRAY_LENGTH - len(values))])
+        yield int(t), mav.debug_float_array_encode(int(t), ARRAY_NAME, ARRAY_ID, [*values, *[0.0] * (ARRAY_LENGTH - len(values))])
 
 
 def _rows(*columns: Any) -> Iterator[tuple[Any, ...]]:
