@@ -37,7 +37,7 @@ def measure(campaign: str = "bluerov2_dvl") -> dict[str, float]:
         chain_s = min(seconds_of("run", campaign, "--force", folder=folder) for _ in range(RUNS))
         peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         idle_s = min(seconds_of("run", campaign, folder=folder) for _ in range(RUNS))
-        segments = (folder / "runs" / campaign / "resample" / "segment").glob("*.json")
+        segments = (folder / "runs" / campaign / "resample").glob("*/segment.json")
         samples = sum(json.loads(path.read_text())["samples"] for path in segments)
     return {
         "chain_s": chain_s,
