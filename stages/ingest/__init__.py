@@ -67,7 +67,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     wanted = wanted_sources(log, inputs.campaign)
     preferred = {**vehicle_sources(inputs.vehicle), **wanted}
     forced = forced_readers(log, inputs.campaign)
-    parts = on_one_clock([read_part(file, forced.get(file.name, log.reader), preferred) for file in log.files], log=log.id)
+    parts = on_one_clock([read_part(file, forced.get(file.name), preferred) for file in log.files], log=log.id)
     merged = merge_parts(parts, wanted, log=log.id)
     set_us = clock_set({name: stream.columns for name, stream in merged.items()})
     rejected: list[Rejected] = []

@@ -59,8 +59,9 @@ def _entry(log: RawLog, campaign: Document | None) -> Mapping[str, Any]:
 
 
 def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
-    """File name -> reader, where the manifest forces one for a file of several."""
-    return {item["file"]: item["reader"] for item in _entry(log, campaign).get("files", ()) if "reader" in item}
+    """File name -> reader, where the manifest forces one for the log or for a file of several."""
+    forced = {} if log.reader is None else {file.name: log.reader for file in log.files}
+    return forced | {item["file"]: item["reader"] for item in _entry(log, campaign).get("files", ()) if "reader" in item}
 
 
 def vehicle_sources(vehicle: Document | None) -> Mapping[str, str]:

@@ -26,6 +26,7 @@ Score = Callable[[Messages, DecodedLog], float]
 Clock = Callable[[Messages, DecodedLog], npt.NDArray[np.int64] | None]
 FEW = 2
 TEXTS = "TEXTS"
+WORDS = frozenset({"texts", "modes"})  # what computes streams from text
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def map_streams(log: DecodedLog, mapping: str, rules: Rules, wanted: Mapping[str
     """
     spec = format_streams(mapping)
     assert spec is not None
+    log = _numbers(log, spec)
     streams = {}
     for name in STREAMS:
         candidates = _ordered([item for source in spec.streams.get(name, ()) for item in _candidates(source, log, rules, spec)], log, rules)
@@ -111,12 +113,29 @@ def every_source(log: DecodedLog, mapping: str, rules: Rules, names: Iterable[st
     """All sources that the log holds for the named streams, used or not, so that they can be compared."""
     spec = format_streams(mapping)
     assert spec is not None
+    log = _numbers(log, spec)
     for name in names:
         for source in spec.streams.get(name, ()):
             for item in _candidates(source, log, rules, spec):
                 if item.messages is not None:
                     columns = None if item.refused is not None else _stream(name, item, [item], log, rules).columns
                     yield OtherSource(name, item.label, item.refused, columns)
+
+
+def _numbers(log: DecodedLog, spec: FormatStreams) -> DecodedLog:
+    """The log without columns of text, save those that are read as words: a damaged definition can make text of a measured value."""
+    words = {
+        column
+        for group in spec.streams.values()
+        for source in group
+        if source.compute in WORDS
+        for column in (*source.columns, *source.optional)
+    }
+    messages = {
+        name: replace(table, columns={key: values for key, values in table.columns.items() if key in words or values.dtype.kind != "S"})
+        for name, table in log.messages.items()
+    }
+    return replace(log, messages=messages)
 
 
 def _candidates(source: Source, log: DecodedLog, rules: Rules, spec: FormatStreams) -> Iterator[Candidate]:

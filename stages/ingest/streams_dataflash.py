@@ -19,16 +19,20 @@ DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270
 FIX_3D = 3
 GPS_EPOCH_US = 315_964_800_000_000  # 6 January 1980
 WEEK_US = 604_800_000_000
+LATEST_US = 1 << 52
 LEAP_SECONDS_US = 18_000_000  # GPS minus UTC since 2017
 Ints = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float64]
 
 
 def clock(messages: Messages, log: DecodedLog) -> Ints | None:
-    """Boot time in microseconds: TimeUS, or TimeMS of logs before 2015."""
+    """Boot time in microseconds: TimeUS, or TimeMS of logs before 2015; -1 for a damaged number of a text log."""
     for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
-        if name in messages.columns:
-            return np.asarray(messages.columns[name]).astype(np.int64) * factor
+        stamps = np.asarray(messages.columns.get(name, ()))
+        if name in messages.columns and stamps.dtype.kind in "iuf":
+            if stamps.dtype.kind == "f":
+                stamps = np.where(np.abs(stamps) < LATEST_US, stamps, -1.0)
+            return stamps.astype(np.int64) * factor
     return None
 
 
@@ -127,10 +131,9 @@ def submerged(messages: Messages, log: DecodedLog) -> float:
     altitude, time_us = floats(messages, "Alt"), clock(messages, log)
     for name, column in (("CTUN", "BAlt"), ("CTUN", "BarAlt"), ("CTUN", "Alt")):
         own = log.messages.get(name)
-        if own is None or not len(own) or column not in own.columns or time_us is None:
+        own_time = clock(own, log) if own is not None and len(own) and column in own.columns else None
+        if own is None or own_time is None or time_us is None:
             continue
-        own_time = clock(own, log)
-        assert own_time is not None
         return float(np.nanmedian(np.abs(altitude[_nearest(own_time, time_us)] - floats(own, column))))
     return -float(np.nanmax(altitude) - np.nanmin(altitude)) if altitude.size else np.inf
 
