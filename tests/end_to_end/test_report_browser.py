@@ -45,9 +45,16 @@ def page(browser: Browser, report: Path) -> Iterator[Browser]:
 
 
 def area(page: Browser) -> tuple[float, float, float, float]:
-    page.evaluate(f"{FIRST_AREA}.scrollIntoView({{block: 'center'}})")
-    left, top, width, height = page.evaluate(f"{BOX}({FIRST_AREA}.getBoundingClientRect())")
-    return left, top, width, height
+    """Place of the first plot, scrolled into view; sections get their height when they come near, so until it stays where it is."""
+    seen: tuple[float, float, float, float] | None = None
+    for _ in range(20):
+        page.evaluate(f"{FIRST_AREA}.scrollIntoView({{block: 'center'}})")
+        page.screenshot()  # lays the page out
+        left, top, width, height = page.evaluate(f"{BOX}({FIRST_AREA}.getBoundingClientRect())")
+        if seen == (left, top, width, height):
+            return seen
+        seen = (left, top, width, height)
+    raise AssertionError(f"the first plot does not come to rest: {seen}")
 
 
 def view(page: Browser) -> list[float]:
