@@ -30,6 +30,7 @@ class Inputs:
     sections: Collection[Document] = every("section")
     views: Collection[Document] = every("views")
     tables: Collection[pa.Table] = every("table")
+    free_run: pa.Table | None = port("free_run", optional=True)
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "campaign": legs_section(segments, logs),
         "provenance": provenance_section(inputs.provenance, inputs.campaign, cards),
     }
-    summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle)
+    summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle, inputs.free_run)
     log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
     page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
     from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing

@@ -81,6 +81,7 @@ def summarise(
     logs: Mapping[str, Document],
     sections: Mapping[str, Document],
     vehicle: Document,
+    free_run: pa.Table | None = None,
 ) -> Summary:
     """The summary of one campaign."""
     rows = error_table.to_pylist() if error_table is not None else []
@@ -88,6 +89,7 @@ def summarise(
     models = _scores(rows, cards, "validation" if judged else "training")
     take = choose(models)
     card = next((card for card in cards.values() if take is not None and card["name"] == take.name), None)
+    missing = [*_missing(models, take, card, cards, segments, logs, judged), *_said_of(take, sections), *_unbounded(take, free_run)]
     level, headline, explanation = _verdict(models, take, judged)
     return Summary(
         level=level,
@@ -98,7 +100,7 @@ def summarise(
         facts=_facts(segments, logs, models, take, card),
         models=models,
         identified=findings(card) if card is not None else (),
-        missing=tuple(_missing(models, take, card, cards, segments, logs, judged)) + _said_of(take, sections) + _assumed(vehicle),
+        missing=(*missing, *_assumed(vehicle)),
         warnings=_warnings(sections, models),
     )
 
@@ -254,6 +256,18 @@ def _missing(
 def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
     """What stages note about the model to take, by its title."""
     return () if take is None else tuple(words for words in _remarks(sections, "note") if words.startswith(f"{take.title} "))
+
+
+def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
+    """Whether the model to take holds when it is simulated by itself, which a small force error does not promise."""
+    rows = [row for row in (free_run.to_pylist() if free_run is not None else []) if take is not None and row["model"] == take.name]
+    gone = [row for row in rows if row["diverged"]]
+    if take is None or not gone:
+        return []
+    worst = max(gone, key=lambda row: row["diverged"] / row["starts"])
+    first = min(row["first_divergence_s"] for row in gone)
+    words = f"Simulated by itself from measured states, {take.title} leaves all bounds in {worst['diverged']} of {worst['starts']} runs"
+    return [f"{words} of {worst['horizon_s']:g} s, the first after {first:.1f} s: predict forces with it, do not put it into a simulator."]
 
 
 def _assumed(vehicle: Document) -> tuple[str, ...]:

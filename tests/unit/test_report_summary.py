@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from data_schemas.tables import make_table
 from stages.report.summary import Summary, summarise
 from stages.sections import remark
 from tests.support.example_run import AXES, MODELS, ExampleRun, example_run
@@ -102,6 +104,18 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
     assert "; thrust curve: force." in text
     assert "dvl" not in text
     assert "Log dive is truncated: 0.4 s are lost." in text
+
+
+@pytest.mark.parametrize(("diverged", "said"), [(0, False), (3, True)])
+def test_model_that_cannot_be_simulated_is_said(run: ExampleRun, diverged: int, said: bool) -> None:
+    set_ratio(run, "validation", {"coe": 0.2})
+    rows = {"segment": ["check"] * 2, "model": ["coe"] * 2, "horizon_s": [5.0, 10.0], "starts": [7, 6], "diverged": [diverged, diverged]}
+    rows["first_divergence_s"] = [0.54 if diverged else np.nan] * 2
+    names = [f"{axis}_rms_{unit}" for axes, unit in (("uvw", "m_s"), ("pqr", "rad_s")) for axis in axes]
+    table = make_table("free_run", {**rows, **{name: [0.1, 0.2] for name in (*names, "phi_rms_rad", "theta_rms_rad", "psi_rms_rad")}})
+    missing = summarise(run.cards, run.error_table(), run.segments, run.logs, run.sections, run.vehicle, table).missing
+    words = "Simulated by itself from measured states, Coe leaves all bounds in 3 of 6 runs of 10 s, the first after 0.5 s"
+    assert any(item.startswith(words) for item in missing) is said
 
 
 def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> None:
