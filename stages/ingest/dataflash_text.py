@@ -28,7 +28,7 @@ from .decoded import ByteAccount, DecodedLog, LogStatus, Messages, RawFile, Skip
 FORMAT = "ArduPilot DataFlash text"
 FMT_LINE = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w", re.MULTILINE)
 NAME = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
-LABEL = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
+LABEL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.]*")
 NAME_BYTES = 4
 FEW_LINES = 64  # below this a block is parsed line by line: setting up pyarrow takes longer
 
