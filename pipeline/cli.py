@@ -6,14 +6,11 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from data_schemas.errors import PipelineError
-
-if TYPE_CHECKING:
-    pass
 
 FINE, FAILED, LOSSES, INTERRUPTED = 0, 1, 3, 130
 
