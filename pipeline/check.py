@@ -27,6 +27,7 @@ from stages.base import Document, RawLog
 from stages.ingest.checks_common import GYRO, Recorded
 from stages.ingest.checks_use import legs
 from stages.ingest.decoded import RawFile
+from stages.simulate.csv_writer import column_maps
 
 FINE, REFUSED, LOSSES = 0, 1, 3
 FASTEST_NEEDED_HZ = 5.0
@@ -121,13 +122,28 @@ def _pages(target: str, columns: Path | None) -> list[Page]:
 def _campaign_pages(target: str) -> list[Page]:
     workspace = workspace_of(target)
     campaign = load_campaign(workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files())
-    return [_log_page(campaign, log) for log in campaign.logs]
+    flown = workspace.runs / campaign.name / "simulate" / "logs"
+    return [_log_page(campaign, log, flown) for log in campaign.logs]
 
 
-def _log_page(campaign: Campaign, log: str) -> Page:
+def _simulated_files(campaign: Campaign, log: str, flown: Path) -> tuple[LogFile, ...]:
+    """The files of a log that the stage simulate wrote to the folder `flown`."""
+    assert campaign.twin is not None
+    if not flown.is_dir():
+        remedy = f"Fly them first: auvid run {campaign.name} --only simulate."
+        raise PipelineError("the logs of this twin have not been flown", file=campaign.file.path, remedy=remedy)
+    maps = column_maps(accelerometer=campaign.twin["accelerometer"])
+    entry = campaign.logs[log]
+    return tuple(
+        LogFile(item["file"], flown / item["file"], maps[Path(item["columns"]).stem] if "columns" in item else None)
+        for item in entry.get("files") or [entry]
+    )
+
+
+def _log_page(campaign: Campaign, log: str, flown: Path) -> Page:
     name = f"{campaign.name}: {log}"
     try:
-        files = campaign.log_files(log)
+        files = campaign.log_files(log) if campaign.twin is None else _simulated_files(campaign, log, flown)
     except PipelineError as fault:
         return Page(name, refused=str(fault))
     entries = [leg for leg in campaign.legs.values() if leg["log"] == log]

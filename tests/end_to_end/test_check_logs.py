@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -213,6 +214,16 @@ def test_a_campaign_with_its_legs_and_vehicle(capsys: pytest.CaptureFixture[str]
     shown = capsys.readouterr().out
     assert "because the vehicle file names it" in " ".join(shown.split())
     assert re.search(r"train +training +0\.0 +90\.0", shown)
+
+
+def test_a_twin_that_has_not_flown_is_sent_to_its_stage(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    shutil.copytree(ROOT / "campaigns" / "vt690_twin", tmp_path / "campaigns" / "vt690_twin")
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert checking.check(["vt690_twin"]) == 1
+    assert "auvid run vt690_twin --only simulate" in " ".join(capsys.readouterr().out.split())
 
 
 def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
