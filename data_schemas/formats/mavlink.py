@@ -119,13 +119,17 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
     bits: zeros before the first byte change nothing when the state starts at zero, and the true start is added by length at the end.
     """
     out = np.empty(start.size, dtype=np.uint16)
+    early = (stop - start) % -_BLOCK_BYTES + start < 0  # their first block would begin before the file
+    if early.any():
+        for row in np.flatnonzero(early):
+            out[row] = _state(buffer[start[row] : stop[row]].tobytes())
+        out[~early] = _states(buffer, start[~early], stop[~early])
+        return out
     blocks = np.ndarray((max(buffer.size - _BLOCK_BYTES + 1, 0),), np.dtype(f"V{_BLOCK_BYTES}"), buffer=buffer, strides=(1,))
     for first in range(0, start.size, _BATCH):
         part = slice(first, first + _BATCH)
         out[part] = _checksum_batch(blocks, start[part], stop[part])
     out ^= _START_BY_LENGTH[stop - start]
-    for row in np.flatnonzero((stop - start) % -_BLOCK_BYTES + start < 0):  # their first block would begin before the file
-        out[row] = _state(buffer[start[row] : stop[row]].tobytes())
     return out
 
 
@@ -137,7 +141,6 @@ def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integer
     number = number[order]
     missing = (_BLOCK_BYTES * number - size[order]).astype(np.uint8)
     at = stop[order] - _BLOCK_BYTES * number.astype(np.int64)
-    np.maximum(at, 0, out=at)
     state = np.zeros(order.size, dtype=np.uint16)
     reached = np.cumsum(np.bincount(number, minlength=1)[::-1])[::-1]
     running = 0

@@ -42,6 +42,8 @@ MAX_BOUNDARIES = 3
 FRAMES_TO_FOLLOW = 5
 FRAMES_TO_BELIEVE = 3
 LOOSE_TYPES = b"IMLC"
+BLANK_BYTES = 16
+SMALL = 1024  # sizes and numbers of most messages are smaller; those of damaged bytes are not
 NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
 
 Ints = npt.NDArray[np.int64]
@@ -251,15 +253,18 @@ class Scan:
 
     def _blank_behind(self, place: int, resume: int) -> bool:
         """Whether zeros begin at `place`, and not before: a message that ends in zeros may have been cut by them."""
-        return bool(self.buffer[place - 1]) and not self.buffer[place:resume].any()
+        return bool(self.buffer[place - 1]) and not self.buffer[place : min(resume, place + BLANK_BYTES)].any()
 
     def _damage_starts_behind(self, place: int) -> bool:
-        """Whether the first bytes at `place` are those of a header, so that the message before has all of its bytes: a size that data
-        have, or the low byte of one behind which the chain goes on."""
-        size = int(self.words[place]) if place < self.words.size else 0
-        return size in self.numbers.sizes_met or any(
-            self._follows(place + layout.MESSAGE_HEADER_BYTES + other) for other in self.numbers.sizes_met if (other ^ size) & 0xFF == 0
-        )
+        """Whether the first bytes at `place` are those of a header, so that the message before has all of its bytes: one with small
+        numbers, a size that data have, or the low byte of a size behind which the chain goes on."""
+        if place + layout.DATA_HEADER_BYTES > self.limit:
+            return False
+        size, kind, id = struct.unpack_from("<HBH", self.bytes, place)
+        if size in self.numbers.sizes_met or (kind in layout.TYPES and size < SMALL and (kind != layout.DATA or id < SMALL)):
+            return True
+        near = [other for other in self.numbers.sizes_met if (other ^ size) & 0xFF == 0]
+        return any(self._follows(place + layout.MESSAGE_HEADER_BYTES + other) for other in near)
 
     def _pass_boundary(self, place: int, boundary: int) -> int:
         """Where to go on when a message is cut by appended data; back to it if the offset of the appended data proves wrong."""
@@ -305,15 +310,17 @@ class Scan:
     def _framed(self, place: int, resume: int) -> int:
         """How far sizes lead from `place` to `resume` over messages that have a frame but no meaning; these are accounted for.
 
-        The first may be of any type if they lead all the way; several that lead part of it are believed but for the last, whose size
-        may be the damaged one. Numbers of data that are met this way are taken as known from here on, without meaning.
+        The first may be of any type if they lead all the way. Else they are believed as far as the last data message with a size that
+        its number is known to have, or, where there are several, but for the last, whose size may be the damaged one. Numbers of data
+        that are met this way are taken as known from here on, without meaning.
         """
         frames = list(self._frames(place, resume))
         if not frames or frames[-1][1] != resume:
+            met = [index for index, (start, _, _) in enumerate(frames) if self._data_at(start)[1] >= 0]
             sound = len(frames) - (frames[:1] != [] and frames[0][2] not in layout.TYPES)
-            if sound <= FRAMES_TO_BELIEVE:
+            if not met and sound <= FRAMES_TO_BELIEVE:
                 return place
-            frames.pop()
+            del frames[met[-1] + 1 if met else -1 :]
         for start, stop, kind in frames:
             if kind == layout.DATA and stop - start >= layout.DATA_HEADER_BYTES:
                 id, size = int(self.words[start + 3]), stop - start - layout.MESSAGE_HEADER_BYTES

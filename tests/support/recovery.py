@@ -146,9 +146,12 @@ def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str
         records = explain(np.frombuffer(damaged, np.uint8)).records
         return sum(damaged[a + 8 : b] not in pieces for a, b in zip(records.start.tolist(), records.stop.tolist(), strict=True))
     count = 0
+    before = int((source.places.first - source.places.start).max())
     for offset in found.values():
         origin, end = ranges.origin(offset)
-        count += int(((origin >= 0) & (origin + source.header <= end) & ~np.isin(origin, source.places.first)).sum())
+        # A line behind a line feed that is not of the source is the rest of a damaged one.
+        own = (origin >= 0) & (origin + source.header <= end) & ((origin == 0) | (ranges.origin(offset - before)[0] == origin - before))
+        count += int((own & ~np.isin(origin, source.places.first)).sum())
     return count
 
 
