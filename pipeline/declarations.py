@@ -87,16 +87,17 @@ def _entry(graph: Graph, stage: AnyStage, campaigns: Sequence[str], twins: Seque
     deps = [f"{CODE}/{stage.name}.txt"]
     feeds = graph.feeds(stage)
     manifest = {feed.schema for feed in feeds}
-    from_twin = "raw_log" in manifest and bool(twins)
+    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers if feed.schema != "raw_log"}
+    from_twin = bool(twins) and ("raw_log" in manifest or SIMULATE in producers)
     foreach = ["    foreach: ${campaigns}" if every else f"    foreach: [{', '.join(campaigns)}]"]
-    if from_twin:  # logs of the campaign folder, or those that the twin writes
+    if from_twin:  # the campaign folder with its logs, or what the twin leaves: other campaigns have no such folder
+        producers.pop(SIMULATE, None)
         places = {name: f"runs/{name}/{SIMULATE}" if name in twins else f"campaigns/{name}" for name in campaigns}
         foreach = ["    foreach:", *(f"      {name}: {{logs: {place}}}" for name, place in places.items())]
     whole_folder = not from_twin and manifest & {"raw_log", "twin"}
     deps.append("campaigns/${item}" if whole_folder else "campaigns/${item}/campaign.yaml")
     deps += ["${item.logs}"] * from_twin
     deps += ["vehicles"] * ("vehicle" in manifest)
-    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers if feed.schema != "raw_log"}
     if stage.maps_over == "segment":
         producers |= {other.name: other for other in graph.stages if other.yields == "segment"}
     for other in graph.stages:

@@ -19,8 +19,8 @@ AXES = ("X", "Y", "Z", "K", "M", "N")
 AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 NORMAL_95 = 1.96
-SHOWN = 6
-"""So many coefficients of one kind stand on the first screen; the table of the model has all."""
+LONGEST = 6
+"""Longer lists of assumed numbers stay in the vehicle file."""
 Document = Mapping[str, Any]
 
 
@@ -34,7 +34,7 @@ class Finding:
 
 
 def findings(card: Document) -> tuple[Finding, ...]:
-    """Damping per axis where a term in that axis's own velocity is identified, then constant forces, then couplings.
+    """Damping per axis where a term in that axis's own velocity is identified, then constant forces, then the number of couplings.
 
     Standard errors allow for coloured residuals and take the assumed figures of the vehicle as exact.
     """
@@ -51,15 +51,13 @@ def findings(card: Document) -> tuple[Finding, ...]:
         found.append(
             Finding("constant force per axis", tuple(constant), "Z below zero pushes up: net buoyancy. Moments: trim, or thrusters.")
         )
-    crossed = [(axis, item) for axis, item in single if item["term"] != CONSTANT and not _own(axis, item["term"])]
-    for label, lopsided, note in (
-        ("couplings", False, ""),
-        ("couplings that a hull symmetric to port and starboard cannot have", True, "Look at thrusters, sensor mounting and load first."),
-    ):
-        figures = [_coefficient(axis, item) for axis, item in crossed if breaks_symmetry(axis, item["term"]) is lopsided]
-        more = [f"and {len(figures) - SHOWN} more"] if len(figures) > SHOWN else []
-        if figures:
-            found.append(Finding(label, (*figures[:SHOWN], *more), note))
+    crossed = [breaks_symmetry(axis, item["term"]) for axis, item in single if item["term"] != CONSTANT and not _own(axis, item["term"])]
+    if crossed:
+        words = f"{len(crossed)} identified, in Models and coefficients"
+        note = (
+            f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at thrusters, sensor mounting and load first."
+        )
+        found.append(Finding("couplings", (words,), note if any(crossed) else ""))
     return tuple(found)
 
 
@@ -159,7 +157,7 @@ def _value(quantity: Document) -> str:
     value = np.asarray(quantity["value"], dtype=float)
     if value.ndim == 2 and value.shape[0] == value.shape[1] and not np.any(value - np.diag(np.diag(value))):
         words = f" diag({_numbers(np.diag(value))})"
-    elif value.size > SHOWN:
+    elif value.size > LONGEST:
         return ""
     else:
         words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:.4g}"
