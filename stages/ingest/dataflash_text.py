@@ -7,6 +7,7 @@ a whole type at a time; types with text fields, and blocks with an unreadable ce
 
 from __future__ import annotations
 
+import mmap
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,6 +31,8 @@ FMT_LINE = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w", re.MULTILINE)
 NAME = re.compile(rb"[A-Za-z][A-Za-z0-9_]*")
 LABEL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.]*")
 NAME_BYTES = 4
+BLOCK_BYTES = 1 << 20
+PARSED_LINES = 1 << 14  # of one type at a time
 FEW_LINES = 64  # below this a block is parsed line by line: setting up pyarrow takes longer
 
 LEADING = "text before the first definition"
@@ -45,6 +48,7 @@ CLOCKS = {"TimeUS": 1, "TimeMS": 1000}
 LATEST_US = 1 << 62  # beyond it digits of a time stamp are damaged
 
 Buffer = npt.NDArray[np.uint8]
+Sliced = bytes | mmap.mmap
 Declared = list[tuple[int, layout.Definition]]  # the layouts of one name, each with the line from which it holds
 
 
@@ -114,26 +118,36 @@ class DataFlashTextReader:
         return log
 
 
-def split_lines(data: bytes) -> Lines:
+def split_lines(buffer: Buffer) -> Lines:
     """All lines of a file of more than four bytes; names are packed into four bytes, 0 if no comma follows within or behind them."""
-    buffer = np.frombuffer(data, np.uint8)
     feeds = np.flatnonzero(buffer == ord("\n")) + 1
     stop = feeds if feeds.size and feeds[-1] == buffer.size else np.append(feeds, buffer.size)
     start = np.concatenate([[0], stop[:-1]])
-    commas = np.flatnonzero(buffer == ord(","))
-    count = np.diff(commas.searchsorted(np.append(start, buffer.size)))
+    count = np.zeros(start.size, np.int64)
+    for block in range(0, buffer.size, BLOCK_BYTES):
+        of = start.searchsorted(np.flatnonzero(buffer[block : block + BLOCK_BYTES] == ord(",")) + block, side="right") - 1
+        if of.size:
+            count[of[0] : of[-1] + 1] += np.bincount(of - of[0])
     width = NAME_BYTES + 1
     first = np.minimum(start, buffer.size - width)  # a line nearer to the end of the file is too short for a record
-    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", data, 0, (1,))[first].view(np.uint8).reshape(-1, width)
+    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", buffer, 0, (1,))[first].view(np.uint8).reshape(-1, width)
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
     before_comma[(first != start) | before_comma[:, -1]] = False
     name = (letters * before_comma)[:, :NAME_BYTES].copy()
     return Lines(start, stop, count, name.view(np.uint32)[:, 0])
 
 
+def _sliced(buffer: Buffer) -> Sliced:
+    """What gives the bytes of a slice of the file: where the array stands on a mapped file or on bytes these themselves, else a copy."""
+    base = buffer.base
+    while isinstance(base, np.ndarray):
+        base = base.base
+    return base if isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size else buffer.tobytes()
+
+
 def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
-    data = buffer.tobytes()
-    lines = split_lines(data)
+    data = _sliced(buffer)
+    lines = split_lines(buffer)
     losses = Losses(lines)
     members = _members(data, lines, losses)
     declared, members["FMT"] = _declare(data, lines, members.get("FMT", np.zeros(0, np.int64)), losses)
@@ -173,7 +187,7 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     )
 
 
-def _members(data: bytes, lines: Lines, losses: Losses) -> dict[str, Ints]:
+def _members(data: Sliced, lines: Lines, losses: Losses) -> dict[str, Ints]:
     """The line numbers of each message name; lines without one are put to the losses."""
     names, group = np.unique(lines.name, return_inverse=True)
     parts = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
@@ -196,7 +210,7 @@ def _members(data: bytes, lines: Lines, losses: Losses) -> dict[str, Ints]:
     return members
 
 
-def _declare(data: bytes, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
+def _declare(data: Sliced, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
     """The layouts of each message name with the line numbers from which they hold, and the lines of FMT that are sound."""
     declared: dict[str, Declared] = {"FMT": [(0, layout.FMT)]}
     sound = []
@@ -239,16 +253,28 @@ def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints, l
     return index[good]
 
 
-def _parse(data: bytes, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> tuple[dict[str, Column], Ints]:
+def _parse(data: Sliced, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> tuple[dict[str, Column], Ints]:
     """The columns of the lines `index` and the numbers of the lines that could be read."""
+    parts = [_parse_lines(data, lines, definition, index[at : at + PARSED_LINES]) for at in range(0, max(index.size, 1), PARSED_LINES)]
+    if len(parts) == 1:
+        columns, good = parts[0]
+    else:
+        good = np.concatenate([part for _, part in parts])
+        columns = {name: _frozen(np.concatenate([part.pop(name) for part, _ in parts])) for name in list(parts[0][0])}
+    losses.add(UNREADABLE, index[~good])
+    return columns, index[good]
+
+
+def _parse_lines(data: Sliced, lines: Lines, definition: layout.Definition, index: Ints) -> tuple[dict[str, Column], npt.NDArray[np.bool_]]:
+    """The columns of the lines that can be read, and which of `index` they are."""
     rows = [data[start:stop] for start, stop in zip(lines.start[index].tolist(), lines.stop[index].tolist(), strict=True)]
+    good = np.ones(index.size, np.bool_)
     if len(rows) >= FEW_LINES and definition.formats and not any(map(_is_text, definition.formats)):
         columns = _parse_block(b"".join(rows), definition)
         if columns is not None:
-            return columns, index
+            return columns, good
     cells = [[cell.strip() for cell in row.split(b",", len(definition.formats))[1:]] for row in rows]
     values: list[npt.NDArray[np.generic]] = []
-    good = np.ones(index.size, np.bool_)
     for k, char in enumerate(definition.formats):
         texts = [row[k] for row in cells]
         if _is_text(char):
@@ -257,8 +283,7 @@ def _parse(data: bytes, lines: Lines, definition: layout.Definition, index: Ints
         numbers, readable = _numbers(texts, char)
         values.append(numbers)
         good &= readable
-    losses.add(UNREADABLE, index[~good])
-    return {name: _frozen(column[good]) for name, column in zip(definition.columns, values, strict=True)}, index[good]
+    return {name: _frozen(column[good]) for name, column in zip(definition.columns, values, strict=True)}, good
 
 
 def _column_type(char: str) -> np.dtype[np.generic]:
