@@ -5,12 +5,13 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report regress test lint format declarations lock bench clean
+.PHONY: help setup demo campaign report reproduce regress test lint format declarations lock bench clean
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
 	@echo "make campaign NAME=x      bring campaign x up to date through DVC"
 	@echo "make report NAME=x        open the report of campaign x"
+	@echo "make reproduce            a thesis's tables beside those of a twin (NAME=vt690_twin unless said)"
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
 	@echo "make lint                 ruff and mypy"
@@ -45,6 +46,10 @@ campaign: $(STAMP) .dvc/config.local
 
 report: $(STAMP)
 	@auvid report $(NAME) --open
+
+reproduce: TWIN = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),vt690_twin)
+reproduce: $(STAMP)
+	@auvid reproduce $(TWIN)
 
 # Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
 regress: REGRESS = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),$(notdir $(wildcard tests/golden/*)))

@@ -144,6 +144,31 @@ def simulate(
         raise typer.Exit(LOSSES)
 
 
+@app.command(epilog="Example: auvid reproduce vt690_twin")
+def reproduce(
+    campaign: CampaignName,
+    engine: Annotated[str | None, typer.Option(metavar="serial|processes", help="Where items run. [default: serial]")] = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", help="How many processes; as many as cores unless said.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Make again what is up to date.")] = False,
+    open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+) -> None:
+    """Make the page that puts published tables beside those of a twin. Exits with 1 if a bound is missed and nothing says why."""
+    from pipeline import engines, session
+    from pipeline import reproduce as again
+
+    setting = again.open_setting(campaign)
+    try:
+        with session.progress() as progress:
+            done = again.reproduce(setting, engines.make_engine(engine, jobs), progress, force=force)
+    except KeyboardInterrupt:
+        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
+    again.print_tables(done)
+    if open_it:
+        typer.launch(done.page.resolve().as_uri())
+    if done.missed:
+        raise typer.Exit(FAILED)
+
+
 @app.command(epilog="Example: auvid stages fuse")
 def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""

@@ -116,7 +116,8 @@ class Graph:
         if len(found) != 1 or late:
             givers = ", ".join(port.stage.name for port in found) or "none"
             raise WiringError(f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is: {givers}")
-        if SIZE[found[0].level] > SIZE[stage.maps_over]:
+        # Artefacts of the whole campaign that have keys are handed over as a collection, from which a smaller item takes its own.
+        if SIZE[found[0].level] > SIZE[stage.maps_over] and not found[0].keyed:
             raise WiringError(f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a {found[0].level}")
         return Feed(name, wanted, optional, found)
 

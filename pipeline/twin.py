@@ -54,7 +54,7 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
     """
     if text == PHYSICS:
         return {"kind": "physics", "name": PHYSICS, "source": "flow physics, hydro/dynamics/physical_viscous.py"}
-    published = {path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))}
+    published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]
     if text.startswith(REFIT):
         return {"kind": "refit", "name": text.removeprefix(REFIT), "source": "refitted to the flow physics"}
@@ -64,10 +64,21 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
         raise CampaignError(
             "no such truth", file=file, field="simulate.truth", value=text, allowed=allowed, remedy=nearest(text, published)
         )
-    return {"kind": "coefficients", "name": text, "source": f"published, {published[text].name}", "coefficients": _of_csv(published[text])}
+    return {
+        "kind": "coefficients",
+        "name": text,
+        "source": f"published, {published[text].name}",
+        "coefficients": read_coefficients(published[text]),
+    }
 
 
-def _of_csv(path: Path) -> dict[str, dict[str, float]]:
+def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
+    """The files of published coefficients beside a vehicle file, by model."""
+    return {path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))}
+
+
+def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
+    """Coefficients of a CSV file with columns axis, term, value: axis -> term -> value. Raises `CampaignError`."""
     with readable(path, file=path, what="coefficients"):
         text = path.read_text(encoding="utf-8")
     coefficients: dict[str, dict[str, float]] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,15 +157,16 @@ def _rms(parts: Sequence[Array]) -> Array:
 
 def _titles(key: str, inputs: Inputs) -> dict[str, str]:
     return {
-        name.rpartition("/")[2]: str(card["title"]) for name in inputs.model_card if name.startswith(f"{key}/") for card in [inputs.model_card[name]]
+        name.rpartition("/")[2]: str(card["title"])
+        for name in inputs.model_card
+        if name.startswith(f"{key}/")
+        for card in [inputs.model_card[name]]
     }
 
 
 def _scores(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> tuple[dict[tuple[str, str], Score], dict[str, float]]:
     whole = [row for row in rows if row["leg"] == row["axis"] == "all"]
-    scores = {
-        (row["use"], row["model"]): Score(titles[row["model"]], row["n_bar"], row["rank"], row["rms"], row["ratio"]) for row in whole
-    }
+    scores = {(row["use"], row["model"]): Score(titles[row["model"]], row["n_bar"], row["rank"], row["rms"], row["ratio"]) for row in whole}
     return scores, {row["use"]: row["j0"] for row in whole}
 
 
@@ -227,4 +229,4 @@ def _title(item: Found, model: str) -> str:
 def _steps(item: Found, use: str, groups: Sequence[Sequence[str]], at: str) -> list[float]:
     """For each pair of neighbouring groups: the largest J/J0 of the first over the smallest of the second."""
     ratios = [[_ratio(item, use, model, at) for model in group] for group in groups]
-    return [max(first) / min(second) for first, second in zip(ratios, ratios[1:], strict=False)]
+    return [max(first) / min(second) for first, second in pairwise(ratios)]
