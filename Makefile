@@ -5,7 +5,7 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report reproduce regress test lint format declarations lock bench clean
+.PHONY: help setup demo campaign report reproduce regress test lint format declarations lock bench clean twin fuzz
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
@@ -14,6 +14,8 @@ help:
 	@echo "make reproduce            a thesis's tables beside those of a twin (NAME=vt690_twin unless said)"
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
+	@echo "make twin                 fly the VT 690 twin, write its logs and run the chain on them"
+	@echo "make fuzz                 damage logs of every format in every way (long)"
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make declarations         write params.yaml and dvc.yaml anew from the stages"
@@ -52,6 +54,14 @@ reproduce: $(STAMP)
 	@auvid reproduce $(TWIN)
 
 # Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
+# The whole closed loop on the simulated campaign: fly, write logs, run the chain on them.
+twin: $(STAMP)
+	auvid run vt690_twin
+
+# Hours of damage to small logs of every format; a failing case is kept under tests/data/fuzz.
+fuzz: $(STAMP)
+	python -m benchmarks.fuzz
+
 regress: REGRESS = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),$(notdir $(wildcard tests/golden/*)))
 regress: $(STAMP)
 	@status=0; for name in $(REGRESS); do \
