@@ -1,11 +1,12 @@
 # make demo: set up .venv, run the bundled dive, say where the report is. make test: set up, run all tests. make help lists all.
 PYTHON ?= python3
 NAME ?= bluerov2_dvl
+LOGS ?= tests/data
 VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report reproduce regress test lint format declarations lock bench clean twin fuzz
+.PHONY: help setup demo campaign report reproduce regress test lint format declarations lock bench agreement clean twin fuzz
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
@@ -18,6 +19,7 @@ help:
 	@echo "make fuzz                 damage logs of every format in every way (long)"
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
+	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
 	@echo "make declarations         write params.yaml and dvc.yaml anew from the stages"
 	@echo "make lock                 pin the dependencies anew"
 	@echo "make clean                remove results and caches, not .venv"
@@ -58,7 +60,7 @@ reproduce: $(STAMP)
 twin: $(STAMP)
 	auvid run vt690_twin
 
-# Hours of damage to small logs of every format; a failing case is kept under tests/data/fuzz.
+# Damage to small logs of every format, an hour on two cores; a failing case is kept under tests/data/fuzz.
 fuzz: $(STAMP)
 	python -m benchmarks.fuzz
 
@@ -89,6 +91,9 @@ lock:
 
 bench: $(STAMP)
 	@python -m benchmarks
+
+agreement: $(STAMP)
+	@python -m benchmarks.agreement $(LOGS)
 
 clean:
 	rm -rf runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

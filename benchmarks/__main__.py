@@ -15,6 +15,8 @@ BENCHMARKS = {
     "decode_dataflash": ["campaigns/bluerov2_dvl/logs/00000029_first130s.BIN"],
     "decode_tlog": ["tests/data/bluerov2_ugps_small/small.tlog"],
     "decode_ulog": ["tests/data/px4_ulog/sample_log_small.ulg"],
+    "decode_text": ["tests/data/bluerov2_ugps_small/small.BIN"],
+    "decode_csv": ["campaigns/bluerov2_dvl_csv/logs/imu.csv", "campaigns/bluerov2_dvl_csv/columns/imu.yaml"],
     "synthesis": [],
     "chain": [],
 }
