@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from .dataflash_columns import Column
 Ints = npt.NDArray[np.int64]
 Table = tuple[dict[str, Column], Ints]  # columns, byte offset of each record
 NEEDED = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})
+LARGEST = 1 << 62
 UNTIMED = layout.DEFINITION_NAMES | {"PARM", "MSG"}
 
 
@@ -25,6 +26,22 @@ def decode_text(raw: bytes) -> str:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
         return raw.decode("latin-1")
+
+
+def sound_columns(table: Table | None, *, numbers: Sequence[str] = (), texts: Sequence[str] = ()) -> Mapping[str, Column]:
+    """The columns of a table if these are there with values of their kind, else none: a damaged definition makes text of numbers."""
+    columns = table[0] if table else {}
+    kinds = [(name, "iuf") for name in numbers] + [(name, "S") for name in texts]
+    sound = all(name in columns and columns[name].ndim == 1 and columns[name].dtype.kind in kind for name, kind in kinds)
+    return columns if sound else {}
+
+
+def whole(column: Column) -> list[int]:
+    """Numbers as integers; -1 for those that are none."""
+    numbers = np.asarray(column)
+    if numbers.dtype.kind == "f":
+        numbers = np.where(np.abs(numbers) < LARGEST, numbers, -1.0).astype(np.int64)
+    return [int(number) for number in numbers.tolist()]
 
 
 @dataclass(frozen=True)
@@ -37,15 +54,17 @@ class Units:
 
     @classmethod
     def of(cls, tables: Mapping[str, Table]) -> Units:
-        columns, offset = tables.get("FMTU", ({}, np.zeros(0, np.int64)))
         letters: dict[int, list[tuple[int, bytes, bytes]]] = {}
-        if {"FmtType", "UnitIds", "MultIds"} <= set(columns):
-            rows = (offset.tolist(), columns["FmtType"].tolist(), columns["UnitIds"].tolist(), columns["MultIds"].tolist())
+        columns = sound_columns(tables.get("FMTU"), numbers=("FmtType",), texts=("UnitIds", "MultIds"))
+        if columns:
+            rows = (tables["FMTU"][1].tolist(), whole(columns["FmtType"]), columns["UnitIds"].tolist(), columns["MultIds"].tolist())
             for place, id, unit_ids, mult_ids in zip(*rows, strict=True):
-                letters.setdefault(int(id), []).append((place, unit_ids, mult_ids))
-        units = {letter: decode_text(label) for letter, label in _by_letter(tables.get("UNIT"), "Label").items()}
+                letters.setdefault(id, []).append((place, unit_ids, mult_ids))
+        labels = sound_columns(tables.get("UNIT"), numbers=("Id",), texts=("Label",))
+        factors = sound_columns(tables.get("MULT"), numbers=("Id", "Mult"))
+        units = {letter: decode_text(label) for letter, label in _by_letter(labels, "Label").items()}
         # Multipliers are single precision cast to double: seven digits name them.
-        multipliers = {letter: float(f"{factor:.7g}") for letter, factor in _by_letter(tables.get("MULT"), "Mult").items()}
+        multipliers = {letter: float(f"{factor:.7g}") for letter, factor in _by_letter(factors, "Mult").items()}
         return cls(letters, units, multipliers)
 
     def texts(self, definition: layout.Definition, until: int | None = None) -> dict[str, str]:
@@ -70,32 +89,29 @@ class Units:
         return texts
 
 
-def _by_letter(table: Table | None, value: str) -> dict[str, Any]:
-    columns = table[0] if table else {}
-    if not {"Id", value} <= set(columns):
-        return {}
-    return {chr(int(id) & 0xFF): item for id, item in zip(columns["Id"].tolist(), columns[value].tolist(), strict=True)}
+def _by_letter(columns: Mapping[str, Column], value: str) -> dict[str, Any]:
+    return {chr(id & 0xFF): item for id, item in zip(whole(columns["Id"]), columns[value].tolist(), strict=True)} if columns else {}
 
 
 def parameters_of(table: Table | None) -> dict[str, float]:
     """The last value of each parameter in PARM."""
-    columns = table[0] if table else {}
-    if not {"Name", "Value"} <= set(columns):
+    columns = sound_columns(table, numbers=("Value",), texts=("Name",))
+    if not columns:
         return {}
     return {decode_text(name): float(value) for name, value in zip(columns["Name"].tolist(), columns["Value"].tolist(), strict=True)}
 
 
 def texts_of(table: Table | None) -> tuple[tuple[int, str], ...]:
     """The texts of MSG with their TimeUS (0 without one). Firmware 4.7 splits a long text: equal ID and ascending Seq are joined."""
-    columns = table[0] if table else {}
-    if "Message" not in columns:
+    columns = sound_columns(table, texts=("Message",))
+    if not columns:
         return ()
     zeros = [0] * columns["Message"].size
-    times, ids, parts = (columns[name].tolist() if name in columns else zeros for name in ("TimeUS", "ID", "Seq"))
+    times, ids, parts = (whole(columns[name]) if sound_columns(table, numbers=(name,)) else zeros for name in ("TimeUS", "ID", "Seq"))
     texts: list[tuple[int, str]] = []
     for i, raw in enumerate(columns["Message"].tolist()):
         if i and parts[i] == parts[i - 1] + 1 and ids[i] == ids[i - 1]:
             texts[-1] = (texts[-1][0], texts[-1][1] + decode_text(raw))
         else:
-            texts.append((int(times[i]), decode_text(raw)))
+            texts.append((times[i], decode_text(raw)))
     return tuple(texts)
