@@ -154,9 +154,8 @@ def _with_plan(setting: Setting, entry: Mapping[str, Any]) -> Campaign:
     """The campaign as if its manifest named this plan."""
     campaign, path = setting.campaign, setting.document.path
     plan = inside(campaign.folder, entry["plan"], path)
-    twin = load_twin(
-        campaign.file.value[SIMULATE], campaign.vehicle, plan=plan, vehicle_file=campaign.vehicle_file, folder=campaign.folder, file=path
-    )
+    said = {**campaign.file.value[SIMULATE], **({"seed": entry["seed"]} if "seed" in entry else {})}
+    twin = load_twin(said, campaign.vehicle, plan=plan, vehicle_file=campaign.vehicle_file, folder=campaign.folder, file=path)
     return replace(campaign, twin=twin)
 
 
@@ -198,15 +197,23 @@ def _sources(setting: Setting, runs: Mapping[str, Run]) -> dict[str, Source]:
     plans = {key.split("/")[0]: run for key, run in runs.items()}
     by_plan = {name: _artefacts(plans, name) for name in ("simulation", "truth")}
     by_run = ("segment", "resampled", "fused", "fusion", "residual", "predictions", "model_card", "error_table")
-    campaign = setting.campaign
+    campaign, first = setting.campaign, runs[_first(setting)]
     return {
         "reproduction": Value(setting.document.value),
         "published": Value(_published(setting)),
         "vehicle": Value(campaign.vehicle),
+        "campaign": Value(first.campaign.document),
+        "provenance": Value(first.provenance()),
         "plans": Documents({plan: run.campaign.twin["plan"] for plan, run in plans.items() if run.campaign.twin is not None}),
         **{name: Many(found) for name, found in by_plan.items()},
         **{name: Many(_artefacts(runs, name)) for name in by_run},
     }
+
+
+def _first(setting: Setting) -> str:
+    """The run of the published procedure on the first plan, as `plan/variant`."""
+    document = setting.document.value
+    return f"{document['plans'][0]['id']}/{document['compared']['published']}"
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ def _shown(character: str) -> str:
 def cells(block: Document) -> list[list[Cell]]:
     """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up."""
     names = [str(head["name"]) for head in block["columns"]]
-    decimals = [2 if name.startswith(RATIO) else _decimals([row[index] for row in block["rows"]]) for index, name in enumerate(names)]
+    decimals = [3 if name.startswith(RATIO) else _decimals([row[index] for row in block["rows"]]) for index, name in enumerate(names)]
     return [[_cell(*item) for item in zip(row, names, decimals, strict=True)] for row in block["rows"]]
 
 

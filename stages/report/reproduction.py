@@ -12,19 +12,25 @@ from data_schemas.tables import make_table
 from hydro.dynamics.vehicle import vehicle_from_document
 from stages.base import Collection, Document, Stage, port
 from stages.report.html import render
-from stages.report.own_sections import vehicle_line
+from stages.report.own_sections import provenance_section, vehicle_line
 from stages.report.reproduction_figures import figure_sections
 from stages.report.reproduction_findings import Check, Found, checks, measure
-from stages.report.reproduction_words import Told, sections, summary
+from stages.report.reproduction_tables import Told
+from stages.report.reproduction_words import sections, summary
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """Collections are keyed `plan/variant/item`, `plan/item` for what the variants of a plan share."""
+    """`campaign` and `provenance` are those of the published procedure on the first plan.
+
+    Collections are keyed `plan/variant/item`, and `plan/item` for what the variants of a plan share.
+    """
 
     reproduction: Document = port("reproduction")
     published: Document = port("published_tables")
     vehicle: Document = port("vehicle")
+    campaign: Document = port("campaign")
+    provenance: Document = port("provenance")
     plans: Collection[Document] = port("plan", many=True)
     simulation: Collection[Document] = port("simulation", many=True)
     truth: Collection[pa.Table] = port("truth", many=True)
@@ -57,6 +63,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     held = checks(document, found)
     told = Told(document, inputs.published, vehicle_from_document(inputs.vehicle), dict(inputs.plans.items()), found, tuple(held))
     shown: dict[str, dict[str, Any]] = {**sections(told), **figure_sections(inputs, document)}
+    published = f"{told.plan}/{document['compared']['published']}/"
+    cards = {key: inputs.model_card[key] for key in inputs.model_card if key.startswith(published)}
+    shown["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
     page = render(str(document["title"]), vehicle_line(inputs.vehicle), str(document.get("notes", "")), summary(told), shown)
     return Outputs(page, _errors(found, inputs.published), _checks(held))
 

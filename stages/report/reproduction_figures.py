@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,7 @@ MODEL_FIGURES = {
     "fossen": "5.15",
 }
 """Number of the figure that shows the force of a model: the order of Tables 5.1 and 5.2."""
+LEG_ROLES = ("fused", "predicted", "measured", "difference")
 UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m_s2": "m/s^2", "rad_s2": "rad/s^2"}
 
 
@@ -38,14 +40,13 @@ def figure_sections(inputs: Inputs, document: Document) -> dict[str, dict[str, A
     label = {entry["id"]: f"({entry['label']})" for entry in document["variants"]}
     segments = {key.rpartition("/")[2]: inputs.segment[key] for key in inputs.segment if key.startswith(f"{published}/")}
     chosen = document.get("figures") or {}
-    coupling = _leg(segments, chosen, "coupling", "training")
     processed = _leg(segments, chosen, "processed", "validation")
     judged = _leg(segments, chosen, "forces", "validation")
     shown = (label[document["compared"]["published"]], label[document["compared"]["corrected"]])
     return {
         "coupling": section(
             "Figure 1.2: roll and pitch coupling",
-            [_coupling(inputs, f"{published}/{coupling}", coupling)],
+            [_coupling(inputs, _coupling_key(inputs, document, published, segments))],
             order=20,
             look_for="Steps in heading make the vehicle roll and pitch, the more the larger they are.",
         ),
@@ -61,7 +62,7 @@ def figure_sections(inputs: Inputs, document: Document) -> dict[str, dict[str, A
             order=22,
             look_for="Velocities of the legs that models are fitted to, and of those that judge them.",
         ),
-        "force": section(
+        "wrong": section(
             "The residual force, right and wrong",
             [_measured_forces(inputs, document, plan, judged)],
             order=23,
@@ -86,8 +87,21 @@ def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: st
     raise CampaignError("the first plan has no such leg", field=f"figures.{figure}", value=wanted or use, allowed=legs)
 
 
-def _coupling(inputs: Inputs, key: str, leg: str) -> Block:
-    plan, log = key.split("/")[0], inputs.segment[key]["log"]
+def _coupling_key(inputs: Inputs, document: Document, published: str, segments: Mapping[str, Document]) -> str:
+    """The segment of Figure 1.2 as `plan/variant/segment`; another plan is looked at through its first variant."""
+    wanted = str((document.get("figures") or {}).get("coupling", ""))
+    if "/" not in wanted:
+        return f"{published}/{_leg(segments, document.get('figures') or {}, 'coupling', 'training')}"
+    plan, leg = wanted.split("/", 1)
+    found = [key for key in inputs.segment if key.startswith(f"{plan}/") and inputs.segment[key]["leg"] == leg]
+    if not found:
+        raise CampaignError("no such leg of a plan was flown", field="figures.coupling", value=wanted)
+    return found[0]
+
+
+def _coupling(inputs: Inputs, key: str) -> Block:
+    plan, _, leg = key.split("/")
+    log = inputs.segment[key]["log"]
     truth = inputs.truth[f"{plan}/{log}"]
     fused = inputs.resampled[key]
     start = float(inputs.segment[key]["leg_start_s"])
@@ -104,7 +118,7 @@ def _coupling(inputs: Inputs, key: str, leg: str) -> Block:
         )
         for words, name in (("heading", "psi_rad"), ("roll", "phi_rad"), ("pitch", "theta_rad"))
     ]
-    return plot(f"Growing steps in heading, leg {leg}", panels, group="coupling")
+    return plot(f"Growing steps in heading, leg {leg} of plan {plan}", panels, group="coupling")
 
 
 def _processed(inputs: Inputs, published: str, corrected: str, labels: tuple[str, str]) -> list[Block]:
@@ -156,9 +170,9 @@ def _data(inputs: Inputs, variant: str, segments: Mapping[str, Document]) -> lis
 def _joined(tables: Mapping[str, pa.Table], name: str) -> list[dict[str, Any]]:
     """One line per leg, the legs after one another with a pause of 3 s."""
     lines, start = [], 0.0
-    for leg, table in tables.items():
+    for (leg, table), role in zip(tables.items(), cycle(LEG_ROLES), strict=False):
         t = clock(table) - clock(table)[0] + start
-        lines.append(series(leg, t, column(table, name), leg))
+        lines.append(series(leg, t, column(table, name), role))
         start = float(t[-1]) + 3.0
     return lines
 

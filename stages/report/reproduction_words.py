@@ -3,75 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import CampaignError, nearest
 from hydro.dynamics.physical_viscous import physical_viscous
-from hydro.dynamics.vehicle import Vehicle
 from stages.base import Document
-from stages.report.reproduction_findings import SETS, TURN_TERMS, Check, Found, total
+from stages.report.reproduction_findings import TURN_TERMS, total
+from stages.report.reproduction_tables import (
+    Cells,
+    Told,
+    asked,
+    bounds,
+    error_tables,
+    force_tables,
+    model_title,
+    printed_j0,
+    repeats,
+    row_notes,
+    value_range,
+    variant_words,
+)
 from stages.report.summary import Fact, Summary
-from stages.sections import AXES, Block, equation, remark, section, table, text
+from stages.sections import Block, equation, remark, section, table, text
 
 REFERENCE_SPEED_M_S = 2.0
 FORCED_ERROR_SHARE = 0.5
 """From this share of the force on, the error of the residual force makes its table one of the procedure, not of the vehicle."""
-Cells = list[Any]
-
-
-@dataclass(frozen=True)
-class Told:
-    """Everything that the words are made of; `found` is keyed `plan/variant`."""
-
-    document: Document
-    published: Document
-    vehicle: Vehicle
-    plans: Mapping[str, Document]
-    found: Mapping[str, Found]
-    checks: tuple[Check, ...]
-
-    @property
-    def plan(self) -> str:
-        """The plan that is held against the published tables."""
-        return str(self.document["plans"][0]["id"])
-
-    @cached_property
-    def variants(self) -> dict[str, Document]:
-        return {entry["id"]: entry for entry in self.document["variants"]}
-
-    def of(self, plan: str) -> dict[str, Found]:
-        """Variants that were run on a plan, in the order of the document."""
-        return {name: self.found[f"{plan}/{name}"] for name in self.variants if f"{plan}/{name}" in self.found}
-
-    def label(self, variant: str) -> str:
-        return f"({self.variants[variant]['label']})"
-
-    def compared(self, role: str) -> tuple[str, Found]:
-        """The label and the findings of a variant that the words speak of, on the first plan."""
-        name = str(self.document["compared"][role])
-        found = self.of(self.plan)
-        if name not in found:
-            raise CampaignError("not a variant of the first plan", field=f"compared.{role}", value=name, remedy=nearest(name, found))
-        return self.label(name), found[name]
-
-    @cached_property
-    def printed(self) -> dict[tuple[str, str], Document]:
-        """Published rows by set and model."""
-        return {(row["set"], row["model"]): row for row in self.published["rows"]}
-
-    @cached_property
-    def transport(self) -> tuple[float, float]:
-        """What omega x v adds to the sway force per u r, m - Y_vdot, and what is there rightly, m - X_udot [kg]."""
-        return self.vehicle.mass_kg - float(self.vehicle.added_mass[1, 1]), self.vehicle.mass_kg - float(self.vehicle.added_mass[0, 0])
-
-    @property
-    def missed(self) -> list[Check]:
-        """Bounds that are not met, and of which nothing says why."""
-        return [item for item in self.checks if not item.met and not item.known]
 
 
 def summary(told: Told) -> Summary:
@@ -83,7 +41,7 @@ def summary(told: Told) -> Summary:
     mine = [check for check in told.checks if f"{check.plan}/{check.variant}" == f"{told.plan}/{told.document['compared']['published']}"]
     agrees = bool(mine) and all(check.met for check in mine)
     words = f"The published procedure {first} on the twin gives J0 = {published.j0[use]:.1f} on {use}"
-    words += f" (thesis {_printed_j0(told, use):.1f}). " if (use, "fossen") in told.printed else ". "
+    words += f" (thesis {printed_j0(told, use):.1f}). " if (use, "fossen") in told.printed else ". "
     for name, item in ((first, published), (second, corrected)):
         figures = ", ".join(f"{item.scores[(use, model)].title} {item.scores[(use, model)].ratio:.2f}" for model in loose)
         words += f"With {name} J/J0 is {figures}. " if figures else ""
@@ -115,7 +73,7 @@ def summary(told: Told) -> Summary:
         models=(),
         identified=(),
         missing=tuple(_open_ends(told)),
-        warnings=tuple(f"{item.asked}: {_range(item)}, asked {_bounds(item)} ({item.plan}, {item.variant})" for item in told.missed),
+        warnings=tuple(f"{item.asked}: {value_range(item)}, asked {bounds(item)} ({item.plan}, {item.variant})" for item in told.missed),
     )
 
 
@@ -134,18 +92,18 @@ def sections(told: Told) -> dict[str, dict[str, Any]]:
         "why": section("Why the published tables look as they do", list(_why(told)), order=2),
         "tables": section(
             "Tables 5.1 and 5.2 beside the twin's",
-            [*_variant_words(told), *_tables(told, told.plan, printed=True), *_notes(told)],
+            [*variant_words(told), *error_tables(told, told.plan, printed=True), *repeats(told), *row_notes(told)],
             order=3,
             look_for=f"Column {told.compared('published')[0]} against the thesis; then the last two models where the force is right.",
         ),
-        "asked": section("What was asked, and what came out", [_asked(told)], order=4),
-        "force": section("How well the force and the motion are known", list(_force(told)), order=5),
+        "asked": section("What was asked, and what came out", [asked(told)], order=4),
+        "force": section("How well the force and the motion are known", list(force_tables(told)), order=5),
         "chosen": section("What was chosen, and what was not", list(_chosen(told)), order=8),
     }
-    for index, entry in enumerate(told.document["plans"][1:]):
-        if told.of(entry["id"]):
+    for index, entry in enumerate(told.document["plans"]):
+        if entry["id"] not in (told.plan, *told.repeated) and told.of(entry["id"]):
             words = f"Plan {entry['id']}: {entry['meaning']}."
-            blocks = [text(words), *_tables(told, entry["id"], printed=False)]
+            blocks = [text(words), *error_tables(told, entry["id"], printed=False)]
             shown[f"plan{index}"] = section(f"The same tables on plan {entry['id']}", blocks, order=6 + index)
     return shown
 
@@ -225,149 +183,12 @@ def _turn_table(told: Told) -> Block:
         term = next(item.turn_terms[model][0] for item in shown.values() if model in item.turn_terms)
         printed = told.published["coefficients"].get(model, {}).get("Y", {})
         thesis = next((printed[name] for name in TURN_TERMS if name in printed), None)
-        rows.append([_model_title(told, model), term, thesis, *(item.turn_terms.get(model, ("", None))[1] for item in shown.values())])
+        rows.append([model_title(told, model), term, thesis, *(item.turn_terms.get(model, ("", None))[1] for item in shown.values())])
     note = (
         f"Coefficient of the transport term in Y [kg]; {sum(told.transport):.1f} if u r were counted twice and nothing else went with it. "
         "In closed loop v follows r, so that single coefficients trade off against each other: the difference between the columns counts."
     )
     return table("The coefficient that carries it", heads, rows, note=note)
-
-
-def _model_title(told: Told, model: str) -> str:
-    return next((score.title for item in told.found.values() for (_, name), score in item.scores.items() if name == model), model)
-
-
-def _variant_words(told: Told) -> Iterator[Block]:
-    yield text(
-        "; ".join(f"{told.label(name)} {entry['title']}" for name, entry in told.variants.items() if name in told.of(told.plan)) + "."
-    )
-
-
-def _tables(told: Told, plan: str, *, printed: bool) -> Iterator[Block]:
-    shown = told.of(plan)
-    for use, number in (("validation", "5.1"), ("training", "5.2")):
-        if not all(use in item.j0 for item in shown.values()):
-            continue
-        models = _order(told, use, shown)
-        thesis = printed and any((use, model) in told.printed for model in models)
-        where = f"Table {number} ({use})" if printed else f"{use.capitalize()}"
-        names = [*(["thesis"] if thesis else []), *(told.label(name) for name in shown)]
-        ratios: list[Cells] = []
-        sizes: list[Cells] = []
-        for model in models:
-            row = told.printed.get((use, model))
-            scores = [item.scores[(use, model)] for item in shown.values()]
-            head: Cells = [scores[0].title, *([row["n_bar_printed"] if row else None] if thesis else []), scores[0].n_bar, scores[0].rank]
-            ratios.append([*head, *([row["ratio_recomputed"] if row else None] if thesis else []), *(score.ratio for score in scores)])
-            sizes.append([*head, *([row["J"] if row else None] if thesis else []), *(score.j for score in scores)])
-        j0 = [item.j0[use] for item in shown.values()]
-        none: Cells = ["no model: J0", *([0] if thesis else []), 0, 0, *([_printed_j0(told, use)] if thesis else []), *j0]
-        heads = ["model", *(["n-bar thesis"] if thesis else []), "n-bar", "rank"]
-        note = "J is the RMS error over six axes, N and N m mixed, as the thesis has it."
-        yield table(
-            f"{where}: J/J0", [*heads, *(f"J/J0 {name}" for name in names)], ratios, note="0 is perfect, 1 explains nothing." * printed
-        )
-        yield table(f"{where}: J", [*heads, *names], [*sizes, none], note=note * printed)
-
-
-def _order(told: Told, use: str, shown: Mapping[str, Found]) -> list[str]:
-    """Models in the order of the published table, then those that are not in it."""
-    fitted = [model for kind, model in next(iter(shown.values())).scores if kind == use]
-    listed = [model for kind, model in told.printed if kind == use]
-    return [model for model in listed if model in fitted] + [model for model in fitted if model not in listed]
-
-
-def _printed_j0(told: Told, use: str) -> float:
-    return float(next((row["J0"] for (kind, _), row in told.printed.items() if kind == use), float("nan")))
-
-
-def _notes(told: Told) -> Iterator[Block]:
-    for row in told.printed.values():
-        if abs(row["ratio_printed"] - row["ratio_recomputed"]) > 0.002:
-            ours = [
-                f"{told.label(name)} {item.scores[(row['set'], row['model'])].ratio:.3f}"
-                for name, item in told.of(told.plan).items()
-                if (row["set"], row["model"]) in item.scores
-            ]
-            yield remark(
-                f"Table {row['table']}, {_model_title(told, row['model'])}: J = {row['J']:.3f} over J0 = {row['J0']:.3f} is "
-                f"{row['ratio_recomputed']:.3f}, but the table prints {row['ratio_printed']:.3f}, which belongs to "
-                f"J = {row['ratio_printed'] * row['J0']:.2f}. {row['note']}. The twin gives {', '.join(ours)}.",
-                "note",
-            )
-    rows = [(row, told.of(told.plan)) for (use, model), row in told.printed.items() if model == "uncoupled" and use == "validation"]
-    for row, shown in rows:
-        score = next(iter(shown.values())).scores.get(("validation", "uncoupled"))
-        if score is not None:
-            yield remark(
-                f"Uncoupled has n-bar {row['n_bar_printed']} in Tables 5.1 and 5.2, but 22 in Figure 5.14 and Table E.10, where X_u and "
-                f"X_u|u| are missing. The vehicle only moves ahead, so u = |u| and u² = u|u|: of the {score.n_bar} terms here the data "
-                f"determine {score.rank}, and of each pair only the sum. Both counts are right: one of terms, one of what can be known.",
-                "note",
-            )
-    yield remark(
-        "For the same reason Coe is fitted with 33 of its 36 terms in the thesis: X, Z and M have no u|u| beside u².",
-        "note",
-    )
-
-
-def _asked(told: Told) -> Block:
-    rows = [
-        [
-            item.plan,
-            f"{told.label(item.variant)} {item.variant}",
-            item.asked,
-            _bounds(item),
-            _range(item),
-            "met" if item.met else "missed",
-            item.known if not item.met else "",
-        ]
-        for item in told.checks
-    ]
-    note = "Measured: from the least to the most of several values. A bound that is missed without a reason makes the command fail."
-    return table("Asked and measured", ["plan", "variant", "figure", "asked", "measured", "", "reason"], rows, note=note)
-
-
-def _bounds(item: Check) -> str:
-    if item.low is not None and item.high is not None:
-        return f"{item.low:g} to {item.high:g}"
-    return f"at least {item.low:g}" if item.low is not None else f"at most {item.high:g}" if item.high is not None else "any"
-
-
-def _range(item: Check) -> str:
-    return f"{item.least:.3g}" if item.least == item.most else f"{item.least:.3g} to {item.most:.3g}"
-
-
-def _force(told: Told) -> Iterator[Block]:
-    plans = [entry["id"] for entry in told.document["plans"] if told.of(entry["id"])]
-    pairs = [(plan, name, item) for plan in plans for name, item in told.of(plan).items()]
-    rows = [
-        [plan, told.label(name), total(item.force_error), total(item.force), *map(float, item.force_error)] for plan, name, item in pairs
-    ]
-    note = (
-        "Residual force minus the true viscous and unsteady force, all legs. Not zero for true states: they are interpolated between the "
-        "ticks of the simulation, at which the unsteady force and the fins have kinks."
-    )
-    yield table("Residual force: RMS error against the truth", ["plan", "variant", "error", "true force", *AXES], rows, note=note)
-    heads: list[str | tuple[str, str]] = [
-        "plan",
-        "variant",
-        ("u", "m/s"),
-        ("v", "m/s"),
-        ("w", "m/s"),
-        ("p", "rad/s"),
-        ("q", "rad/s"),
-        ("r", "rad/s"),
-        ("gyro bias", "rad/s"),
-        ("accelerometer bias", "m/s²"),
-        ("sway gap", "m/s"),
-    ]
-    rows = [
-        [plan, told.label(name), *map(float, item.velocity_error), item.gyro_bias, item.accel_bias, item.sway_gap]
-        for plan, name, item in pairs
-    ]
-    note = "Biases: RMS over legs and axes. Sway gap: largest RMS of a leg of found minus measured sway."
-    yield table("Motion and biases: RMS error against the truth", heads, rows, note=note)
 
 
 def _chosen(told: Told) -> Iterator[Block]:
@@ -377,8 +198,8 @@ def _chosen(told: Told) -> Iterator[Block]:
         "published ones, the noise of the sensors is assumed, and the viscous force is flow physics outside the span of all eight models."
     )
     keys = ("yaw_scale", "yaw_steps", "depth_scale", "depth_steps", "depth_m", "unsteady", "settle_s", "fins", "sensors")
-    rows: list[Cells] = [[key, *(_plain(plan.get(key)) for plan in told.plans.values())] for key in keys]
-    yield table("What the plans say", ["key", *told.plans], rows, note="Steps are multiplied by their scale.")
+    rows: list[Cells] = [[key, *(_plain(plan.get(key)) for plan in told.flown.values())] for key in keys]
+    yield table("What the plans say", ["key", *told.flown], rows, note="Steps are multiplied by their scale.")
     legs = [[leg["id"], leg["use"], leg["manoeuvre"], leg["rpm"], leg["duration_s"]] for leg in told.plans[told.plan]["legs"]]
     yield table(f"Legs of plan {told.plan}", ["leg", "use", "manoeuvre", ("speed", "rpm"), ("length", "s")], legs)
     if told.vehicle.fins is not None:
@@ -411,6 +232,3 @@ def _plain(value: Any) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return " ".join(_plain(item) for item in value)
     return {None: "none", True: "yes", False: "no"}.get(value, str(value)) if value is None or isinstance(value, bool) else str(value)
-
-
-__all__ = ["SETS", "Told", "sections", "summary"]
