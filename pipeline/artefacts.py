@@ -52,7 +52,8 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
     if kind == "bytes":
         return content
     try:
-        found = pq.ParquetFile(pa.BufferReader(content)).read() if kind == "table" else json.loads(content)
+        # one thread: Arrow's readers let go of a Python buffer after they return, and at exit that aborts (apache/arrow#34314)
+        found = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False) if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         raise SchemaError(f"cannot be read: {fault}", file=path, remedy="Remove the file and run again.") from fault
     if kind == "table":
