@@ -113,7 +113,7 @@ def test_standard_deviations_match_the_errors(motion: Motion) -> None:
 
 
 def test_a_transport_term_left_in_shows_in_the_rate(motion: Motion) -> None:
-    """Negative control: omega x v counted twice puts up to 0.3 rad/s times 1.5 m/s into sway; noise as assumed of a real velocity sensor."""
+    """Negative control: omega x v counted twice puts up to 0.3 rad/s times 1.5 m/s into sway; noise as of a real velocity sensor."""
     dvl = np.arange(3, len(motion.t), 13)
     given = SmootherNoise(accel=np.full(3, 0.03), velocity=np.full(3, 0.01), depth=0.005, jerk_density=np.full(3, 1e-3))
     wrong = smooth_velocity(
