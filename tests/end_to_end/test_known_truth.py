@@ -64,9 +64,7 @@ def fit(tables: dict[str, pa.Table], *models: str, **params: Any) -> tuple[synth
     segments = {name: segment_document(name, "validation" if name == "check" else "training") for name in tables}
     inputs = synthesise.Inputs(collection(tables), collection(segments), vehicle_document("vt690"))
     fitted = synthesise.run(inputs, synthesise.Params(models=models, **params))
-    judged = validate.run(
-        validate.Inputs(collection(dict(fitted.model_card)), collection(tables), collection(segments)), validate.Params()
-    )
+    judged = validate.run(validate.Inputs(collection(dict(fitted.model_card)), collection(tables), collection(segments)), validate.Params())
     return fitted, judged
 
 
