@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 from numpy.typing import ArrayLike
 
 from data_schemas.errors import DataError
@@ -119,6 +118,8 @@ def smooth_velocity(
     H = np.zeros((MEASURED, SIZE))
     H[:3, F] = H[:3, B] = H[3:6, V] = np.eye(3)
     H[6, Z] = 1.0
+    from filterpy.kalman import KalmanFilter  # a second to import, and only this method needs it
+
     kalman = KalmanFilter(dim_x=SIZE, dim_z=MEASURED)
     kalman.x = np.concatenate([z[:1], v[0], a[0], np.zeros(6)])[:, None]
     kalman.P = np.diag([1.0] + [0.25] * 3 + [1.0] * 3 + [10.0] * 3 + [used.bias**2] * 3)

@@ -153,7 +153,7 @@ def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[Mapp
         # Read in a stream: reading at once parses far ahead of what it converts and takes twice the memory, for the same speed.
         table = pacsv.open_csv(
             pa.BufferReader(pa.py_buffer(file.buffer)),
-            read_options=pacsv.ReadOptions(encoding=head.encoding),
+            read_options=pacsv.ReadOptions(encoding=head.encoding, use_threads=False),
             parse_options=pacsv.ParseOptions(delimiter=head.delimiter),
             convert_options=form.options(types),
         ).read_all()
