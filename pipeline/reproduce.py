@@ -6,51 +6,31 @@ and is cached by the same manifests as a run: only what is stale is made again.
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from data_schemas.schemas import schema
 from pipeline import session
 from pipeline.artefacts import load
-from pipeline.campaign import ID, SIMULATE, Campaign, inside, load_campaign
+from pipeline.campaign import SIMULATE, Campaign, inside
 from pipeline.engines import Engine
-from pipeline.files import prune, readable
+from pipeline.files import prune
 from pipeline.fingerprints import FileHashes, hash_value, stage_code
-from pipeline.graph import WHOLE, AnyStage, Graph, Port, stages_of_kind
+from pipeline.graph import WHOLE, Graph, Port
 from pipeline.lock import locked
 from pipeline.manifest import Manifest
 from pipeline.progress import Progress
+from pipeline.reproduction import FLIGHT, PAGE, SHARED, Setting, chain_of, open_setting, published_tables
 from pipeline.runner import InternalFault, Run, StageFault
 from pipeline.sources import Artefact, Many, Source, Value
-from pipeline.twin import load_twin, published_coefficients, read_coefficients
+from pipeline.twin import load_twin
 from pipeline.work import Task, execute
-from pipeline.workspace import load_defaults, workspace_of
-from pipeline.yaml_files import YamlFile, load_yaml
-from stages import KINDS, STAGES, true_state
 from stages.base import make_params, ports
 from stages.report import reproduction
 
-FILE = "reproduce.yaml"
-FOLDER = "reproduce"
-FLIGHT, PAGE = "flight", "page"
-"""Folders beside those of the variants and of the plans."""
-SHARED = ("simulate", "ingest")
-LEFT_OUT = ("report",)
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A campaign with its document of variants and the folder of the results."""
-
-    campaign: Campaign
-    document: YamlFile
-    defaults: YamlFile
-    folder: Path
+__all__ = ["Reproduced", "open_setting", "print_tables", "reproduce"]
 
 
 @dataclass(frozen=True)
@@ -68,65 +48,13 @@ class Reproduced:
         return [row for row in self.checks if not row["met"] and not row["known"]]
 
 
-def open_setting(name: str) -> Setting:
-    """The reproduction of a campaign given by name or path. Raises `PipelineError` for anything wrong with its documents."""
-    workspace = workspace_of(name)
-    folder = workspace.campaign_folder(name)
-    campaign = load_campaign(folder, kinds=KINDS, vehicles=workspace.vehicle_files())
-    path = folder / FILE
-    if not path.is_file():
-        known = [other for other in workspace.campaign_names() if (workspace.campaigns / other / FILE).is_file()]
-        remedy = f"Campaigns that have one: {', '.join(known)}." if known else f"It needs a {FILE} beside its campaign.yaml."
-        raise CampaignError("this campaign reproduces nothing", value=campaign.name, remedy=remedy)
-    document = load_yaml(path)
-    document.check("reproduction")
-    raise_faults([document.located(fault) for fault in _faults(document, campaign)], file=path)
-    return Setting(campaign, document, load_defaults(workspace, STAGES), workspace.runs / campaign.name / FOLDER)
-
-
-def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
-    document, path = file.value, file.path
-    if campaign.twin is None:
-        yield CampaignError("only a twin can fly the plans of a reproduction", file=path, field="plans", value=campaign.document["kind"])
-    names: dict[str, list[str]] = {}
-    for part, reserved in (("plans", PAGE), ("variants", FLIGHT)):
-        names[part] = [entry["id"] for entry in document[part]]
-        if not names[part]:
-            yield CampaignError("the list is empty", file=path, field=part)
-        for index, name in enumerate(names[part]):
-            if not ID.fullmatch(name) or name == reserved or name in names[part][:index]:
-                allowed = f"letters, digits, _ and -, each name once, not {reserved}"
-                yield CampaignError("not a name of its own", file=path, field=f"{part}[{index}].id", value=name, allowed=allowed)
-    wanted = [(f"compared.{role}", name) for role, name in document["compared"].items()]
-    for index, plan in enumerate(document["plans"]):
-        wanted += [(f"plans[{index}].variants[{at}]", name) for at, name in enumerate(plan.get("variants") or [])]
-    for field, name in wanted:
-        if name not in names["variants"]:
-            remedy = nearest(name, names["variants"])
-            yield CampaignError("no such variant", file=path, field=field, value=name, allowed=names["variants"], remedy=remedy)
-    for index, variant in enumerate(document["variants"]):
-        known = [stage.name for stage in _stages(variant, campaign) if stage.name not in SHARED]
-        for stage in variant.get("stages") or {}:
-            if stage not in known:
-                at = f"variants[{index}].stages.{stage}"
-                yield CampaignError("not a stage of this variant", file=path, field=at, allowed=known, remedy=nearest(stage, known))
-
-
-def _stages(variant: Mapping[str, Any], campaign: Campaign) -> tuple[AnyStage, ...]:
-    """The chain of a variant: with true states, these take the place of fusion; no report."""
-    chain = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
-    chain = tuple(stage for stage in chain if stage.name not in LEFT_OUT)
-    if variant.get("states") == "truth":
-        return tuple(true_state.STAGE if stage.name == "fuse" else stage for stage in chain)
-    return chain
-
-
 def reproduce(setting: Setting, engine: Engine, progress: Progress, *, force: bool = False) -> Reproduced:
     """Bring every variant of every plan and the page up to date. Raises `StageFault` or `InternalFault` as a run does."""
+    published = published_tables(setting)
     with locked(setting.folder):
         runs, count = _runs(setting, engine, progress, force=force)
         page = setting.folder / PAGE
-        made = _page(page, _sources(setting, runs), force=force)
+        made = _page(page, _sources(setting, runs, published), force=force)
     tables = {port.name: load(page / port.path(WHOLE), port.schema) for port in PAGE_PORTS if schema(port.schema).kind == "table"}
     return Reproduced(page / "page.html", count + made, tables["errors"].to_pylist(), tables["checks"].to_pylist())
 
@@ -160,7 +88,7 @@ def _with_plan(setting: Setting, entry: Mapping[str, Any]) -> Campaign:
 
 
 def _run(setting: Setting, campaign: Campaign, variant: Mapping[str, Any], plan: str) -> Run:
-    graph = Graph(_stages(variant, campaign))
+    graph = Graph(chain_of(variant, campaign))
     own = variant.get("stages") or {}
     params = {}
     for stage in graph.stages:
@@ -192,7 +120,7 @@ class Titled:
             self._progress.finish(failed=failed)
 
 
-def _sources(setting: Setting, runs: Mapping[str, Run]) -> dict[str, Source]:
+def _sources(setting: Setting, runs: Mapping[str, Run], published: Mapping[str, Any]) -> dict[str, Source]:
     """What the page is made of: artefacts of all runs, keyed as `stages.report.reproduction.Inputs` says."""
     plans = {key.split("/")[0]: run for key, run in runs.items()}
     by_plan = {name: _artefacts(plans, name) for name in ("simulation", "truth")}
@@ -200,7 +128,7 @@ def _sources(setting: Setting, runs: Mapping[str, Run]) -> dict[str, Source]:
     campaign, first = setting.campaign, runs[_first(setting)]
     return {
         "reproduction": Value(setting.document.value),
-        "published": Value(_published(setting)),
+        "published": Value(published),
         "vehicle": Value(campaign.vehicle),
         "campaign": Value(first.campaign.document),
         "provenance": Value(first.provenance()),
@@ -240,39 +168,6 @@ def _artefacts(runs: Mapping[str, Run], schema_name: str) -> dict[str, Artefact]
                     last = key if key is not None else "" if port.level == WHOLE else item
                     found["/".join([name, *([last] if last else [])])] = artefact
     return found
-
-
-def _published(setting: Setting) -> dict[str, Any]:
-    """The document `published_tables` of the campaign's CSV file, and the published coefficients beside the vehicle file."""
-    name, manifest = setting.document.value["published"], setting.document.path
-    path = inside(setting.campaign.folder, name, manifest)
-    with readable(path, file=manifest, what="table of published errors"):
-        text = path.read_text(encoding="utf-8")
-    rows: list[dict[str, Any]] = []
-    faults: list[PipelineError] = []
-    for number, row in enumerate(csv.DictReader(io.StringIO(text)), start=2):
-        try:
-            rows.append({column: convert(row[column] or "") for column, convert in COLUMNS.items()})
-        except (KeyError, ValueError) as fault:
-            faults.append(CampaignError(f"not a row of published errors: {fault}", file=path, row=number, allowed=", ".join(COLUMNS)))
-    if not rows and not faults:
-        faults.append(CampaignError("the table of published errors is empty", file=path))
-    raise_faults(faults, file=path)
-    coefficients = {model: read_coefficients(file) for model, file in published_coefficients(setting.campaign.vehicle_file).items()}
-    return {"source": name, "rows": rows, "coefficients": coefficients}
-
-
-COLUMNS: dict[str, Any] = {
-    "table": str,
-    "set": str,
-    "model": str,
-    "n_bar_printed": int,
-    "J": float,
-    "J0": float,
-    "ratio_printed": float,
-    "ratio_recomputed": float,
-    "note": str,
-}
 
 
 PAGE_PORTS = tuple(

@@ -107,18 +107,25 @@ def _coupling(inputs: Inputs, key: str) -> Block:
     start = float(inputs.segment[key]["leg_start_s"])
     inside = (clock(truth) >= start) & (clock(truth) <= start + clock(fused)[-1])
     t_true, t = clock(truth)[inside] - start, clock(fused)
+    # A heading is logged within one turn; which one it starts in says nothing.
+    turns = {name: _turns(column(fused, name)[0] - column(truth, name)[inside][0]) for name in ATTITUDE}
     panels = [
         panel(
             words,
             "deg",
             [
-                series("measured", t, np.degrees(column(fused, name)), "measured"),
+                series("measured", t, np.degrees(column(fused, name) - turns[name]), "measured"),
                 series("true", t_true, np.degrees(column(truth, name)[inside]), "true"),
             ],
         )
         for words, name in (("heading", "psi_rad"), ("roll", "phi_rad"), ("pitch", "theta_rad"))
     ]
     return plot(f"Growing steps in heading, leg {leg} of plan {plan}", panels, group="coupling")
+
+
+def _turns(angle: float) -> float:
+    """The whole turns in an angle [rad]."""
+    return 2.0 * np.pi * round(angle / (2.0 * np.pi))
 
 
 def _processed(inputs: Inputs, published: str, corrected: str, labels: tuple[str, str]) -> list[Block]:

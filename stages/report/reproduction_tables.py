@@ -222,7 +222,7 @@ def force_tables(told: Told) -> Iterator[Block]:
         ("q", "rad/s"),
         ("r", "rad/s"),
         ("gyro bias", "rad/s"),
-        ("accelerometer bias", "m/s²"),
+        ("accel. bias", "m/s²"),
         ("sway gap", "m/s"),
     ]
     rows = [
