@@ -198,9 +198,9 @@ def _chosen(told: Told) -> Iterator[Block]:
         "published ones, the noise of the sensors is assumed, and the viscous force is flow physics outside the span of all eight models."
     )
     yield text(
-        "Areas and stall angles of the flow physics, gains of the autopilot, and times and angles of the steps are free choices. Stall angles, "
-        "induced drag and one gain were changed once, after the tables of plan default with its large manoeuvres had been seen: with earlier "
-        "values the fins stalled there. So the ease of that plan for simple models is partly a choice."
+        "Areas and stall angles of the flow physics, gains of the autopilot, and times and angles of the steps are free choices. Stall "
+        "angles, induced drag and one gain were changed once, after the tables of plan default had been seen: before, the fins stalled in "
+        "its large manoeuvres. So the ease of that plan for simple models is partly a choice."
     )
     keys = ("yaw_scale", "yaw_steps", "depth_scale", "depth_steps", "depth_m", "unsteady", "settle_s", "fins", "sensors")
     rows: list[Cells] = [[key, *(_plain(plan.get(key)) for plan in told.flown.values())] for key in keys]
