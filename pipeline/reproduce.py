@@ -6,7 +6,7 @@ and is cached by the same manifests as a run: only what is stale is made again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from pipeline.reproduction import FLIGHT, PAGE, SHARED, Setting, chain_of, open_
 from pipeline.runner import InternalFault, Run, StageFault
 from pipeline.sources import Artefact, Many, Source, Value
 from pipeline.twin import load_twin
-from pipeline.work import Task, execute
+from pipeline.work import Outcome, Task, execute
 from stages.base import make_params, ports
 from stages.report import reproduction
 
@@ -52,7 +52,10 @@ def reproduce(setting: Setting, engine: Engine, progress: Progress, *, force: bo
     """Bring every variant of every plan and the page up to date. Raises `StageFault` or `InternalFault` as a run does."""
     published = published_tables(setting)
     with locked(setting.folder):
-        runs, count = _runs(setting, engine, progress, force=force)
+        try:
+            runs, count = _runs(setting, KeptOpen(engine), progress, force=force)
+        finally:
+            engine.close()
         page = setting.folder / PAGE
         made = _page(page, _sources(setting, runs, published), force=force)
     tables = {port.name: load(page / port.path(WHOLE), port.schema) for port in PAGE_PORTS if schema(port.schema).kind == "table"}
@@ -95,6 +98,20 @@ def _run(setting: Setting, campaign: Campaign, variant: Mapping[str, Any], plan:
         values = {**(setting.defaults.value.get(stage.name) or {}), **(own.get(stage.name) or {})}
         params[stage.name] = make_params(stage.params, values, stage=stage.name, file=setting.document.path)
     return Run(campaign, graph, params, setting.folder / plan / str(variant["id"]))
+
+
+@dataclass(frozen=True)
+class KeptOpen:
+    """An engine that several runs use after one another: they would otherwise start its processes anew each."""
+
+    engine: Engine
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        """Outcomes of the engine itself."""
+        return self.engine.map(tasks)
+
+    def close(self) -> None:
+        """Left to who made the engine."""
 
 
 class Titled:
