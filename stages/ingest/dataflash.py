@@ -90,21 +90,29 @@ def build_index(buffer: Buffer) -> Index:
     proposals = propose(buffer, of_fmt[of_fmt + layout.FMT_BYTES <= buffer.size])
     usable = np.ones(proposals.offset.size, np.bool_)
     contradicted = np.zeros(proposals.offset.size, np.bool_)
+    torn = np.zeros(proposals.offset.size, np.bool_)
     for _ in range(ROUNDS):
-        definitions = settle(proposals, np.flatnonzero(usable).tolist())
+        definitions = settle(proposals, np.flatnonzero(usable).tolist(), torn)
         clock = _clocks(proposals, definitions)
-        chain = Walk(buffer, offset, type, definitions, clock).run()
+        chain = Walk(buffer, offset, type, definitions, clock, proposals.offset).run()
         in_chain = np.isin(proposals.offset, chain.offset[chain.type == layout.FMT_ID])
         contradicted[_contradicted(chain, definitions)] = True
         believed = usable & in_chain & ~contradicted
-        if (believed == usable).all():
+        beside = _beside_gaps(proposals, chain)
+        if (believed == usable).all() and (beside == torn).all():
             break
-        usable = believed
+        usable, torn = believed, beside
     refused = dict.fromkeys(proposals.offset[in_chain & contradicted].tolist(), CONTRADICTED)
     unsound = np.isin(proposals.unsound, chain.offset[chain.type == layout.FMT_ID])
     reasons = [REASONS[code] for code in proposals.reason[unsound].tolist()]
     refused.update(zip(proposals.unsound[unsound].tolist(), reasons, strict=True))
     return Index(chain, definitions, proposals, clock, refused)
+
+
+def _beside_gaps(proposals: Proposals, chain: Chain) -> npt.NDArray[np.bool_]:
+    """True for the FMT records that touch damaged bytes, so that they may be two halves of different ones."""
+    edges = [edge for gap in chain.gaps for edge in (gap.start - layout.FMT_BYTES, gap.stop)]
+    return np.isin(proposals.offset, np.array(edges, np.int64))
 
 
 def _clocks(proposals: Proposals, definitions: Definitions) -> npt.NDArray[np.int8]:

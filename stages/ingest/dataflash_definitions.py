@@ -109,30 +109,39 @@ class Definitions:
         return entry
 
 
-def _is_repetition(before: bytes, after: bytes) -> bool:
-    """Whether two FMT records agree in all but `DAMAGED_LABEL_BYTES` of the field names."""
+def _is_repetition(before: bytes, after: bytes, *, new_log: bool) -> bool:
+    """Whether two FMT records declare the same: only the field names may differ, and those by no more than `DAMAGED_LABEL_BYTES` if a
+    new log, perhaps of another firmware, begins between the two. Within one log no type is declared with other names."""
     if before[:LABELS_START] != after[:LABELS_START]:
         return False
-    return sum(one != other for one, other in zip(before, after, strict=True)) <= DAMAGED_LABEL_BYTES
+    return not new_log or sum(one != other for one, other in zip(before, after, strict=True)) <= DAMAGED_LABEL_BYTES
 
 
-def settle(proposals: Proposals, rows: Iterable[int]) -> Definitions:
-    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change, nor is one with hardly other field names:
-    that is a damaged repetition."""
+def settle(proposals: Proposals, rows: Iterable[int], torn: npt.NDArray[np.bool_]) -> Definitions:
+    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change, nor is one with other field names in the same
+    log: that is a damaged repetition, and of the two the first holds unless it is `torn` (stands beside damage) and the other is not."""
     first = np.full(256, -1, np.int32)
     first[layout.FMT_ID] = 0
     lengths, kept = [layout.FMT_BYTES], [-1]
-    current: dict[int, bytes] = {}
+    current: dict[int, tuple[bytes, int]] = {}  # of each id the FMT record in force, and in which log it stands
     changes: dict[int, list[tuple[int, int]]] = {}
     ids, offsets, declared = proposals.raw[:, 3].tolist(), proposals.offset.tolist(), proposals.raw[:, 4].tolist()
+    log = 0
     for row in rows:
         id = ids[row]
         identity = proposals.raw[row].tobytes()
-        if id == layout.FMT_ID or (id in current and _is_repetition(current[id], identity)):
+        if id == layout.FMT_ID:
+            log += 1
+            continue
+        if id in current and _is_repetition(current[id][0], identity, new_log=current[id][1] != log):
+            entry = changes[id][-1][1]
+            if torn[kept[entry]] and not torn[row]:
+                kept[entry] = row
+                current[id] = (identity, log)
             continue
         if id not in current:
             first[id] = len(kept)
-        current[id] = identity
+        current[id] = (identity, log)
         changes.setdefault(id, []).append((offsets[row], len(kept)))
         lengths.append(declared[row])
         kept.append(row)

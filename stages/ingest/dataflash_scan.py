@@ -2,7 +2,8 @@
 
 A candidate is any place with the two magic bytes. The chain goes from a record to the candidate at its end; a log has no other
 framing and no checksum. Behind a break the chain goes on at the next candidate that is itself followed by a header (or by the end of
-the file); between the two, single records are taken only if their own time stamp fits the clock on both sides.
+the file), or that is a definition which agrees with itself; between the two, single records are taken only if their own time stamp
+fits the clock on both sides.
 """
 
 from __future__ import annotations
@@ -88,12 +89,20 @@ class Walk:
     """One walk along the chain. Arrays have one entry per candidate.
 
     `clock` is the kind of time stamp (see `read_times`) of each definition, and a last 0 which serves entry -1, the undefined types.
+    `sound` are the offsets of the FMT records that agree with themselves, which is proof enough to take them beside damage.
     """
 
     def __init__(
-        self, buffer: Buffer, offset: Ints, type: npt.NDArray[np.uint8], definitions: Definitions, clock: npt.NDArray[np.int8]
+        self,
+        buffer: Buffer,
+        offset: Ints,
+        type: npt.NDArray[np.uint8],
+        definitions: Definitions,
+        clock: npt.NDArray[np.int8],
+        sound: Ints,
     ) -> None:
         self.buffer, self.offset, self.type, self.definitions, self.clock = buffer, offset, type, definitions, clock
+        self.sound = sound
         self.size, self.count = buffer.size, offset.size
         self.entry = definitions.entries(offset, type)
         self.length = definitions.length[self.entry]
@@ -108,8 +117,10 @@ class Walk:
 
     @cached_property
     def confirmed(self) -> Ints:
-        """Candidates of a known length with a header, or the end of the file, right behind them."""
-        return np.flatnonzero(self.valid & (header_at(self.buffer, self.end) | (self.end == self.size)))
+        """Candidates of a known length with a header, or the end of the file, right behind them, and all sound definitions."""
+        followed = self.valid & (header_at(self.buffer, self.end) | (self.end == self.size))
+        followed[self.offset.searchsorted(self.sound)] = True
+        return np.flatnonzero(followed)
 
     @cached_property
     def times_us(self) -> Ints:
