@@ -45,7 +45,7 @@ demo: $(STAMP)
 
 campaign: $(STAMP) .dvc/config.local
 	@grep -qE "^ *- +$(NAME) *(#|$$)" params.yaml || { echo "campaign $(NAME) is not in the list 'campaigns:' of params.yaml: add a line '  - $(NAME)' and run make declarations"; exit 1; }
-	dvc repro report@$(NAME)
+	dvc repro --glob 'report*@$(NAME)'
 	@auvid report $(NAME)
 
 report: $(STAMP)

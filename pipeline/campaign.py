@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,14 @@ from data_schemas.errors import CampaignError, PipelineError, SchemaError, neare
 from pipeline.twin import load_twin, with_logs_of_plan
 from pipeline.yaml_files import YamlFile, load_yaml
 
-SIMULATE = "simulate"
+SIMULATE, INGEST = "simulate", "ingest"
+DOCUMENTS = {
+    "apparatus": ("apparatus", "pipendulum"),
+    "published_values": ("published", "compare"),
+    "control_cases": ("cases", "control"),
+    "model_card": ("model", "control"),
+}
+"""Documents beside a manifest: schema -> the key that names the file, and the stage whose optional port it feeds."""
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
@@ -37,6 +44,8 @@ class Campaign:
     vehicle_file: Path
     vehicle: Mapping[str, Any]
     twin: Mapping[str, Any] | None = None
+    documents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """The documents that the manifest names, by schema."""
 
     @cached_property
     def document(self) -> Mapping[str, Any]:
@@ -95,13 +104,25 @@ def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicle
     if SIMULATE in kinds[file.value["kind"]]:
         plan = inside(folder, file.value[SIMULATE]["plan"], file.path)
         twin = load_twin(file.value[SIMULATE], vehicle.value, plan=plan, vehicle_file=vehicle_file, folder=folder, file=file.path)
-    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value, twin)
+    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value, twin, _documents(file, folder))
+
+
+def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
+    """The documents that the manifest names, read and checked, by schema."""
+    found = {}
+    for name, (key, _) in DOCUMENTS.items():
+        if key in file.value:
+            document = load_yaml(inside(folder, file.value[key], file.path), named_in=file.path, what=key)  # JSON is YAML
+            document.check(name)
+            found[name] = document.value
+    return found
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
-    """Check the manifest against its schema; the logs and legs of a twin are not in it."""
+    """Check the manifest against its schema; the logs and legs of a twin, and of a campaign without logs, are not in it."""
     value = file.value
-    if isinstance(value, Mapping) and SIMULATE in kinds.get(str(value.get("kind")), ()):
+    stages = kinds.get(str(value.get("kind")), (INGEST,)) if isinstance(value, Mapping) else ()
+    if stages and (SIMULATE in stages or INGEST not in stages):
         file = replace(file, value={"logs": [], "legs": [], **value})
     file.check("campaign")
 
@@ -126,16 +147,29 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
     if manifest["kind"] not in kinds:
         yield CampaignError("unknown kind", file=path, field="kind", value=manifest["kind"], allowed=kinds)
         return
-    if SIMULATE in kinds[manifest["kind"]]:
+    stages = kinds[manifest["kind"]]
+    for key, stage in DOCUMENTS.values():
+        if key in manifest and stage not in stages:
+            having = [kind for kind, names in kinds.items() if stage in names]
+            yield CampaignError(
+                f"no stage of kind '{manifest['kind']}' reads this", file=path, field=key, allowed=f"kinds {', '.join(having)}"
+            )
+    if SIMULATE in stages or INGEST not in stages:
+        reason = "a twin has these from its plan" if SIMULATE in stages else "this kind of campaign has none"
         for part in ("logs", "legs"):
             if part in manifest:
-                yield CampaignError("a twin has these from its plan", file=path, field=part, remedy="Leave them out of the manifest.")
+                yield CampaignError(reason, file=path, field=part, remedy="Leave them out of the manifest.")
+    if SIMULATE in stages:
         if SIMULATE not in manifest:
             yield SchemaError("missing key", file=path, field=SIMULATE, remedy="A twin needs the plan that it flies.")
         yield from _stage_faults(manifest, kinds, path)
         return
     if SIMULATE in manifest:
-        yield CampaignError("only a campaign of kind 'twin' is simulated", file=path, field=SIMULATE)
+        simulated = " or ".join(f"'{kind}'" for kind, names in kinds.items() if SIMULATE in names)
+        yield CampaignError(f"only a campaign of kind {simulated} is simulated", file=path, field=SIMULATE)
+    if INGEST not in stages:
+        yield from _stage_faults(manifest, kinds, path)
+        return
     for part in ("logs", "legs"):
         if not manifest[part]:
             yield CampaignError("the list is empty", file=path, field=part, remedy="A campaign needs at least one.")

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.schemas import schema
-from pipeline.graph import WHOLE, AnyStage, Graph
+from pipeline.campaign import DOCUMENTS
+from pipeline.graph import MANIFEST_PORTS, WHOLE, AnyStage, Graph, stages_of_kind
 from stages.base import ports
 
 COMMENT_AT = 44
 CODE = "runs/.code"
-SIMULATE = "simulate"
 
 
 def default_of(item: Field[Any]) -> Any:
@@ -61,13 +61,17 @@ def _scalar(value: Any) -> str:
 
 
 def dvc_yaml(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]) -> str:
-    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage; `campaigns`: name -> kind."""
+    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage; `campaigns`: name -> kind.
+
+    Where a stage has other inputs in another kind of campaign, it has an entry of its own there, named `STAGE-KIND`.
+    """
     used = tuple(stage for stage in stages if any(stage.name in kinds[kind] for kind in campaigns.values()))
-    graph = Graph(used)
+    graphs = {kind: Graph(stages_of_kind(stages, kinds, kind)) for kind in sorted(set(campaigns.values()))}
     lines = [
-        "# One entry per stage, for each campaign that has it. `auvid run CAMPAIGN` does the same in one process; either may follow",
-        "# the other, for what is fresh is decided by the manifests under runs/. The hash of a stage's code (its own imports and schemas)",
-        "# stands in a small file that `code` brings up to date each time: an edited equation reruns what uses it.",
+        "# One entry per stage, for each campaign that has it; STAGE-KIND where the stage has other inputs in that kind of campaign.",
+        "# `auvid run CAMPAIGN` does the same in one process; either may follow the other, for what is fresh is decided by the manifests",
+        "# under runs/. The hash of a stage's code (its own imports and schemas) stands in a small file that `code` brings up to date each",
+        "# time: an edited equation reruns what uses it.",
         "stages:",
         "  code:",
         "    desc: Hash of the code of each stage",
@@ -77,38 +81,33 @@ def dvc_yaml(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], c
         *(f"      - {CODE}/{stage.name}.txt: {{cache: false, persist: true}}" for stage in stages),
     ]
     for stage in used:
-        having = [name for name, kind in campaigns.items() if stage.name in kinds[kind]]
-        twins = [name for name in having if SIMULATE in kinds[campaigns[name]]]
-        lines += ["", *_entry(graph, stage, having, twins, every=len(having) == len(campaigns))]
+        bodies: dict[tuple[str, ...], list[str]] = {}
+        for kind, graph in graphs.items():
+            if stage.name in kinds[kind]:
+                bodies.setdefault(tuple(_entry(graph, stage)), []).append(kind)
+        for index, (body, of) in enumerate(bodies.items()):
+            names = [name for name, kind in campaigns.items() if kind in of]
+            each = "${campaigns}" if len(names) == len(campaigns) else f"[{', '.join(names)}]"
+            lines += ["", f"  {stage.name}:" if index == 0 else f"  {stage.name}-{of[0]}:", f"    foreach: {each}", *body]
     return "\n".join(lines) + "\n"
 
 
-def _entry(graph: Graph, stage: AnyStage, campaigns: Sequence[str], twins: Sequence[str], *, every: bool) -> list[str]:
-    deps = [f"{CODE}/{stage.name}.txt"]
+def _entry(graph: Graph, stage: AnyStage) -> list[str]:
+    """What an entry does for each of its campaigns."""
     feeds = graph.feeds(stage)
-    manifest = {feed.schema for feed in feeds}
-    producers = {port.stage.name: port.stage for feed in feeds for port in feed.producers if feed.schema != "raw_log"}
-    from_twin = bool(twins) and ("raw_log" in manifest or SIMULATE in producers)
-    foreach = ["    foreach: ${campaigns}" if every else f"    foreach: [{', '.join(campaigns)}]"]
-    if from_twin:  # the campaign folder with its logs, or what the twin leaves: other campaigns have no such folder
-        producers.pop(SIMULATE, None)
-        places = {name: f"runs/{name}/{SIMULATE}" if name in twins else f"campaigns/{name}" for name in campaigns}
-        foreach = ["    foreach:", *(f"      {name}: {{logs: {place}}}" for name, place in places.items())]
-    whole_folder = not from_twin and manifest & {"raw_log", "twin"}
-    deps.append("campaigns/${item}" if whole_folder else "campaigns/${item}/campaign.yaml")
-    deps += ["${item.logs}"] * from_twin
-    deps += ["vehicles"] * ("vehicle" in manifest)
+    manifest = {feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers}
+    documents = {feed.schema for feed in feeds if not feed.producers} & set(DOCUMENTS)
+    producers = {port.stage.name for feed in feeds for port in feed.producers}
     if stage.maps_over == "segment":
-        producers |= {other.name: other for other in graph.stages if other.yields == "segment"}
-    for other in graph.stages:
-        if other.name in producers:
-            deps += [path for path, _ in _outs(other)]
+        producers |= {other.name for other in graph.stages if other.yields == "segment"}
+    deps = [f"{CODE}/{stage.name}.txt"]
+    deps.append("campaigns/${item}" if documents or manifest & {"raw_log", "twin"} else "campaigns/${item}/campaign.yaml")
+    deps += ["vehicles"] * ("vehicle" in manifest)
+    deps += [path for other in graph.stages if other.name in producers for path, _ in _outs(other)]
     plain = [(path, notes) for path, notes in _outs(stage) if "metrics" not in notes]
     metrics = [path for path, notes in _outs(stage) if "metrics" in notes]
     keys = [f"{stage.name}.{item.name}" for item in fields(stage.params)]
     lines = [
-        f"  {stage.name}:",
-        *foreach,
         "    do:",
         f"      desc: {stage.summary}",
         f"      cmd: auvid run ${{item}} --only {stage.name}",
@@ -118,7 +117,7 @@ def _entry(graph: Graph, stage: AnyStage, campaigns: Sequence[str], twins: Seque
     lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
     lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
     lines += ["      metrics:", *(f"        - {path}: {{persist: true}}" for path in metrics)] if metrics else []
-    return [line.replace("${item}", "${key}") for line in lines] if from_twin else lines
+    return lines
 
 
 def _outs(stage: AnyStage) -> list[tuple[str, str]]:

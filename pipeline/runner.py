@@ -184,7 +184,7 @@ class Run:
         if feed.every:
             return Many(self._collected(feed))
         if not feed.producers:
-            return Value(None)
+            return Value(self.campaign.documents.get(feed.schema))
         return self._produced(stage, feed, feed.producers[0], place)
 
     def _log(self, log: str) -> Log:

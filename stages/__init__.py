@@ -21,4 +21,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
     "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
+    "bench": ("ingest", "report"),
+    "bench_twin": ("simulate", "ingest", "report"),
+    "control": ("report",),
 }

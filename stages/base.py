@@ -4,13 +4,14 @@ What flows between stages is named by schema: the input port of a schema is fed 
 is declared. Work items and what a port then delivers:
 
     log       one log of the campaign                       (ingest)
-    leg       one leg of the manifest                       (resample, which yields segments: the parts between gaps)
-    segment   one part of a leg                             (fuse, residual, rlse)
-    campaign  the whole campaign, once                      (synthesise, validate, report)
+    leg       one leg of the manifest                       (rlse; resample, which yields segments: the parts between gaps)
+    segment   one part of a leg                             (fuse, residual)
+    campaign  the whole campaign, once                      (synthesise, validate, pipendulum, control, report)
 
 A port delivers the artefact of the same item, or of the log or leg that the item belongs to, or of the campaign. A campaign stage gets a
 `Collection` over all items where the producer maps over something smaller. Documents `vehicle`, `campaign` and `leg` come from the
-manifest; `raw_log` is the log itself.
+manifest; `raw_log` is the log itself. An optional port that no stage of the graph feeds gets the document of its schema that the
+manifest names (apparatus, published values, control cases, a model card), or None.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from stages.base import Collection, Document, Stage, every, param, port
 from stages.report.html import render
 from stages.report.own_sections import legs_section, provenance_section, vehicle_line
 from stages.report.summary import summarise
+from stages.report.summary_results import summarise_results
 
 
 @dataclass(frozen=True)
@@ -22,14 +23,15 @@ class Inputs:
     campaign: Document = port("campaign")
     vehicle: Document = port("vehicle")
     provenance: Document = port("provenance")
-    log_info: Collection[Document] = port("log_info", many=True)
-    segment: Collection[Document] = port("segment", many=True)
-    fused: Collection[pa.Table] = port("fused", many=True)
-    model_card: Collection[Document] = port("model_card", many=True)
-    error_table: pa.Table = port("error_table")
     sections: Collection[Document] = every("section")
     views: Collection[Document] = every("views")
     tables: Collection[pa.Table] = every("table")
+    results: Collection[Document] = every("results")
+    log_info: Collection[Document] | None = port("log_info", many=True, optional=True)
+    segment: Collection[Document] | None = port("segment", many=True, optional=True)
+    fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
+    model_card: Collection[Document] | None = port("model_card", many=True, optional=True)
+    error_table: pa.Table | None = port("error_table", optional=True)
     free_run: pa.Table | None = port("free_run", optional=True)
 
 
@@ -45,20 +47,22 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    sections = dict(inputs.sections.items())
-    cards, segments, logs = dict(inputs.model_card.items()), dict(inputs.segment.items()), dict(inputs.log_info.items())
+    sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
+    cards, segments, logs = dict(inputs.model_card or {}), dict(inputs.segment or {}), dict(inputs.log_info or {})
     title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
     notes = str(inputs.campaign.get("notes") or "")
-    own: dict[str, dict[str, Any]] = {
-        "campaign": legs_section(segments, logs),
-        "provenance": provenance_section(inputs.provenance, inputs.campaign, cards),
-    }
-    summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle, inputs.free_run)
+    own: dict[str, dict[str, Any]] = {"provenance": provenance_section(inputs.provenance, inputs.campaign, cards)}
+    if logs:
+        own["campaign"] = legs_section(segments, logs)
+    if results:
+        summary = summarise_results(results, logs, {**sections, **own}, inputs.vehicle)
+    else:
+        summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle, inputs.free_run)
     log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
     page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
     from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing
 
-    recording = record(title, summary, inputs.views, inputs.tables, inputs.fused, segments, logs, params.path_rate_hz)
+    recording = record(title, summary, inputs.views, inputs.tables, inputs.fused or {}, segments, logs, params.path_rate_hz)
     return Outputs(report_html=page, recording=recording)
 
 

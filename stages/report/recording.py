@@ -43,11 +43,14 @@ class Clock:
     boot_s: Mapping[str, float]
 
     def seconds(self, name: str, table: pa.Table) -> Array | None:
-        """The times (n,) of a table stored under `stage/item/port`; None if it has no clock or belongs to no log or segment."""
+        """The times (n,) of a table stored under `stage/item/port`; None if it has no clock or belongs to no log.
+
+        A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run) keeps its own seconds.
+        """
         parts = name.split("/")
         segment = next((part for part in parts if part in self.segments), None)
-        if "t_s" in table.column_names and segment is not None:
-            return column(table, "t_s") + self.segments[segment]
+        if "t_s" in table.column_names:
+            return np.asarray(column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0))
         log = next((part for part in parts if part in self.logs), None)
         if "time_us" in table.column_names and log is not None:
             return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])

@@ -59,6 +59,18 @@ class Fact:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """One named figure of a bench or control stage, as the first screen shows it."""
+
+    part: str
+    quantity: str
+    value: str
+    interval: str
+    verdict: str
+    note: str
+
+
+@dataclass(frozen=True)
 class Summary:
     """What the first screen says. `models` is sorted best first; `take` is the name of the model to take, or None."""
 
@@ -72,6 +84,7 @@ class Summary:
     identified: tuple[Finding, ...]
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
+    figures: tuple[Figure, ...] = ()
 
 
 def summarise(
@@ -100,7 +113,7 @@ def summarise(
         facts=_facts(segments, logs, models, take, card),
         models=models,
         identified=findings(card) if card is not None else (),
-        missing=(*missing, *_assumed(vehicle)),
+        missing=(*missing, *assumed_figures(vehicle)),
         warnings=_warnings(sections, models),
     )
 
@@ -201,7 +214,7 @@ def _facts(
         note += f" in {len(chosen)} segments" if len(chosen) != legs else ""
         facts.append(Fact(use, f"{sum(item['duration_s'] for item in chosen):.0f} s", note))
     whole = sum(item["status"] == "complete" for item in logs.values())
-    facts.append(Fact("logs complete", f"{whole} of {len(logs)}", _plural(sum(len(item["files"]) for item in logs.values()), "file")))
+    facts.append(Fact("logs complete", f"{whole} of {len(logs)}", plural(sum(len(item["files"]) for item in logs.values()), "file")))
     facts.append(Fact("models fitted", str(len(models)), f"{take.title} taken" if take else "none taken"))
     if card is not None:
         counts = _verdicts(card)
@@ -255,7 +268,7 @@ def _missing(
 
 def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
     """What stages note about the model to take, by its title."""
-    return () if take is None else tuple(words for words in _remarks(sections, "note") if words.startswith(f"{take.title} "))
+    return () if take is None else tuple(words for words in remarks(sections, "note") if words.startswith(f"{take.title} "))
 
 
 def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
@@ -270,11 +283,11 @@ def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
     return [f"{words} of {worst['horizon_s']:g} s, the first after {first:.1f} s: predict forces with it, do not put it into a simulator."]
 
 
-def _assumed(vehicle: Document) -> tuple[str, ...]:
+def assumed_figures(vehicle: Document) -> tuple[str, ...]:
     count, words = assumed_words(vehicle)
     if not count:
         return ()
-    return (f"{_plural(count, 'figure')} assumed, not measured (sources: Provenance); the coefficients shift or scale with them. {words}.",)
+    return (f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the coefficients shift or scale with them. {words}.",)
 
 
 def _unexcited(card: Document) -> list[str]:
@@ -306,16 +319,16 @@ _OPEN = {
 def _warnings(sections: Mapping[str, Document], models: Sequence[ModelScore]) -> tuple[str, ...]:
     """Warnings of all sections, once each. Those of single models that fail, which the model table shows, become one sentence."""
     of_models = tuple(f"{model.title} fails on validation" for model in models)
-    found = [words for words in _remarks(sections, "warning") if not words.startswith(of_models)]
+    found = [words for words in remarks(sections, "warning") if not words.startswith(of_models)]
     failing = sum(bool(_failing(model)) for model in models)
     if failing:
         found.insert(
-            0, f"{failing} of {_plural(len(models), 'model')} fail on at least one axis of the validation legs: J/J0 above 1 in the table."
+            0, f"{failing} of {plural(len(models), 'model')} fail on at least one axis of the validation legs: J/J0 above 1 in the table."
         )
     return tuple(dict.fromkeys(found))
 
 
-def _remarks(sections: Mapping[str, Document], level: str) -> list[str]:
+def remarks(sections: Mapping[str, Document], level: str) -> list[str]:
     blocks = (block for document in sections.values() for block in document["blocks"])
     return [str(block["text"]) for block in blocks if block["kind"] == "remark" and block["level"] == level]
 
@@ -324,7 +337,7 @@ def _figure(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.2f}"
 
 
-def _plural(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from pipeline.declarations import campaign_kinds, dvc_yaml
-from pipeline.graph import Graph
+from pipeline.graph import Graph, stages_of_kind
 from stages import KINDS, STAGES
 from stages.base import Stage, ports
 
@@ -19,6 +19,7 @@ DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf
 PARAMS: dict[str, Any] = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
 CAMPAIGNS = campaign_kinds(ROOT, PARAMS["campaigns"])
 TWINS = [name for name, kind in CAMPAIGNS.items() if "simulate" in KINDS[kind]]
+USED = [stage for stage in STAGES if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())]
 AnyStage = Stage[Any, Any, Any]
 
 
@@ -26,9 +27,9 @@ def campaigns_of(entry: dict[str, Any]) -> list[str]:
     return list(PARAMS["campaigns"] if entry["foreach"] == "${campaigns}" else entry["foreach"])
 
 
-def texts(entries: Any) -> Any:
-    """The same with ${item}, however an entry calls its campaign."""
-    return yaml.safe_load(yaml.safe_dump(entries).replace("${key}", "${item}"))
+def entries_of(stage: str) -> dict[str, dict[str, Any]]:
+    """The entries of a stage: its own, and `STAGE-KIND`."""
+    return {name: entry for name, entry in DVC.items() if name == stage or name.rpartition("-")[0] == stage}
 
 
 def paths(entries: list[Any]) -> set[str]:
@@ -41,54 +42,62 @@ def test_file_is_what_the_stages_declare() -> None:
 
 
 def test_entries_are_the_stages_and_their_code() -> None:
-    assert list(DVC) == ["code", *(stage.name for stage in STAGES)]
+    used = [stage.name for stage in STAGES if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())]
+    assert [name for name in DVC if name in ("code", *used)] == ["code", *used]
+    assert set(DVC) == {"code", *(name for stage in used for name in entries_of(stage))}
     assert DVC["code"]["always_changed"] is True
     assert paths(DVC["code"]["outs"]) == {f"runs/.code/{stage.name}.txt" for stage in STAGES}
 
 
-@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
-def test_entry_runs_the_stage_for_every_campaign_that_has_it(stage: AnyStage) -> None:
-    entry = texts(DVC[stage.name])
-    assert campaigns_of(entry) == [name for name, kind in CAMPAIGNS.items() if stage.name in KINDS[kind]]
-    assert entry["do"]["cmd"] == f"auvid run ${{item}} --only {stage.name}"
-    assert f"runs/.code/{stage.name}.txt" in entry["do"]["deps"]
+@pytest.mark.parametrize("stage", USED, ids=lambda stage: str(stage.name))
+def test_entries_run_the_stage_once_for_every_campaign_that_has_it(stage: AnyStage) -> None:
+    entries = entries_of(stage.name).values()
+    having = [name for name, kind in CAMPAIGNS.items() if stage.name in KINDS[kind]]
+    assert sorted(name for entry in entries for name in campaigns_of(entry)) == sorted(having)
+    for entry in entries:
+        assert entry["do"]["cmd"] == f"auvid run ${{item}} --only {stage.name}"
+        assert f"runs/.code/{stage.name}.txt" in entry["do"]["deps"]
 
 
-@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
+@pytest.mark.parametrize("stage", USED, ids=lambda stage: str(stage.name))
 def test_entry_names_single_parameters(stage: AnyStage) -> None:
-    named = DVC[stage.name]["do"].get("params", [])
-    assert named == [f"{stage.name}.{item.name}" for item in fields(stage.params)]
-    assert all(key.partition(".")[2] in PARAMS[stage.name] for key in named)
+    for entry in entries_of(stage.name).values():
+        named = entry["do"].get("params", [])
+        assert named == [f"{stage.name}.{item.name}" for item in fields(stage.params)]
+        assert all(key.partition(".")[2] in PARAMS[stage.name] for key in named)
 
 
-@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
+@pytest.mark.parametrize("stage", USED, ids=lambda stage: str(stage.name))
 def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
-    graph, deps = Graph(STAGES), set(texts(DVC[stage.name])["do"]["deps"])
-    for feed in graph.feeds(stage):
-        for port in feed.producers:
-            if port.stage.name == "simulate" and "${item.logs}" in deps:
-                continue  # the campaign folder, or what the twin leaves
-            do = texts(DVC[port.stage.name])["do"]
-            if feed.schema == "raw_log":
-                continue
-            assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
-    assert ("vehicles" in deps) == ("vehicle" in {spec["port"] for spec in ports(stage.inputs).values()})
-    assert any(path.startswith("campaigns/${item}") for path in deps)
+    for entry in entries_of(stage.name).values():
+        kinds = {CAMPAIGNS[name] for name in campaigns_of(entry)}
+        deps = set(entry["do"]["deps"])
+        for kind in kinds:
+            for feed in Graph(stages_of_kind(STAGES, KINDS, kind)).feeds(stage):
+                for port in feed.producers:
+                    do = next(
+                        other for other in entries_of(port.stage.name).values() if set(campaigns_of(other)) & set(campaigns_of(entry))
+                    )["do"]
+                    assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
+        assert ("vehicles" in deps) == ("vehicle" in {spec["port"] for spec in ports(stage.inputs).values()})
+        assert any(path.startswith("campaigns/${item}") for path in deps)
 
 
 def test_logs_of_a_twin_are_those_it_writes() -> None:
-    places = {name: entry["logs"] for name, entry in DVC["ingest"]["foreach"].items()}
-    assert places == {name: f"runs/{name}/simulate" if name in TWINS else f"campaigns/{name}" for name in CAMPAIGNS}
-    assert "${item.logs}" in DVC["ingest"]["do"]["deps"]
+    for entry in entries_of("ingest").values():
+        for name in campaigns_of(entry):
+            assert ("runs/${item}/simulate" in entry["do"]["deps"]) == (name in TWINS)
+            assert ("campaigns/${item}" in entry["do"]["deps"]) == (name not in TWINS)
 
 
 def test_outs_persist_and_error_tables_are_metrics() -> None:
-    for stage in STAGES:
-        do = texts(DVC[stage.name])["do"]
-        for entry in (*do["outs"], *do.get("metrics", [])):
-            (path, options) = next(iter(entry.items()))
-            assert options["persist"] is True
-            assert path.startswith(f"runs/${{item}}/{stage.name}")
+    for stage in USED:
+        for item in entries_of(stage.name).values():
+            do = item["do"]
+            for entry in (*do["outs"], *do.get("metrics", [])):
+                (path, options) = next(iter(entry.items()))
+                assert options["persist"] is True
+                assert path.startswith(f"runs/${{item}}/{stage.name}")
     assert DVC["validate"]["do"]["metrics"] == [{"runs/${item}/validate/error_metrics.json": {"persist": True}}]
 
 
@@ -103,9 +112,8 @@ def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
     for name, entry in DVC.items():
         each = entry.get("foreach")
         for campaign in campaigns_of(entry) if each else []:
-            logs = each[campaign]["logs"] if isinstance(each, dict) else ""
             filled = {
-                part: {text.replace("${item.logs}", logs).replace("${item}", campaign).replace("${key}", campaign) for text in found}
+                part: {text.replace("${item}", campaign) for text in found}
                 for part in ("deps", "outs", "metrics")
                 if (found := paths(entry["do"].get(part, [])))
             }
