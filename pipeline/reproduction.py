@@ -23,7 +23,7 @@ FOLDER = "reproduce"
 FLIGHT, PAGE = "flight", "page"
 """Folders beside those of the variants and of the plans."""
 SHARED = ("simulate", "ingest")
-LEFT_OUT = ("report",)
+LEFT_OUT = ("trust", "report")
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
 
 
 def chain_of(variant: Mapping[str, Any], campaign: Campaign) -> tuple[AnyStage, ...]:
-    """The chain of a variant: with true states, these take the place of fusion; no report."""
+    """The chain of a variant: with true states, these take the place of fusion; the page says itself what `trust` and `report` would."""
     chain = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
     chain = tuple(stage for stage in chain if stage.name not in LEFT_OUT)
     if variant.get("states") == "truth":

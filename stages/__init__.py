@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import fuse, ingest, report, resample, residual, simulate, synthesise, validate
+from stages import fuse, ingest, report, resample, residual, simulate, synthesise, trust, validate
 from stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
@@ -15,12 +15,13 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     residual.STAGE,
     synthesise.STAGE,
     validate.STAGE,
+    trust.STAGE,
     report.STAGE,
 )
 
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
-    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
+    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "trust", "report"),
     "bench": ("ingest", "report"),
     "bench_twin": ("simulate", "ingest", "report"),
     "control": ("report",),

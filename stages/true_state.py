@@ -9,12 +9,12 @@ import numpy as np
 import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
-from data_schemas.errors import DataError
 from data_schemas.tables import column, make_table, matrix
 from hydro.dynamics.kinematics import eta_dot
 from stages.base import Collection, Document, Stage, param, port
 from stages.sections import section, text
 from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, clock, named
+from stages.truth import truth_of
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     A force that changes within a tick (the unsteady one) leaves an error there: 0.1 N where its standard deviation is 3 N. Raises
     `DataError` where the truth of the segment's log is missing or does not cover it.
     """
-    segment, log = inputs.segment, str(inputs.segment["log"])
-    if log not in inputs.truth:
-        raise DataError(f"there is no truth of log '{log}'", allowed=tuple(inputs.truth))
-    truth, t_s = inputs.truth[log], clock(inputs.resampled)
+    segment, t_s = inputs.segment, clock(inputs.resampled)
     t_s = t_s[(t_s >= params.edge_s) & (t_s <= t_s[-1] - params.edge_s)]
-    at, known = t_s + float(segment["leg_start_s"]), clock(truth)
-    if not len(at) or at[0] < known[0] or at[-1] > known[-1]:
-        raise DataError(f"the truth of log '{log}' does not cover segment '{segment['id']}'", value=(float(known[0]), float(known[-1])))
+    at = t_s + float(segment["leg_start_s"])
+    truth = truth_of(inputs.truth, segment, at)
+    known = clock(truth)
     eta, nu, nu_dot = (np.asarray(CubicSpline(known, matrix(truth, names))(at)) for names in (POSE, VELOCITY, ACCELERATION))
     rate = eta_dot(eta, nu)
     columns = {"t_s": t_s, **named(POSE, eta), **named(VELOCITY, nu), **named(POSE_RATE, rate), **named(ACCELERATION, nu_dot)}

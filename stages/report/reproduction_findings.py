@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import CampaignError, DataError, nearest
-from data_schemas.tables import column, matrix
+from data_schemas.tables import matrix
+from hydro.dynamics.vehicle import vehicle_from_document
 from stages.base import Document
 from stages.signals import VELOCITY, Array, clock, force_columns, forces
+from stages.truth import bias_errors, drawn_biases, true_values
 
 if TYPE_CHECKING:
     from stages.report.reproduction import Inputs
@@ -104,12 +106,11 @@ def measure(key: str, inputs: Inputs) -> Found:
     errors: list[Array] = []
     true_forces: list[Array] = []
     velocities: list[Array] = []
-    gyro: list[Array] = []
-    accel: list[Array] = []
+    found_biases: dict[str, list[Array]] = {}
     sway: list[float] = []
     turn: list[tuple[Array, Array, Array]] = []
     warnings: list[str] = []
-    biases = {leg["id"]: leg["biases"] for leg in inputs.simulation[plan]["legs"]}
+    rotation, biases = vehicle_from_document(inputs.vehicle).imu.rotation, drawn_biases(inputs.simulation[plan])
     for segment_key in inputs.residual:
         if not segment_key.startswith(f"{key}/"):
             continue
@@ -117,17 +118,14 @@ def measure(key: str, inputs: Inputs) -> Found:
         truth = inputs.truth[f"{plan}/{segment['log']}"]
         at = clock(residual) + float(segment["leg_start_s"])
         bar, nu = forces(residual, "tau_bar"), matrix(residual, VELOCITY)
-        true_bar = np.column_stack([np.interp(at, clock(truth), column(truth, name)) for name in force_columns("tau_bar")])
-        true_nu = np.column_stack([np.interp(at, clock(truth), column(truth, name)) for name in VELOCITY])
+        true_bar, true_nu = true_values(truth, force_columns("tau_bar"), at), true_values(truth, VELOCITY, at)
         errors.append(bar - true_bar)
         true_forces.append(true_bar)
         velocities.append(nu - true_nu)
         if segment["use"] == "training":
             turn.append((true_nu[:, 0] * true_nu[:, 5], bar[:, 1], bar[:, 1] - true_bar[:, 1]))
-        drawn = biases[segment["log"]]
-        for name, kept, known in (("gyro_bias_rad_s", gyro, "gyro_rad_s"), ("accel_bias_m_s2", accel, "accel_m_s2")):
-            if fusion[name] is not None and known in drawn:
-                kept.append(np.array(fusion[name]) - np.array(drawn[known]))
+        for name, (wrong, _) in bias_errors(fusion, biases[str(segment["log"])], rotation).items():
+            found_biases.setdefault(name, []).append(wrong)
         if fusion["integrated_sway_rms_m_s"] is not None:
             sway.append(float(fusion["integrated_sway_rms_m_s"]))
         warnings += fusion["warnings"]
@@ -141,14 +139,18 @@ def measure(key: str, inputs: Inputs) -> Found:
         force=_rms(true_forces),
         force_error=_rms(errors),
         velocity_error=_rms(velocities),
-        gyro_bias=total(np.concatenate(gyro)) if gyro else None,
-        accel_bias=total(np.concatenate(accel)) if accel else None,
+        gyro_bias=_total_of(found_biases.get("gyro_bias_rad_s")),
+        accel_bias=_total_of(found_biases.get("accel_bias_m_s2")),
         sway_gap=max(sway, default=None),
         turn=float(rate @ bar_y / (rate @ rate)),
         turn_added=float(rate @ added / (rate @ rate)),
         turn_terms=_turn_terms(key, inputs),
         warnings=tuple(warnings),
     )
+
+
+def _total_of(parts: Sequence[Array] | None) -> float | None:
+    return None if parts is None else total(np.concatenate(parts))
 
 
 def _rms(parts: Sequence[Array]) -> Array:
