@@ -14,7 +14,9 @@ from data_schemas.errors import CampaignError, PipelineError, SchemaError, neare
 from pipeline.twin import load_twin, with_logs_of_plan
 from pipeline.yaml_files import YamlFile, load_yaml
 
-SIMULATE, INGEST = "simulate", "ingest"
+SIMULATE = "simulate"
+CONTROL = "control"
+"""A campaign with this stage has no logs."""
 DOCUMENTS = {
     "apparatus": ("apparatus", "pipendulum"),
     "published_values": ("published", "compare"),
@@ -121,8 +123,8 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
     """Check the manifest against its schema; the logs and legs of a twin, and of a campaign without logs, are not in it."""
     value = file.value
-    stages = kinds.get(str(value.get("kind")), (INGEST,)) if isinstance(value, Mapping) else ()
-    if stages and (SIMULATE in stages or INGEST not in stages):
+    stages = kinds.get(str(value.get("kind")), ()) if isinstance(value, Mapping) else ()
+    if SIMULATE in stages or CONTROL in stages:
         file = replace(file, value={"logs": [], "legs": [], **value})
     file.check("campaign")
 
@@ -154,7 +156,7 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
             yield CampaignError(
                 f"no stage of kind '{manifest['kind']}' reads this", file=path, field=key, allowed=f"kinds {', '.join(having)}"
             )
-    if SIMULATE in stages or INGEST not in stages:
+    if SIMULATE in stages or CONTROL in stages:
         reason = "a twin has these from its plan" if SIMULATE in stages else "this kind of campaign has none"
         for part in ("logs", "legs"):
             if part in manifest:
@@ -167,7 +169,7 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
     if SIMULATE in manifest:
         simulated = " or ".join(f"'{kind}'" for kind, names in kinds.items() if SIMULATE in names)
         yield CampaignError(f"only a campaign of kind {simulated} is simulated", file=path, field=SIMULATE)
-    if INGEST not in stages:
+    if CONTROL in stages:
         yield from _stage_faults(manifest, kinds, path)
         return
     for part in ("logs", "legs"):

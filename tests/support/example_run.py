@@ -71,6 +71,7 @@ class ExampleRun:
             sections=collection(self.sections),
             views=collection(self.views),
             tables=collection(self.tables),
+            results=collection({}),
         )
 
 
