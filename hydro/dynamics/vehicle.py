@@ -16,7 +16,7 @@ from hydro.dynamics.kinematics import rotation_body_to_ned
 from hydro.dynamics.propeller import Propeller
 from hydro.dynamics.quantities import Quantities
 from hydro.dynamics.rigid_body import rigid_body_matrix
-from hydro.dynamics.thrusters import ThrustCurve, Thrusters
+from hydro.dynamics.thrusters import FULL_COMMAND, NEUTRAL_US, ThrustCurve, Thrusters, polynomial_thrust, thruster_allocation
 
 ACCELEROMETER_MEANINGS = ("specific_force", "inertial", "derivative")
 UNIT_LENGTH_TOLERANCE = 1e-3
@@ -193,29 +193,48 @@ def _fins(read: Quantities) -> Fins:
 
 
 def _thrusters(read: Quantities) -> Thrusters:
-    position = read.array("position", "m", shape=(-1, 3))
-    n = len(position)
-    axis = read.array("axis", "1", shape=(n, 3))
-    length = np.linalg.norm(axis, axis=1)
-    if np.any(np.abs(length - 1.0) > UNIT_LENGTH_TOLERANCE):
-        raise CampaignError("a thruster axis is not of unit length", field=read.where("axis"), value=length.tolist())
+    allocation = _allocation(read)
+    n = allocation.shape[1]
     direction = read.array("direction", "1", shape=(n,))
     if np.any(np.abs(direction) != 1.0):
         raise CampaignError("a thruster direction is neither 1 nor -1", field=read.where("direction"), value=direction.tolist())
     outputs = read.plain("outputs", list(range(1, n + 1)))
     if len(outputs) != n or len(set(outputs)) != n:
         raise CampaignError("one output channel for each thruster is needed", field=read.where("outputs"), value=outputs)
-    curve = read.part("thrust_curve")
-    pwm = curve.array("pulse_width", "us", shape=(-1,))
-    force = curve.array("force", "N", shape=(-1,))
-    _ascending(curve, "pulse_width", pwm, same_length=force)
     return Thrusters(
-        position_m=position,
-        axis=read_only(axis / length[:, None]),
+        allocation=allocation,
         direction=direction,
         outputs=tuple(int(channel) for channel in outputs),
-        curve=ThrustCurve(pwm, force, curve.number("voltage", "V"), curve.number("voltage_exponent", "1")),
+        curve=_thrust_curve(read.part("thrust_curve")),
     )
+
+
+def _allocation(read: Quantities) -> Array:
+    """Force and moment of 1 N of each thruster (6, n): from positions and axes, or as given where the geometry is not known."""
+    if "effect" in read:
+        if "position" in read or "axis" in read:
+            raise CampaignError("either effect, or position and axis, describe the thrusters", field=read.where("effect"))
+        return read_only(read.array("effect", "1", shape=(-1, 6)).T)
+    position = read.array("position", "m", shape=(-1, 3))
+    axis = read.array("axis", "1", shape=(len(position), 3))
+    length = np.linalg.norm(axis, axis=1)
+    if np.any(np.abs(length - 1.0) > UNIT_LENGTH_TOLERANCE):
+        raise CampaignError("a thruster axis is not of unit length", field=read.where("axis"), value=length.tolist())
+    return read_only(thruster_allocation(position, axis / length[:, None]))
+
+
+def _thrust_curve(read: Quantities) -> ThrustCurve:
+    pwm = read.array("pulse_width", "us", shape=(-1,))
+    if "polynomial" in read:
+        if "force" in read or len(pwm) != 2 or not pwm[0] < NEUTRAL_US < pwm[1]:
+            limits = f"no table of forces, and the pulses of the commands -100 and 100, on both sides of {NEUTRAL_US:g} us"
+            raise CampaignError("a thrust polynomial has other pulses", field=read.where("pulse_width"), value=pwm.tolist(), allowed=limits)
+        polynomial = read.array("polynomial", "N", shape=(-1,))
+        force = polynomial_thrust([-FULL_COMMAND, FULL_COMMAND], polynomial)
+    else:
+        polynomial, force = None, read.array("force", "N", shape=(-1,))
+    _ascending(read, "pulse_width", pwm, same_length=force)
+    return ThrustCurve(pwm, force, read.number("voltage", "V"), read.number("voltage_exponent", "1"), polynomial)
 
 
 def _ascending(read: Quantities, key: str, values: Array, *, same_length: Array) -> None:

@@ -10,7 +10,7 @@ import yaml
 from hydro.dynamics.control_surfaces import fin_force
 from hydro.dynamics.propeller import advance_ratio, level_speed, propeller_force
 from hydro.dynamics.restoring import restoring_force
-from hydro.dynamics.thrusters import thrust_from_pwm, thruster_allocation, thruster_force, thruster_forces
+from hydro.dynamics.thrusters import thrust_from_pwm, thruster_force, thruster_forces
 from hydro.dynamics.vehicle import vehicle_from_document
 
 ROOT = Path(__file__).parents[2]
@@ -153,7 +153,7 @@ def test_thrust_scales_with_voltage():
 def test_allocation_has_the_signs_of_the_autopilot():
     """Each nonzero factor has the sign of the geometry; where the factor is 0 so is the geometry, except the roll and pitch of the
     horizontal thrusters, which sit 0.085 m below the origin and which the autopilot's mixer leaves to its feedback."""
-    allocation = thruster_allocation(BLUEROV2.thrusters.position_m, BLUEROV2.thrusters.axis)
+    allocation = BLUEROV2.thrusters.allocation
     assert allocation.shape == (6, 8)
     roll, pitch, yaw, up, forward, lateral = FACTORS.T
     wanted = np.stack([forward, lateral, -up, roll, pitch, yaw])
@@ -170,7 +170,7 @@ def test_a_command_of_the_autopilot_moves_its_own_axis(column, axis, sign):
     pulses = 1500.0 + 150.0 * BLUEROV2.thrusters.direction * FACTORS[:, column]
     tau = thruster_force(BLUEROV2.thrusters, thruster_forces(BLUEROV2.thrusters, pulses))
     assert sign * tau[axis] > 0.0
-    moved = thruster_allocation(BLUEROV2.thrusters.position_m, BLUEROV2.thrusters.axis)[axis]
+    moved = BLUEROV2.thrusters.allocation[axis]
     assert abs(tau[axis]) > 0.9 * np.abs(moved[FACTORS[:, column] != 0]).sum() * 9.0  # N; the weaker direction gives 9.2 N here
 
 
