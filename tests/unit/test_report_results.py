@@ -1,0 +1,62 @@
+"""The first screen of campaigns without models: figures with intervals and verdicts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from stages.report.html import render
+from stages.report.summary_results import summarise_results
+from stages.sections import remark, section
+
+
+def row(quantity: str, value: float | None, **more: Any) -> dict[str, Any]:
+    return {"quantity": quantity, "value": value, "unit": "kg", **more}
+
+
+RESULTS = {
+    "rlse/surge": {
+        "title": "Surge, varying steps",
+        "rows": [
+            row("m - X_udot", 206.4321, standard_error=1.3, low=203.9, high=209.0, verdict="identified", headline=True),
+            row("samples", 800.0),
+        ],
+    },
+    "rlse/sway": {"title": "Sway, one step", "rows": [row("m - Y_vdot", None, verdict="not persistently exciting", headline=True)]},
+}
+VEHICLE: dict[str, Any] = {"title": "THAUS"}
+LOGS = {"tank": {"status": "damaged", "files": [{}, {}]}}
+
+
+def test_undetermined_figures_are_named_with_their_reason() -> None:
+    summary = summarise_results(RESULTS, LOGS, {}, VEHICLE)
+    assert summary.level == "fair"
+    assert summary.headline.startswith("1 of 2 figures determined")
+    assert "Sway, one step: not persistently exciting: m - Y_vdot." in summary.missing
+    assert "Log tank is damaged." in summary.missing
+    assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
+    assert summary.figures[0].value == "206.4 kg"
+    assert summary.figures[0].interval == "203.9 to 209"
+    assert summary.figures[1].value == "not determined"
+
+
+def test_all_determined_and_no_warning_is_good() -> None:
+    only = {"rlse/surge": RESULTS["rlse/surge"]}
+    assert summarise_results(only, {}, {}, VEHICLE).level == "good"
+    warned = {"rlse/surge": section("Surge", [remark("the bias drifts", "warning")], order=10)}
+    summary = summarise_results(only, {}, warned, VEHICLE)
+    assert (summary.level, summary.warnings) == ("fair", ("the bias drifts",))
+
+
+@pytest.mark.parametrize(("error", "words"), [(1.3, "206.4 kg"), (0.013, "206.432 kg"), (40.0, "206 kg"), (None, "206.4 kg")])
+def test_digits_follow_the_standard_error(error: float | None, words: str) -> None:
+    one = {"x": {"title": "T", "rows": [row("q", 206.4321, standard_error=error)]}}
+    assert summarise_results(one, {}, {}, VEHICLE).figures[0].value == words
+
+
+def test_page_shows_the_figures_escaped() -> None:
+    hostile = {"x": {"title": "<script>", "rows": [row("<b>", 1.0)]}}
+    page = render("T", "S", "", summarise_results(hostile, {}, {}, VEHICLE), {}).decode()
+    assert "&lt;b&gt;" in page
+    assert "<b>" not in page.split("<figure", 1)[1].split("</figure>")[0]
