@@ -15,7 +15,7 @@ help:
 	@echo "make reproduce            a thesis's tables beside those of a twin (NAME=vt690_twin unless said)"
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
-	@echo "make twin                 fly the VT 690 twin, write its logs and run the chain on them"
+	@echo "make twin                 fly the VT 690 twin, write its logs, run the chain, compare with the truth"
 	@echo "make fuzz                 damage logs of every format in every way (long)"
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
@@ -55,8 +55,7 @@ reproduce: TWIN = $(if $(filter command environment,$(firstword $(origin NAME)))
 reproduce: $(STAMP)
 	@auvid reproduce $(TWIN)
 
-# Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
-# The whole closed loop on the simulated campaign: fly, write logs, run the chain on them.
+# The whole closed loop on the simulated campaign: fly, write logs, run the chain on them, compare with the truth; fails where a bound of the campaign is missed.
 twin: $(STAMP)
 	auvid run vt690_twin
 
@@ -64,6 +63,7 @@ twin: $(STAMP)
 fuzz: $(STAMP)
 	python -m benchmarks.fuzz
 
+# Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
 regress: REGRESS = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),$(notdir $(wildcard tests/golden/*)))
 regress: $(STAMP)
 	@status=0; for name in $(REGRESS); do \

@@ -40,7 +40,7 @@ def run(
     jobs: Annotated[int | None, typer.Option(metavar="N", help="How many processes; as many as cores unless said.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
-    """Run a campaign: only what is stale runs."""
+    """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound that its campaign sets."""
     from pipeline import engines, session
 
     opened = session.open_run(campaign)
@@ -53,6 +53,8 @@ def run(
     print("nothing to do: everything is up to date" if not count else f"{count} item{'s' * (count != 1)} run")
     if only is None:
         session.print_summary(opened)
+        if session.missed(opened, stages):
+            raise typer.Exit(FAILED)
     if strict and session.losses(opened):
         raise typer.Exit(LOSSES)
 

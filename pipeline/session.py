@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.campaign import load_campaign
-from pipeline.graph import Graph, select, stages_of_kind
+from pipeline.graph import AnyStage, Graph, select, stages_of_kind
 from pipeline.progress import Bars, Lines, Progress
 from pipeline.runner import Run, write_code_files
-from pipeline.summary import error_rows, losses, places, shortened, warnings
+from pipeline.summary import bounds, error_rows, losses, places, shortened, truth_rows, warnings
 from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
 from stages import KINDS, STAGES
 
-__all__ = ["losses", "open_run", "places", "print_summary", "progress", "select", "write_codes"]
+__all__ = ["losses", "missed", "open_run", "places", "print_summary", "progress", "select", "write_codes"]
 
 
 def open_run(name: str) -> Run:
@@ -56,11 +56,30 @@ def print_summary(run: Run) -> None:
         print(f"\n{'model':<16}{'rank':>6}{'training':>12}{'validation':>12}   (J/J0; 1 explains nothing)")
         for model, rank, training, validation in rows:
             print(f"{model:<16}{rank:>6}{_ratio(training):>12}{_ratio(validation):>12}")
+    _print_truth(run)
     found = places(run)
     if found:
         print()
     for words, path in found.items():
         print(f"{words + ':':<16}{shown(path)}")
+
+
+def _print_truth(run: Run) -> None:
+    rows, held = truth_rows(run), bounds(run)
+    if rows:
+        print("\nestimate against truth (RMS error over all legs)")
+    for quantity, unit, parts in rows:
+        print(f"  {quantity:<19}{'  '.join(f'{axis} {value:.2g}' for axis, value in parts)} {unit}")
+    if held:
+        print(f"\nbounds: {sum(row['met'] for row in held)} of {len(held)} met")
+    for row in held:
+        print(f"  {row['figure']:<42}{row['value']:>10.3g}  at most {row['bound']:<8.3g}{'' if row['met'] else 'MISSED'}".rstrip())
+
+
+def missed(run: Run, stages: Sequence[AnyStage]) -> bool:
+    """Whether a bound that the campaign sets is missed, if the stage that holds it is among those that were run."""
+    holders = {port.stage.name for port in run.graph.producers("trust_checks")}
+    return bool(holders & {stage.name for stage in stages}) and not all(row["met"] for row in bounds(run))
 
 
 def shown(path: Path) -> str:

@@ -42,6 +42,21 @@ def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
     return [(model, found["rank"], found.get("training"), found.get("validation")) for model, found in rows.items()]
 
 
+def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
+    """Of a twin: quantity, unit, and the RMS error against the truth per axis, over all legs; the models have their own table."""
+    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for table in _of_schema(run, "truth_errors"):
+        for row in table.to_pylist():
+            if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
+                found.setdefault((row["quantity"], row["unit"]), []).append((row["axis"], row["rms_error"]))
+    return [(quantity, unit, parts) for (quantity, unit), parts in found.items()]
+
+
+def bounds(run: Run) -> list[dict[str, Any]]:
+    """The bounds that a twin campaign sets for its chain, beside what was measured (schema `trust_checks`)."""
+    return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
+
+
 def losses(run: Run) -> list[str]:
     """What of the logs did not reach the results, in words: damaged logs and rejected samples."""
     found = []

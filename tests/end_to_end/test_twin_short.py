@@ -94,6 +94,22 @@ def test_noisy_sensors_give_models_that_predict(tmp_path: Path) -> None:
     assert found["linear"] < 0.25
 
 
+@pytest.mark.parametrize(("bound", "status", "words"), [(0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")])
+def test_run_of_a_twin_says_how_far_it_is_from_the_truth(tmp_path: Path, bound: float, status: int, words: str) -> None:
+    """`auvid run` of a twin prints estimate against truth, ends with 1 where a bound is missed, and the report shows both."""
+    document = plan("short", settle_s=5)
+    document["legs"] = document["legs"][:1]  # type: ignore[index]
+    stages = {"fuse": {"method": "smoother"}, "validate": {"free_run": False}, "trust": {"force_error": bound}}
+    runs = workspace(tmp_path, document, stages, until="simulate")
+    done = CliRunner().invoke(cli.app, ["run", str(tmp_path / "campaigns" / "twin")])
+    assert done.exit_code == status, done.output
+    assert "estimate against truth (RMS error over all legs)" in done.output
+    assert words in done.output
+    page = (runs / "report" / "report_html.html").read_text(encoding="utf-8")
+    assert "Estimate against truth" in page
+    assert ("Against the truth of the twin" in page) == bool(status)
+
+
 def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
     """A refitted truth, and what it flies on the training legs of the default plan."""
     document = plan("default", sensors={})
