@@ -25,6 +25,12 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
+def matrix_product(matrix: ArrayLike, vector: ArrayLike) -> Array:
+    """Matrices (m, n), or one for each member (..., m, n), times vectors (..., n) -> (..., m)."""
+    left, right = np.asarray(matrix, dtype=np.float64), np.asarray(vector, dtype=np.float64)
+    return np.asarray(right @ left.T if left.ndim == 2 else (left @ right[..., None])[..., 0])
+
+
 def stack_matrix(rows: list[list[Array | float]], shape: tuple[int, ...]) -> Array:
     """Matrices (*shape, m, n) from their entries, each a scalar or an array of `shape`."""
     out = np.empty((*shape, len(rows), len(rows[0])))

@@ -5,17 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hydro.dynamics.arrays import Array, cross
+from hydro.dynamics.arrays import Array, cross, matrix_product
 from hydro.dynamics.kinematics import skew
 
 
-def rigid_body_matrix(mass: float, r_G: ArrayLike, inertia: ArrayLike) -> Array:
-    """M_RB (2.20), (6, 6), from mass [kg], centre of gravity r_G [m] (3,) and inertia matrix I_0 [kg m^2] (3, 3) about the body origin.
+def rigid_body_matrix(mass: ArrayLike, r_G: ArrayLike, inertia: ArrayLike) -> Array:
+    """M_RB (2.20), (..., 6, 6), from mass (...) [kg], centre of gravity r_G (..., 3) [m] and inertia I_0 (3, 3) about the body origin.
 
-    The off-diagonals of I_0 are minus the products of inertia (2.18).
+    The off-diagonals of I_0 [kg m^2] are minus the products of inertia (2.18).
     """
-    coupling = mass * skew(r_G)
-    return np.block([[mass * np.eye(3), -coupling], [coupling, np.asarray(inertia, dtype=np.float64)]])
+    mass, arm = np.asarray(mass, dtype=np.float64), np.asarray(r_G, dtype=np.float64)
+    moment = mass[..., None] * arm
+    coupling = skew(moment)
+    matrix = np.empty((*moment.shape[:-1], 6, 6))
+    matrix[..., :3, :3] = mass[..., None, None] * np.eye(3)
+    matrix[..., :3, 3:] = -coupling
+    matrix[..., 3:, :3] = coupling
+    matrix[..., 3:, 3:] = np.asarray(inertia, dtype=np.float64)
+    return matrix
 
 
 def coriolis(M: ArrayLike, nu: ArrayLike) -> Array:
@@ -33,7 +40,7 @@ def coriolis(M: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
-    """The product C(nu) nu of (2.23) without forming C: (..., 6) -> (..., 6) [N, N m]."""
+    """The product C(nu) nu of (2.23) without forming C: M (..., 6, 6), nu (..., 6) -> (..., 6) [N, N m]."""
     nu = np.asarray(nu, dtype=np.float64)
     linear, angular = _momentum(M, nu)
     velocity, rate = nu[..., :3], nu[..., 3:]
@@ -41,5 +48,5 @@ def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def _momentum(M: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
-    momentum = np.asarray(nu, dtype=np.float64) @ np.asarray(M, dtype=np.float64).T
+    momentum = matrix_product(M, nu)
     return momentum[..., :3], momentum[..., 3:]

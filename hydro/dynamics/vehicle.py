@@ -12,7 +12,9 @@ import numpy as np
 from data_schemas.errors import CampaignError
 from hydro.dynamics.arrays import AXES, VELOCITIES, Array, read_only
 from hydro.dynamics.control_surfaces import Fins
+from hydro.dynamics.geometry import geometry_from_document
 from hydro.dynamics.kinematics import rotation_body_to_ned
+from hydro.dynamics.lift import fins_from_geometry
 from hydro.dynamics.propeller import Propeller
 from hydro.dynamics.quantities import Quantities
 from hydro.dynamics.rigid_body import rigid_body_matrix
@@ -113,7 +115,7 @@ def vehicle_from_document(document: Mapping[str, Any]) -> Vehicle:
         water_density=environment.number("water_density", "kg/m^3"),
         gravity=environment.number("gravity", "m/s^2"),
         propeller=_propeller(actuators.part("propeller")) if "propeller" in actuators else None,
-        fins=_fins(actuators.part("fins")) if "fins" in actuators else None,
+        fins=_fins(actuators.part("fins"), document) if "fins" in actuators else None,
         thrusters=_thrusters(actuators.part("thrusters")) if "thrusters" in actuators else None,
         dvl=_mounted(sensors.part("dvl")),
         imu=_mounted(sensors.part("imu")),
@@ -184,7 +186,10 @@ def _propeller(read: Quantities) -> Propeller:
     )
 
 
-def _fins(read: Quantities) -> Fins:
+def _fins(read: Quantities, document: Mapping[str, Any]) -> Fins:
+    if read.plain("from_geometry", False):
+        density = Quantities(document).part("environment").number("water_density", "kg/m^3")
+        return fins_from_geometry(geometry_from_document(document), water_density=density)
     return Fins(
         length_m=read.number("reference_length", "m"),
         linear=read.array("linear", "1", shape=(6, 4)),
