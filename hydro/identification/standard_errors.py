@@ -68,6 +68,26 @@ def hac_covariance(scores: ArrayLike | Sequence[Array], bread: ArrayLike, *, lag
     return _sandwich(inverse, middle, n)
 
 
+def stationary_covariance(jacobians: Sequence[Array], residuals: Sequence[Array], bread: ArrayLike, *, lags: int | None = None) -> Array:
+    """Covariance (k, k) of a fit whose residuals are coloured but alike all along: bread J' R J bread times n / (n - k).
+
+    jacobians (n, k) and residuals (n,), one per unbroken series, scaled to equal weight; bread = (J'J)^-1 of them all. R is the Toeplitz
+    matrix of the residual's autocovariance under Bartlett's taper. Other than `hac_covariance` it stays true where a few samples carry most
+    of the information (the transient of a single step), but not where the noise changes along the run. lags None: `automatic_lags` of
+    each residual.
+    """
+    inverse = np.asarray(bread, dtype=np.float64)
+    middle, n = np.zeros_like(inverse), 0
+    for rows, error in zip(jacobians, residuals, strict=True):
+        most = min(automatic_lags(error[:, None]) if lags is None else lags, max(len(error) - 1, 0))
+        for lag in range(most + 1):
+            moment = float(error[: len(error) - lag] @ error[lag:]) / len(error) * (1.0 - lag / (most + 1))
+            product = rows[: len(rows) - lag].T @ rows[lag:]
+            middle += moment * (product if lag == 0 else product + product.T)
+        n += len(error)
+    return _sandwich(inverse, middle, n)
+
+
 def hac_standard_errors(fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None) -> Array:
     """Standard errors (k,) of `fit.coefficients` in their order, from one more pass over the data.
 
