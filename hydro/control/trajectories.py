@@ -1,0 +1,122 @@
+"""Trajectories in time: where the vehicle shall be, with the direction of its path, from a path flown at a speed or from a recording.
+
+Al Makdah 2016, 3.1.2: the desired position gamma(t), its tangent and frame. The frame of a trajectory is `level` (starboard axis
+horizontal, roll 0) or `frenet` (roll of the principal normal, errata M26): in a vertical plane the latter asks for a vehicle on its side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+
+from data_schemas.errors import CampaignError
+from hydro.control.paths import Path, frame_roll, frenet_frame
+from hydro.dynamics.arrays import Array
+
+SLOWEST_M_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """On a uniform clock: `t_s` (n,), NED `position` and `velocity` (n, 3), `attitude` (n, 3) [phi, theta, psi] of the path's frame.
+
+    theta and psi are those of the tangent, psi is not bounded to +-pi (3.9). `speed` (n,) [m/s]; `s_m` (n,) arc length; `attitude_rate`
+    (n, 3) [rad/s].
+    """
+
+    t_s: Array
+    position: Array
+    velocity: Array
+    attitude: Array
+    attitude_rate: Array
+    s_m: Array
+
+    @property
+    def speed(self) -> Array:
+        """|velocity| (n,)."""
+        return np.asarray(np.sqrt(np.sum(self.velocity**2, axis=-1)))
+
+    @property
+    def step_s(self) -> float:
+        """Time between samples."""
+        return float(self.t_s[1] - self.t_s[0])
+
+
+def fly_path(path: Path, *, speed_m_s: float, step_s: float, duration_s: float | None = None, frame: str = "level") -> Trajectory:
+    """The path flown at a constant speed, to its end or for `duration_s` (beyond its end straight on).
+
+    Raises `CampaignError` for a speed that is not positive, an unknown frame, or a path shorter than two steps.
+    """
+    if not speed_m_s > 0.0:
+        raise CampaignError("a trajectory needs a positive speed", field="speed_m_s", value=speed_m_s)
+    if frame not in ("level", "frenet"):
+        raise CampaignError("unknown frame", field="frame", value=frame, allowed=("level", "frenet"))
+    duration = path.length_m / speed_m_s if duration_s is None else duration_s
+    steps = int(np.floor(duration / step_s + 1e-9))
+    if steps < 2:
+        raise CampaignError(
+            "the trajectory is shorter than two steps", field="duration_s", value=duration, allowed=f">= {2.0 * step_s:g} s"
+        )
+    t_s = step_s * np.arange(steps + 1, dtype=np.float64)
+    points = path.at(speed_m_s * t_s)
+    roll = np.zeros(len(t_s)) if frame == "level" else frame_roll(frenet_frame(points))
+    attitude = np.column_stack([roll, points.pitch, points.heading])
+    roll_rate = np.zeros(len(t_s)) if frame == "level" else np.gradient(roll, step_s)
+    rate = np.column_stack([roll_rate, speed_m_s * points.pitch_rate, speed_m_s * points.heading_rate])
+    return Trajectory(t_s, points.position, speed_m_s * points.tangent, attitude, rate, points.s_m)
+
+
+def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
+    """The trajectory of recorded positions (n, 3) at uniform times, by quintic splines; level frame (the helix of 4.3 is such a recording).
+
+    Raises `CampaignError` where the recording stands still: a path has no direction there.
+    """
+    t, place = np.asarray(t_s, dtype=np.float64), np.asarray(position, dtype=np.float64)
+    spline = make_interp_spline(t, place, k=5)
+    velocity, acceleration = spline(t, nu=1), spline(t, nu=2)
+    speed = np.sqrt(np.sum(velocity**2, axis=-1))
+    if speed.min() < SLOWEST_M_S:
+        at = float(t[int(np.argmin(speed))])
+        raise CampaignError("the recorded vehicle stands still: its path has no direction there", field="t_s", value=at)
+    level = np.hypot(velocity[:, 0], velocity[:, 1])
+    heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    pitch = -np.arctan2(velocity[:, 2], level)
+    turning = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / level**2
+    along = np.sum(velocity * acceleration, axis=-1)
+    pitching = -(acceleration[:, 2] - velocity[:, 2] * along / speed**2) / level
+    zero = np.zeros_like(t)
+    s_m = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    return Trajectory(t, place, velocity, np.column_stack([zero, pitch, heading]), np.column_stack([zero, pitching, turning]), s_m)
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Against a trajectory, (..., n): distance to where the vehicle should be at that time, and to the nearest point of the path [m]."""
+
+    position_m: Array
+    cross_track_m: Array
+
+
+def tracking_error(trajectory: Trajectory, position: ArrayLike) -> TrackingError:
+    """Errors of flown positions (..., n, 3) at the times of the trajectory.
+
+    The nearest point is sought among the segments between samples, over the whole path.
+    """
+    flown = np.asarray(position, dtype=np.float64)
+    late = np.sqrt(np.sum((flown - trajectory.position) ** 2, axis=-1))
+    return TrackingError(late, _nearest(trajectory.position, flown))
+
+
+def _nearest(path: Array, flown: Array) -> Array:
+    start, along = path[:-1], np.diff(path, axis=0)
+    square = np.maximum(np.sum(along**2, axis=-1), 1e-300)
+    flat = flown.reshape(-1, 3)
+    out = np.empty(len(flat))
+    for first in range(0, len(flat), 512):  # bounds memory: 512 points against every segment
+        there = flat[first : first + 512, None, :] - start
+        share = np.clip(np.einsum("psi,si->ps", there, along) / square, 0.0, 1.0)
+        out[first : first + 512] = np.sqrt(np.min(np.sum((there - share[..., None] * along) ** 2, axis=-1), axis=1))
+    return out.reshape(flown.shape[:-1])
