@@ -17,6 +17,7 @@ BENCHMARKS = {
     "decode_ulog": ["tests/data/px4_ulog/sample_log_small.ulg"],
     "decode_text": ["tests/data/bluerov2_ugps_small/small.BIN"],
     "decode_csv": ["campaigns/bluerov2_dvl_csv/logs/imu.csv", "campaigns/bluerov2_dvl_csv/columns/imu.yaml"],
+    "simulation": [],
     "synthesis": [],
     "chain": [],
 }

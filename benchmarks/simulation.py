@@ -1,9 +1,11 @@
-"""Simulated steps per second: one vehicle and a batch, compiled and numpy, against an Euler step of PythonVehicleSimulator if installed.
+"""Simulated steps per second: one vehicle and a batch, compiled and numpy, beside an Euler step of PythonVehicleSimulator.
 
-    python benchmarks/simulation.py
+    python benchmarks/simulation.py --peer FOLDER
 
-One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, physical viscous force), an Euler step of
-the peer one. Best of three; the first call, which compiles, is not counted.
+FOLDER is a copy of PythonVehicleSimulator (github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one, there
+are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, physical viscous force), an
+Euler step of the peer's REMUS 100 has one. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of
+20 ms, autopilot and table included), and its bare Euler step. Best of five; the first call, which compiles, is not counted.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import argparse
 import json
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,11 +29,10 @@ from hydro.dynamics.simulation import Plant, constant_inputs, integrate_open_loo
 from hydro.dynamics.vehicle import vehicle_from_document
 
 STEP_S = 0.01
-PEER_MEASURED_US = 524.0
-"""PythonVehicleSimulator, one Euler step of its REMUS 100, as measured once on the same kind of machine."""
+PEER_SAMPLES, PEER_STEP_S = 10_000, 0.02
 
 
-def best(job: Callable[[], object], repeats: int = 3) -> float:
+def best(job: Callable[[], object], repeats: int = 5) -> float:
     """Shortest wall time [s] of a job."""
     job()
     times = []
@@ -48,38 +51,50 @@ def per_step_us(plant: Plant, batch: int, steps: int, *, compiled: bool) -> floa
     return best(lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S, compiled=compiled)) / (batch * steps) * 1e6
 
 
-def peer_us() -> float | None:
-    """One Euler step of PythonVehicleSimulator's REMUS 100 [us], or None where it is not installed."""
+def peer_us() -> tuple[float, float] | None:
+    """Microseconds per step of PythonVehicleSimulator's `simulate` and of its bare Euler step, or None where it cannot be imported."""
     try:
-        from python_vehicle_simulator.lib.gnc import attitudeEuler
+        from python_vehicle_simulator.lib import attitudeEuler, simulate
         from python_vehicle_simulator.vehicles import remus100
     except ImportError:
         return None
+
+    def whole() -> None:
+        simulate(PEER_SAMPLES, PEER_STEP_S, remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170))
+
     vehicle = remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170)
-    eta, nu, u = np.zeros(6), vehicle.nu, vehicle.u_actual
 
-    def run() -> None:
-        state, velocity, actual = eta.copy(), nu.copy(), u.copy()
+    def bare() -> None:
+        eta, nu, actual = np.zeros(6), vehicle.nu.copy(), vehicle.u_actual.copy()
         for _ in range(500):
-            velocity, actual = vehicle.dynamics(state, velocity, actual, np.array([0.0, 0.0, 1200.0]), STEP_S)
-            state = attitudeEuler(state, velocity, STEP_S)
+            nu, actual = vehicle.dynamics(eta, nu, actual, np.array([0.0, 0.0, 1200.0]), STEP_S)
+            eta = attitudeEuler(eta, nu, STEP_S)
 
-    return best(run) / 500 * 1e6
+    return best(whole) / PEER_SAMPLES * 1e6, best(bare) / 500 * 1e6
 
 
 def main() -> None:
+    """Measure and print as JSON."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--peer", type=Path, help="folder of PythonVehicleSimulator")
+    folder = parser.parse_args().peer
+    if folder is not None:
+        sys.path[:0] = [str(folder / "src"), str(folder)]
+    peer = peer_us()
+    if folder is not None and peer is None:
+        sys.exit(f"no package python_vehicle_simulator can be imported from {folder}")
     document = yaml.safe_load((Path(__file__).parents[1] / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
     vehicle = vehicle_from_document(document)
     plant = Plant(vehicle, physical_viscous(vehicle))
-    measured = peer_us()
+    one, many = per_step_us(plant, 1, 20_000, compiled=True), per_step_us(plant, 1000, 50, compiled=True)
     result = {
-        "one_vehicle_us_per_step": per_step_us(plant, 1, 20_000, compiled=True),
-        "batch_of_1000_us_per_vehicle_step": per_step_us(plant, 1000, 50, compiled=True),
-        "numpy_batch_of_1000_us_per_vehicle_step": per_step_us(plant, 1000, 5, compiled=False),
-        "numpy_one_vehicle_us_per_step": per_step_us(plant, 1, 100, compiled=False),
-        "peer_us_per_euler_step": measured if measured is not None else PEER_MEASURED_US,
-        "peer": "measured here" if measured is not None else "not installed; figure measured elsewhere",
+        "one_vehicle_us_per_rk4_step": round(one, 3),
+        "batch_of_1000_us_per_vehicle_rk4_step": round(many, 3),
+        "numpy_one_vehicle_us_per_rk4_step": round(per_step_us(plant, 1, 100, compiled=False), 1),
+        "numpy_batch_of_1000_us_per_vehicle_rk4_step": round(per_step_us(plant, 1000, 5, compiled=False), 2),
     }
+    for name, time_us in zip(("peer_simulate", "peer_euler_step"), peer or (), strict=False):
+        result |= {f"{name}_us": round(time_us, 1), f"{name}_ratio_one": round(time_us / one), f"{name}_ratio_batch": round(time_us / many)}
     print(json.dumps(result, indent=1))
 
 
