@@ -18,7 +18,7 @@ from pipeline.workspace import SHIPPED_VEHICLES, find_workspace
 from pipeline.yaml_files import load_yaml
 from stages import simulate
 from stages.simulate.csv_writer import column_maps
-from stages.simulate.plans import manifest_entries
+from stages.simulate.plans import CSV_PARTS, manifest_entries
 
 
 def write_campaign(
@@ -47,12 +47,16 @@ def write_campaign(
     document.check("vehicle")
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
     twin = load_twin(entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan)
+    if "bench" in twin["plan"]:
+        remedy = "Make a campaign of kind bench_twin that names the plan under simulate, and run it."
+        raise CampaignError("a bench plan needs the apparatus of a campaign", file=plan, field="bench", remedy=remedy)
     results = simulate.run(simulate.Inputs(document.value, twin), simulate.Params())
     for name, content in results.logs.items():
         write_atomically(folder / "logs" / name, content)
     if format == "csv":
-        for name, mapping in column_maps(accelerometer=accelerometer).items():
-            write_atomically(folder / "columns" / f"{name}.yaml", _yaml(mapping))
+        maps = column_maps(accelerometer=accelerometer)
+        for name in CSV_PARTS:
+            write_atomically(folder / "columns" / f"{name}.yaml", _yaml(maps[name]))
     for leg, table in results.truth.items():
         write_atomically(folder / "truth" / f"{leg}.parquet", encode(table, "truth", file=leg))
         sink = io.BytesIO()

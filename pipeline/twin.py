@@ -11,6 +11,7 @@ from data_schemas.errors import CampaignError, nearest
 from hydro.dynamics.vehicle import vehicle_from_document
 from pipeline.files import readable
 from pipeline.yaml_files import YamlFile, load_yaml
+from stages.simulate.bench_plans import bench_entries, bench_plan
 from stages.simulate.plans import manifest_entries, plan_from_document
 
 PHYSICS = "physics"
@@ -40,7 +41,8 @@ def load_plan(path: Path, vehicle: Mapping[str, Any], *, file: object) -> YamlFi
     found = load_yaml(path, named_in=file, what="plan")
     found.check("plan")
     try:
-        plan_from_document(found.value, vehicle_from_document(vehicle), file=path)
+        check = bench_plan if "bench" in found.value else plan_from_document
+        check(found.value, vehicle_from_document(vehicle), file=path)
     except CampaignError as fault:
         raise found.located(fault) from None
     return found
@@ -98,5 +100,6 @@ def _of_card(path: Path, file: object) -> dict[str, Any]:
 
 def with_logs_of_plan(manifest: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
     """The manifest with the logs and legs of the plan."""
-    logs, legs = manifest_entries(twin["plan"], format=twin["format"])
+    entries = bench_entries if "bench" in twin["plan"] else manifest_entries
+    logs, legs = entries(twin["plan"], format=twin["format"])
     return {**manifest, "logs": logs, "legs": legs}

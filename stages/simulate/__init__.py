@@ -17,6 +17,9 @@ from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
 from stages.base import Document, Stage, port
 from stages.sections import panel, plot, remark, section, series, table, text
 
+from .bench import fly_experiment, record_experiment
+from .bench_plans import bench_plan
+from .bench_report import bench_document, bench_section
 from .csv_writer import write_csv
 from .dataflash_writer import write_dataflash
 from .flights import FlownLeg, fly_leg, truth_force
@@ -27,10 +30,11 @@ from .tlog_writer import write_tlog
 
 @dataclass(frozen=True)
 class Inputs:
-    """The vehicle, and what the manifest says of the twin: plan, truth, seed, format."""
+    """The vehicle, what the manifest says of the twin (plan, truth, seed, format), and the pendulums of a bench campaign."""
 
     vehicle: Document = port("vehicle")
     twin: Document = port("twin")
+    apparatus: Document | None = port("apparatus", optional=True)
 
 
 @dataclass(frozen=True)
@@ -49,13 +53,15 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All legs of a plan.
+    """All legs of a plan, or all experiments of a bench plan.
 
     A truth that becomes unstable ends its leg with time, state and reason; what was flown before is kept. Raises `CampaignError` for a
     plan that asks for the impossible, and `DataError` where no leg was reached at all.
     """
     vehicle, twin = vehicle_from_document(inputs.vehicle), inputs.twin
     check_document(twin["plan"], "plan", file="the plan")
+    if "bench" in twin["plan"]:
+        return _bench(vehicle, twin, inputs.apparatus)
     plan = plan_from_document(twin["plan"], vehicle, file="the plan")
     plant, notes = truth_force(twin["truth"], plan, vehicle)
     seed, words = int(twin["seed"]), f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}"
@@ -71,6 +77,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
     return Outputs(logs, tables, document, _section(document, flown, tables, notes))
+
+
+def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outputs:
+    plan, seed = bench_plan(twin["plan"], vehicle, file="the plan"), int(twin["seed"])
+    words = f"auvid bench twin of {vehicle.name}, seed {seed}"
+    flown = {item.id: fly_experiment(item, plan, vehicle, apparatus) for item in plan.experiments}
+    recorded = {name: record_experiment(item, plan, vehicle, seed=seed, text=words) for name, item in flown.items()}
+    logs: dict[str, bytes] = {}
+    for item in recorded.values():
+        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    document = bench_document(plan.title, "numbers of the plan, by run", seed, twin["format"], flown, recorded)
+    return Outputs(logs, {}, document, bench_section(document, flown))
 
 
 def log_files(recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str) -> dict[str, bytes]:

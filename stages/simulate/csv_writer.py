@@ -11,7 +11,8 @@ from hydro.dynamics.sensor_models import without_gravity
 from hydro.dynamics.vehicle import Vehicle
 from stages.signals import POSE, VELOCITY, Array
 
-from .plans import CSV_PARTS, csv_name
+from .bench_plans import OUTPUTS
+from .plans import csv_name
 from .sensing import ACCEL, BOOT_US, FINS, GYRO, Recorded
 
 TIME = "time_s"
@@ -20,15 +21,21 @@ PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "dvl": (("velocity", VELOCITY[:3]),),
     "depth": (("depth", ("depth_m",)),),
     "actuators": (("actuators", ("propeller_rev_s", *FINS)),),
+    "outputs": (("actuators", tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1))),),
 }
 """File -> the streams in it with their fields; columns have the names of the fields."""
-UNIT_OF_SUFFIX = (("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_rev_s", "1/s"), ("_m_s", "m/s"), ("_rad", "rad"), ("_m", "m"))
+UNIT_OF_SUFFIX = (("_us", "us"), ("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_rev_s", "1/s"), ("_m_s", "m/s"), ("_rad", "rad"), ("_m", "m"))
 
 
 def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> dict[str, bytes]:
-    """The files of one log by name. `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude, errors included."""
+    """The files of one log by name, of the parts that were recorded.
+
+    `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude, errors included.
+    """
     files = {}
-    for part in CSV_PARTS:
+    for part in PARTS:
+        if any(name not in recorded.streams.get(stream, ()) for stream, fields in PARTS[part] for name in fields):
+            continue
         columns: dict[str, Any] = {TIME: recorded.streams[PARTS[part][0][0]]["time_us"] / 1e6}
         for stream, fields in PARTS[part]:
             columns |= {name: recorded.streams[stream][name] for name in fields}

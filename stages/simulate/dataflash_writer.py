@@ -1,7 +1,8 @@
 """Write a log of the twin as ArduPilot DataFlash (.BIN), as a vehicle would: definitions, units, then records in order of time.
 
 IMU, ATT, BARO and VISO have the layouts of ArduSub 4.5 (single precision: 1e-7 of a value, 2e-7 rad of attitude, enough to recover
-coefficients from sensors without noise). Propeller and fins stand in a message of our own, ACTU. Fields that the twin does not know are 0.
+coefficients from sensors without noise). Propeller and fins stand in a message of our own, ACTU, pulses in RCOU. Fields that the twin does
+not know are 0; a log has the types of the streams that were recorded.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ UNITS = {
     "O": "degC",
     "n": "m/s",
     "%": "%",
+    "Y": "us",
 }
 MULTIPLIERS = {"-": 0.0, "0": 1.0, "F": 1e-6, "C": 1e-3, "B": 1e-2}
 FRESH_WATER_PA_M = 1000.0 * 9.80665
@@ -43,33 +45,41 @@ ATT = define(72, "ATT", "QffffffB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Y
 BARO = define(64, "BARO", "QBfffcfIffBf", "TimeUS,I,Alt,AltAMSL,Press,Temp,CRt,SMS,Offset,GndTemp,H,CPress")
 VISO = define(168, "VISO", "Qffffffff", "TimeUS,dt,AngDX,AngDY,AngDZ,PosDX,PosDY,PosDZ,conf")
 ACTU = define(200, "ACTU", "Qfffff", "TimeUS,RevS,FinS,FinP,FinB,FinT")
-TYPES: tuple[tuple[Definition, str, str], ...] = (
+RCOU = define(132, "RCOU", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14")
+COMMON: tuple[tuple[Definition, str, str], ...] = (
     (FMT, "", ""),
     (UNIT, "s--", "F--"),
     (MULT, "s--", "F--"),
     (FMTU, "s---", "F---"),
     (MSG, "s-", "F-"),
+)
+OF_STREAMS: tuple[tuple[Definition, str, str], ...] = (
     (IMU, "s#EEEooo--O--zz", "F-000000--0--00"),
     (ATT, "sdddddd-", "F000000-"),
     (BARO, "s#mmPOnsmO-P", "F-000-0C00-0"),
     (VISO, "ssdddmmm%", "F00000000"),
     (ACTU, "szrrrr", "F00000"),
+    (RCOU, "sYYYYYYYYYYYYYY", "F--------------"),
 )
 """Every message type with the letters of its units and multipliers."""
 
 
 def write_dataflash(recorded: Recorded) -> bytes:
-    """The whole log as bytes. Records with equal times keep the order MSG, IMU, ATT, VISO, BARO, ACTU."""
-    head = b"".join(item.pack() for item, _, _ in TYPES)
-    letters = [_rows(UNIT, {"Id": [ord(key)], "Label": [text.encode()]}, _start()) for key, text in UNITS.items()]
+    """The whole log as bytes. Records with equal times keep the order MSG, IMU, ATT, VISO, BARO, ACTU, RCOU."""
+    tables = _tables(recorded)
+    present = {definition.id for definition, *_ in tables}
+    types = [*COMMON, *(item for item in OF_STREAMS if item[0].id in present)]
+    head = b"".join(item.pack() for item, _, _ in types)
+    used = {key for _, units, _ in types for key in units}
+    letters = [_rows(UNIT, {"Id": [ord(key)], "Label": [text.encode()]}, _start()) for key, text in UNITS.items() if key in used]
     letters += [_rows(MULT, {"Id": [ord(key)], "Mult": [value]}, _start()) for key, value in MULTIPLIERS.items()]
     letters += [
         _rows(FMTU, {"FmtType": [item.id], "UnitIds": [units.encode()], "MultIds": [factors.encode()]}, _start())
-        for item, units, factors in TYPES
+        for item, units, factors in types
         if units
     ]
     words = _rows(MSG, {"Message": [recorded.text.encode()[:64]]}, _start())
-    return head + words.tobytes() + b"".join(item.tobytes() for item in letters) + in_order(_records(recorded))
+    return head + words.tobytes() + b"".join(item.tobytes() for item in letters) + in_order(_records(tables))
 
 
 def in_order(blocks: list[tuple[npt.NDArray[np.int64], list[bytes]]]) -> bytes:
@@ -97,41 +107,53 @@ def _rows(definition: Definition, columns: Mapping[str, Any], time_us: npt.NDArr
     return rows
 
 
-def _records(recorded: Recorded) -> list[tuple[npt.NDArray[np.int64], list[bytes]]]:
-    imu, attitude, velocity, depth, actuators = (recorded.streams[name] for name in ("imu", "attitude", "velocity", "depth", "actuators"))
+def _tables(recorded: Recorded) -> list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]:
+    """Message type, columns and times of each stream that there is."""
+    made = []
+    for stream, table in (("imu", _imu), ("attitude", _attitude), ("velocity", _velocity), ("depth", _depth), ("actuators", _actuators)):
+        if stream in recorded.streams:
+            columns = recorded.streams[stream]
+            made.append((*table(columns), np.asarray(columns["time_us"])))
+    return made
+
+
+Columns = Mapping[str, npt.NDArray[Any]]
+
+
+def _imu(imu: Columns) -> tuple[Definition, Mapping[str, Any]]:
+    gyro = {f"Gyr{axis.upper()}": imu[f"gyro_{axis}_rad_s"] for axis in "xyz"}
+    return IMU, gyro | {f"Acc{axis.upper()}": imu[f"accel_{axis}_m_s2"] for axis in "xyz"} | {"GH": 1, "AH": 1, "T": 20.0}
+
+
+def _attitude(attitude: Columns) -> tuple[Definition, Mapping[str, Any]]:
     degrees = {name: np.degrees(attitude[f"{symbol}_rad"]) for name, symbol in (("Roll", "phi"), ("Pitch", "theta"), ("Yaw", "psi"))}
     degrees["Yaw"] = np.remainder(degrees["Yaw"], 360.0)
+    return ATT, {**degrees, "AEKF": 3}
+
+
+def _velocity(velocity: Columns) -> tuple[Definition, Mapping[str, Any]]:
     interval = np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1]) / 1e6
     interval = interval.astype(np.float32).astype(np.float64)
-    tables: list[tuple[Definition, Mapping[str, Any], Any]] = [
-        (
-            IMU,
-            {f"Gyr{axis.upper()}": imu[f"gyro_{axis}_rad_s"] for axis in "xyz"}
-            | {f"Acc{axis.upper()}": imu[f"accel_{axis}_m_s2"] for axis in "xyz"}
-            | {"GH": 1, "AH": 1, "T": 20.0},
-            imu["time_us"],
-        ),
-        (ATT, {**degrees, "AEKF": 3}, attitude["time_us"]),
-        (
-            VISO,
-            {"dt": interval, "conf": 100.0}
-            | {f"PosD{name}": velocity[f"{axis}_m_s"] * interval for name, axis in zip("XYZ", "uvw", strict=True)},
-            velocity["time_us"],
-        ),
-        (
-            BARO,
-            {"Alt": -depth["depth_m"], "AltAMSL": -depth["depth_m"], "H": 1, "SMS": depth["time_us"] // 1000, "Temp": 1000}
-            | {"Press": STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * depth["depth_m"]},
-            depth["time_us"],
-        ),
-        (
-            ACTU,
-            {"RevS": actuators["propeller_rev_s"]} | {f"Fin{name.upper()}": actuators[f"fin_{name}_rad"] for name in "spbt"},
-            actuators["time_us"],
-        ),
-    ]
+    moved = {f"PosD{name}": velocity[f"{axis}_m_s"] * interval for name, axis in zip("XYZ", "uvw", strict=True)}
+    return VISO, {"dt": interval, "conf": 100.0} | moved
+
+
+def _depth(depth: Columns) -> tuple[Definition, Mapping[str, Any]]:
+    below = depth["depth_m"]
+    pressure = {"Press": STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * below}
+    return BARO, {"Alt": -below, "AltAMSL": -below, "H": 1, "SMS": depth["time_us"] // 1000, "Temp": 1000} | pressure
+
+
+def _actuators(actuators: Columns) -> tuple[Definition, Mapping[str, Any]]:
+    pulses = {f"C{name.split('_')[1]}": values for name, values in actuators.items() if name.startswith("pwm_")}
+    if pulses:
+        return RCOU, pulses
+    return ACTU, {"RevS": actuators["propeller_rev_s"]} | {f"Fin{name.upper()}": actuators[f"fin_{name}_rad"] for name in "spbt"}
+
+
+def _records(tables: list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]) -> list[tuple[npt.NDArray[np.int64], list[bytes]]]:
     blocks = []
     for definition, columns, time_us in tables:
         data, size = _rows(definition, columns, time_us).tobytes(), definition.length
-        blocks.append((np.asarray(time_us), [data[start : start + size] for start in range(0, len(data), size)]))
+        blocks.append((time_us, [data[start : start + size] for start in range(0, len(data), size)]))
     return blocks

@@ -95,7 +95,7 @@ def plan_from_document(document: Mapping[str, Any], vehicle: Vehicle, *, file: o
         title=str(document["title"]),
         depth_m=_depth(document),
         settle_s=float(document.get("settle_s", 40.0)),
-        margin_s=_margin(document),
+        margin_s=margin_s(document),
         tick_s=1.0 / rate,
         steps_per_tick=int(np.ceil(1.0 / (rate * float(document.get("step_s", 0.01))) - 1e-9)),
         viscous_lag_s=float(document.get("viscous_lag_s", 0.0)),
@@ -108,14 +108,7 @@ def plan_from_document(document: Mapping[str, Any], vehicle: Vehicle, *, file: o
             "depth": float(sensors["depth"].get("rate_hz", 10.0)),
             "actuators": float(sensors["actuators"].get("rate_hz", 50.0)),
         },
-        ahrs=AhrsNoise(
-            attitude_rad=float(np.radians(a.get("attitude_sd_deg", 0.0))),
-            attitude_correlation_s=float(a.get("attitude_correlation_s", 5.0)),
-            gyro_rad_s=float(a.get("gyro_sd_rad_s", 0.0)),
-            gyro_bias_rad_s=float(a.get("gyro_bias_sd_rad_s", 0.0)),
-            accel_m_s2=float(a.get("accel_sd_m_s2", 0.0)),
-            accel_bias_m_s2=float(a.get("accel_bias_sd_m_s2", 0.0)),
-        ),
+        ahrs=ahrs_noise(a),
         dvl_sd_m_s=float(dvl.get("sd_m_s", 0.0)),
         dvl_arm_error_m=np.array(dvl.get("arm_error_m", (0.0, 0.0, 0.0)), dtype=np.float64),
         dvl_mounting_error_rad=np.radians(np.array(dvl.get("mounting_error_deg", (0.0, 0.0, 0.0)), dtype=np.float64)),
@@ -124,20 +117,35 @@ def plan_from_document(document: Mapping[str, Any], vehicle: Vehicle, *, file: o
     )
 
 
+def ahrs_noise(entry: Mapping[str, Any]) -> AhrsNoise:
+    """Noise of an AHRS in SI from its entry in a plan; what is not given is 0."""
+    return AhrsNoise(
+        attitude_rad=float(np.radians(entry.get("attitude_sd_deg", 0.0))),
+        attitude_correlation_s=float(entry.get("attitude_correlation_s", 5.0)),
+        gyro_rad_s=float(entry.get("gyro_sd_rad_s", 0.0)),
+        gyro_bias_rad_s=float(entry.get("gyro_bias_sd_rad_s", 0.0)),
+        accel_m_s2=float(entry.get("accel_sd_m_s2", 0.0)),
+        accel_bias_m_s2=float(entry.get("accel_bias_sd_m_s2", 0.0)),
+    )
+
+
 def manifest_entries(document: Mapping[str, Any], *, format: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The logs and legs of a manifest for the twin's log files: one log per leg; CSV logs are one file per sensor."""
-    logs, legs = [], []
-    for entry in document["legs"]:
-        name, margin = entry["id"], _margin(document)
-        if format == "csv":
-            logs.append({"id": name, "files": [{"file": csv_name(name, part), "columns": f"columns/{part}.yaml"} for part in CSV_PARTS]})
-        else:
-            logs.append({"id": name, "file": log_name(name, format)})
-        legs.append({"id": name, "log": name, "start_s": margin, "end_s": margin + float(entry["duration_s"]), "use": entry["use"]})
+    """The logs and legs of a manifest for the twin's log files: one log per leg."""
+    margin = margin_s(document)
+    ends = [(entry, margin + float(entry["duration_s"])) for entry in document["legs"]]
+    logs = [log_entry(entry["id"], format, CSV_PARTS) for entry, _ in ends]
+    legs = [{"id": entry["id"], "log": entry["id"], "start_s": margin, "end_s": end, "use": entry["use"]} for entry, end in ends]
     return logs, legs
 
 
 CSV_PARTS = ("ahrs", "dvl", "depth", "actuators")
+
+
+def log_entry(name: str, format: str, csv_parts: tuple[str, ...]) -> dict[str, Any]:
+    """The entry of one log in a manifest; a CSV log is one file per part."""
+    if format != "csv":
+        return {"id": name, "file": log_name(name, format)}
+    return {"id": name, "files": [{"file": csv_name(name, part), "columns": f"columns/{part}.yaml"} for part in csv_parts]}
 
 
 def log_name(leg: str, format: str) -> str:
@@ -154,7 +162,8 @@ def _depth(document: Mapping[str, Any]) -> float:
     return float(document.get("depth_m", 5.0))
 
 
-def _margin(document: Mapping[str, Any]) -> float:
+def margin_s(document: Mapping[str, Any]) -> float:
+    """What a log holds before and after its leg."""
     return float(document.get("margin_s", 2.0))
 
 
@@ -185,10 +194,13 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
     if vehicle.propeller is None or vehicle.fins is None:
         yield fault("the twin needs a vehicle with a propeller and fins", "vehicle", vehicle.name)
         return
-    if not document["legs"]:
-        yield fault("the plan has no legs", "legs", [])
-    if _margin(document) > float(document.get("settle_s", 40.0)):
-        yield fault("the log would begin before the vehicle does", "margin_s", _margin(document), allowed="at most settle_s")
+    if not document.get("legs"):
+        yield fault(
+            "the plan has no legs", "legs", [], remedy="List the legs; a plan with bench is flown by a campaign of kind bench_twin."
+        )
+        return
+    if margin_s(document) > float(document.get("settle_s", 40.0)):
+        yield fault("the log would begin before the vehicle does", "margin_s", margin_s(document), allowed="at most settle_s")
     yield from _list_faults(document, fault)
     fastest = 60.0 * float(vehicle.propeller.level_speed_rev_s[-1])
     seen: set[str] = set()

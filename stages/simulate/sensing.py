@@ -46,7 +46,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
     Clocks tick in whole milliseconds, which every log format can hold.
     """
     vehicle, leg = flown.plant.vehicle, flown.leg.id
-    times = {stream: sample_times(flown, stream, rate) for stream, rate in plan.rates_hz.items()}
+    times = {stream: sample_times(flown.log_end_s, stream, rate) for stream, rate in plan.rates_hz.items()}
     lags = {"imu": vehicle.imu.lag_s, "velocity": vehicle.dvl.lag_s, "depth": vehicle.depth_sensor.lag_s, "actuators": 0.0}
     seen = {stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s) for stream, values in times.items()}
     motion = {stream: flown.motion(values) for stream, values in seen.items()}
@@ -58,7 +58,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
     control = motion["actuators"].inputs
     streams = {
         "imu": {"time_us": times["imu"], **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},
-        "attitude": {"time_us": times["imu"], **named(POSE[3:], _wrapped(unit))},
+        "attitude": {"time_us": times["imu"], **named(POSE[3:], wrapped(unit))},
         "velocity": {"time_us": times["velocity"], **named(VELOCITY[:3], velocity)},
         "depth": {"time_us": times["depth"], "depth_m": depth},
         "actuators": {"time_us": times["actuators"], "propeller_rev_s": control.propeller_rev_s, **named(FINS, control.fins_rad)},
@@ -66,16 +66,16 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
     return Recorded(leg, streams, unit.biases, text)
 
 
-def _wrapped(unit: Ahrs) -> Array:
+def wrapped(unit: Ahrs) -> Array:
     """Attitude with yaw within +-pi, as an AHRS gives it."""
     attitude = unit.attitude.copy()
     attitude[:, 2] = np.remainder(attitude[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     return attitude
 
 
-def sample_times(flown: FlownLeg, stream: str, rate_hz: float) -> Times:
+def sample_times(log_end_s: float, stream: str, rate_hz: float) -> Times:
     """Times (n,) of a stream in us on the vehicle's clock: its phase, then every 1/rate_hz, rounded to milliseconds."""
-    first, last = PHASE_MS[stream], np.floor(flown.log_end_s * 1000.0 + 1e-6)
+    first, last = PHASE_MS[stream], np.floor(log_end_s * 1000.0 + 1e-6)
     count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1
     values = np.rint(first + np.arange(count) * 1000.0 / rate_hz).astype(np.int64) * 1000
     return np.asarray(values + BOOT_US)

@@ -2,13 +2,14 @@
 
 ATTITUDE, HIGHRES_IMU, VISION_POSITION_DELTA and SCALED_PRESSURE2 hold single-precision SI numbers (RAW_IMU's whole millirad/s would not
 do for recovery). Propeller [rev/s] and fins S, P, B, T [rad] are the first five numbers of DEBUG_FLOAT_ARRAY 2759. The recorder stamps
-each message with the vehicle's own time, as over a link without delay.
+each message with the vehicle's own time, as over a link without delay. Pulses stand in SERVO_OUTPUT_RAW. A log has the messages of the
+streams that were recorded.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do
 ARRAY_NAME, ARRAY_ID, ARRAY_LENGTH = b"ACTU", 2759, 58
 HEARTBEAT_US = 1_000_000
 SYSTEM, COMPONENT = 1, 1
+Streams = Mapping[str, Mapping[str, Any]]
 
 
 def write_tlog(recorded: Recorded) -> bytes:
@@ -41,23 +43,52 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int,
     for time_us in range(BOOT_US, end, HEARTBEAT_US):
         yield time_us, mav.heartbeat_encode(mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 128, 0, 4)
     yield BOOT_US, mav.statustext_encode(mavlink.MAV_SEVERITY_INFO, recorded.text.encode()[:50])
-    imu, attitude, velocity = streams["imu"], streams["attitude"], streams["velocity"]
-    gyro = [imu[f"gyro_{axis}_rad_s"] for axis in "xyz"]
-    for t, ax, ay, az, gx, gy, gz in _rows(imu["time_us"], *(imu[f"accel_{axis}_m_s2"] for axis in "xyz"), *gyro):
-        yield int(t), mav.highres_imu_encode(int(t), ax, ay, az, gx, gy, gz, *[0.0] * 7, 0x3F)
-    for t, phi, theta, psi, p, q, r in _rows(attitude["time_us"], *(attitude[f"{name}_rad"] for name in ("phi", "theta", "psi")), *gyro):
-        yield int(t), mav.attitude_encode(int(t) // 1000, phi, theta, psi, p, q, r)
+    for stream, encode in (("imu", _imu), ("attitude", _attitude), ("velocity", _velocity), ("depth", _depth), ("actuators", _actuators)):
+        if stream in streams:
+            yield from encode(mav, streams)
+
+
+def _imu(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+    imu = streams["imu"]
+    for t, *values in _rows(imu["time_us"], *(imu[f"accel_{axis}_m_s2"] for axis in "xyz"), *_gyro(imu)):
+        yield int(t), mav.highres_imu_encode(int(t), *values, *[0.0] * 7, 0x3F)
+
+
+def _attitude(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+    attitude = streams["attitude"]
+    angles = (attitude[f"{name}_rad"] for name in ("phi", "theta", "psi"))
+    for t, *values in _rows(attitude["time_us"], *angles, *_gyro(streams["imu"])):
+        yield int(t), mav.attitude_encode(int(t) // 1000, *values)
+
+
+def _velocity(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+    velocity = streams["velocity"]
     steps = np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1])
     for t, step, u, v, w in _rows(velocity["time_us"], steps, *(velocity[f"{axis}_m_s"] for axis in "uvw")):
         moved = [value * step / 1e6 for value in (u, v, w)]
         yield int(t), mav.vision_position_delta_encode(int(t), int(step), [0.0] * 3, moved, 100.0)
+
+
+def _depth(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
     depth = streams["depth"]
     pressure = (STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * depth["depth_m"]) / 100.0
     for t, hpa in _rows(depth["time_us"], pressure):
         yield int(t), mav.scaled_pressure2_encode(int(t) // 1000, hpa, 0.0, 2000)
+
+
+def _actuators(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
     actuators = streams["actuators"]
+    pulses = [values for name, values in actuators.items() if name.startswith("pwm_")]
+    if pulses:
+        for t, *values in _rows(actuators["time_us"], *pulses):
+            yield int(t), mav.servo_output_raw_encode(int(t), 0, *(int(value) for value in values))
+        return
     for t, *values in _rows(actuators["time_us"], actuators["propeller_rev_s"], *(actuators[name] for name in FINS)):
         yield int(t), mav.debug_float_array_encode(int(t), ARRAY_NAME, ARRAY_ID, [*values, *[0.0] * (ARRAY_LENGTH - len(values))])
+
+
+def _gyro(imu: Mapping[str, Any]) -> list[Any]:
+    return [imu[f"gyro_{axis}_rad_s"] for axis in "xyz"]
 
 
 def _rows(*columns: Any) -> Iterator[tuple[Any, ...]]:

@@ -26,7 +26,7 @@ from stages.ingest.decoded import RawFile
 from stages.signals import VELOCITY
 from stages.simulate.csv_writer import column_maps
 from stages.simulate.flights import checked_coefficients, fly_leg
-from stages.simulate.plans import csv_name, log_name, manifest_entries, plan_from_document
+from stages.simulate.plans import CSV_PARTS, csv_name, log_name, manifest_entries, plan_from_document
 from stages.simulate.sensing import record
 
 ROOT = Path(__file__).parents[2]
@@ -75,7 +75,7 @@ def ingested(outputs: simulate.Outputs, format: str, accelerometer: str = "speci
         return RawFile(name, np.frombuffer(outputs.logs[name], np.uint8), columns)
 
     maps = column_maps(accelerometer=accelerometer)
-    files = [raw(csv_name("yaw", part), maps[part]) for part in maps] if format == "csv" else [raw(log_name("yaw", format))]
+    files = [raw(csv_name("yaw", part), maps[part]) for part in CSV_PARTS] if format == "csv" else [raw(log_name("yaw", format))]
     return ingest.run(ingest.Inputs(RawLog("yaw", tuple(files)), None, DOCUMENT), ingest.Params())
 
 
