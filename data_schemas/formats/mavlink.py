@@ -68,11 +68,14 @@ def _word_table(table: Checksums) -> Checksums:
 
 
 _BYTE_TABLE = _byte_table()
+_BYTES: list[int] = _BYTE_TABLE.tolist()
 _WORD_TABLE = _word_table(_BYTE_TABLE)
-_BATCH = 32768  # frames whose bytes and tables fit in the second-level cache
-_BLOCK_BYTES = 16
+_BATCH = 1 << 16  # frames that advance together; each batch takes as many steps as its longest frame, however few are so long
+_BLOCK_BYTES = 32
+_BLOCK_WORDS = _BLOCK_BYTES // 2
 _LEFT_IN_BLOCK = np.where(np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0).astype(np.uint8)
-_HALF_MASKS = np.ascontiguousarray(_LEFT_IN_BLOCK.view(np.uint64).T)  # of both halves of a block, by the number of bytes to clear
+_PART_MASKS = np.ascontiguousarray(_LEFT_IN_BLOCK.view(np.uint64).T)  # of each eight bytes of a block, by the number of bytes to clear
+_FEW = 40  # frames that one look-up per byte has done before the blocks are set up
 _LONGEST_CHECKED = 9 + LARGEST_PAYLOAD
 
 
@@ -84,7 +87,7 @@ def checksum(data: bytes, crc_extra: int) -> int:
 def _state(data: bytes) -> int:
     state = CHECKSUM_START
     for byte in data:
-        state = int(_BYTE_TABLE[(state ^ byte) & 0xFF]) ^ (state >> 8)
+        state = _BYTES[(state ^ byte) & 0xFF] ^ (state >> 8)
     return state
 
 
@@ -120,10 +123,13 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
     """
     out = np.empty(start.size, dtype=np.uint16)
     early = (stop - start) % -_BLOCK_BYTES + start < 0  # their first block would begin before the file
+    if start.size < _FEW:
+        early[:] = True
     if early.any():
-        for row in np.flatnonzero(early):
+        for row in np.flatnonzero(early).tolist():
             out[row] = _state(buffer[start[row] : stop[row]].tobytes())
-        out[~early] = _states(buffer, start[~early], stop[~early])
+        if not early.all():
+            out[~early] = _states(buffer, start[~early], stop[~early])
         return out
     blocks = np.ndarray((max(buffer.size - _BLOCK_BYTES + 1, 0),), np.dtype(f"V{_BLOCK_BYTES}"), buffer=buffer, strides=(1,))
     for first in range(0, start.size, _BATCH):
@@ -134,24 +140,28 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
 
 
 def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integers) -> Checksums:
-    """States from a zero start, without crc_extra; frames with more blocks first, so that those still waiting stand at the end."""
+    """States from a zero start, without crc_extra; longer frames first, so that those still waiting stand at the end."""
     size = (stop - start).astype(np.uint16)
-    number = (size + (_BLOCK_BYTES - 1)) // _BLOCK_BYTES
-    order = np.argsort(number, kind="stable")[::-1]
-    number = number[order]
-    missing = (_BLOCK_BYTES * number - size[order]).astype(np.uint8)
-    at = stop[order] - _BLOCK_BYTES * number.astype(np.int64)
-    state = np.zeros(order.size, dtype=np.uint16)
-    reached = np.cumsum(np.bincount(number, minlength=1)[::-1])[::-1]
-    running = 0
-    for left in range(int(number[0]) if number.size else 0, 0, -1):
-        active = int(reached[left])
-        content = blocks[at[:active]].view(np.uint64).reshape(active, 2)
-        for half, masks in zip(content.T, _HALF_MASKS, strict=True):
-            half[running:] &= masks.take(missing[running:active])
-        now = state[:active]
-        for word in content.view("<u2").T:
-            _WORD_TABLE.take(now ^ word, out=now, mode="clip")
+    words = ((size + np.uint16(1)) >> np.uint16(1)).astype(np.uint8)
+    order = np.argsort(words, kind="stable")[::-1]
+    words = words[order]
+    whole = np.int64(_BLOCK_BYTES) * ((words + np.uint8(_BLOCK_WORDS - 1)) // np.uint8(_BLOCK_WORDS))
+    missing = whole - size[order]
+    at = stop[order] - whole
+    state, mixed = np.zeros((2, order.size), dtype=np.uint16)
+    reached = [*np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(), *[0] * _BLOCK_WORDS]  # frames with so many words or more
+    running, left = 0, int(words[0]) if words.size else 0
+    for left in range(-(-left // _BLOCK_WORDS) * _BLOCK_WORDS, 0, -_BLOCK_WORDS):
+        active = reached[left - _BLOCK_WORDS + 1]
+        content = blocks[at[:active]].view(np.uint64).reshape(active, _BLOCK_BYTES // 8)
+        for number, masks in enumerate(_PART_MASKS):
+            begun = reached[left - 4 * number - 3]
+            part = content[:begun, number]
+            part[running:] &= masks.take(missing[running:begun])
+            for word, column in enumerate(part[:, None].view("<u2").T):
+                count = reached[left - 4 * number - word]
+                np.bitwise_xor(state[:count], column[:count], out=mixed[:count])
+                _WORD_TABLE.take(mixed[:count], out=state[:count], mode="clip")
         at[:active] += _BLOCK_BYTES
         running = active
     result = np.empty_like(state)

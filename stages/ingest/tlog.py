@@ -128,27 +128,26 @@ def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -
         return []
     ids = mavlink.ids_by_name()
     types = np.array(sorted(ids[name] for name in senders.by_type if wanted is None or name in wanted or name in _PARTS), dtype=np.int64)
-    place = np.zeros(int(records.message_id.max()) + 1, dtype=np.int16)
+    place = np.zeros(int(records.message_id.max()) + 1, dtype=np.int32)
     place[types] = np.arange(1, types.size + 1)
-    kind = place[records.message_id]
     others = list(senders.counts)
-    number = np.zeros(1 << 16, dtype=np.int16)
+    number = np.zeros(1 << 16, dtype=np.int32)
     number[[system << 8 | component for system, component in others]] = np.arange(len(others))
-    who = number[_keys(records)]
-    sent = np.bincount(kind.astype(np.int32) * np.int32(len(others)) + who, minlength=(types.size + 1) * len(others))
-    sent = sent.reshape(-1, len(others))
+    pair = place[records.message_id] * np.int32(len(others)) + number[_keys(records)]  # of type and sender
+    sent = np.bincount(pair, minlength=(types.size + 1) * len(others)).reshape(-1, len(others))
     own = others.index(senders.chosen)
     foreign = {sender[0] for sender in senders.vehicles} - {senders.chosen[0]}
-    sent[:, [sender[0] in foreign for sender in others]] = 0
-    speaker = np.where(sent[:, own] > 0, own, sent.argmax(axis=1)).astype(np.int16)
-    speaker[(sent.max(axis=1) == 0) | (np.arange(types.size + 1) == 0)] = -1
-    rows = np.flatnonzero(who == speaker[kind])
-    kind = kind[rows]
-    order = rows[np.argsort(kind, kind="stable")]
-    del rows
-    stops = np.cumsum(np.bincount(kind, minlength=types.size + 1)).tolist()
+    allowed = np.where([sender[0] in foreign for sender in others], 0, sent)
+    allowed[0] = 0
+    speaker = np.where(allowed[:, own] > 0, own, allowed.argmax(axis=1))
+    rows = np.arange(types.size + 1)
+    rank = np.zeros(sent.shape, dtype=np.int16)  # zero for what is not read
+    rank[rows, speaker] = np.where(allowed.max(axis=1) > 0, rows, 0)
+    stops = np.cumsum(np.bincount(rank.ravel(), weights=sent.ravel(), minlength=types.size + 1).astype(np.int64)).tolist()
+    order = np.argsort(rank.ravel()[pair], kind="stable")[stops[0] :]
+    del pair
     chosen = records.take(order)
-    return [chosen.take(slice(first, last)) for first, last in pairwise(stops) if last > first]
+    return [chosen.take(slice(first - stops[0], last - stops[0])) for first, last in pairwise(stops) if last > first]
 
 
 def _sender_notes(senders: Senders, system: int | None) -> list[str]:

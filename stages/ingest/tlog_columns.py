@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from data_schemas.formats import mavlink
 from stages.ingest.decoded import Messages
-from stages.ingest.tlog_frames import Bytes, Frames, gather
+from stages.ingest.tlog_frames import Bytes, Frames, Integers, gather
 
 TEXT_BYTES = 50  # characters in one STATUSTEXT chunk
 LOST_CHUNK = "..."
@@ -21,18 +21,17 @@ def decode(buffer: Bytes, frames: Frames, layout: mavlink.Layout) -> Messages:
     MAVLink 2 cuts trailing zeros of the payload and MAVLink 1 has no extension fields: missing bytes are zero. Bytes beyond the
     layout (a newer definition) are not read. A message with a field `seq` of its own has the frame's as `frame_seq`.
     """
-    width = layout.dtype.itemsize
-    columns: dict[str, npt.NDArray[np.generic]] = {name: np.empty((len(frames), *shape), base) for name, shape, base in layout.columns}
-    for first in range(0, len(frames), _BATCH):
-        part = slice(first, first + _BATCH)
-        length = frames.length[part]
-        rows = gather(buffer, frames.start[part] + frames.header[part], width)
-        shortest = int(length.min())
-        if shortest < width:
-            rows[:, shortest:] *= (np.arange(shortest, width, dtype=np.uint8) < length[:, None]).view(np.uint8)
-        table = rows.view(layout.dtype)[:, 0]
-        for name, column in columns.items():
-            column[part] = table[name]
+    columns: dict[str, npt.NDArray[np.generic]]
+    if len(frames) <= _BATCH:
+        table = _payloads(buffer, frames.payload, frames.length, layout.dtype)
+        columns = {name: table[name].copy() for name, _, _ in layout.columns}
+    else:
+        columns = {name: np.empty((len(frames), *shape), base) for name, shape, base in layout.columns}
+        for first in range(0, len(frames), _BATCH):
+            part = slice(first, first + _BATCH)
+            table = _payloads(buffer, frames.start[part] + frames.header[part], frames.length[part], layout.dtype)
+            for name, column in columns.items():
+                column[part] = table[name]
     for name in layout.text:
         columns[name] = cut_at_nul(columns[name])
     columns["time_unix_us"] = frames.stamp
@@ -40,6 +39,15 @@ def decode(buffer: Bytes, frames: Frames, layout: mavlink.Layout) -> Messages:
     columns["compid"] = frames.component
     columns["frame_seq" if "seq" in columns else "seq"] = frames.sequence
     return Messages(layout.name, columns, frames.start, {"time_unix_us": "us", **layout.units})
+
+
+def _payloads(buffer: Bytes, start: Integers, length: Bytes, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+    """Payloads as records; what is missing of a shorter one is zero."""
+    rows = gather(buffer, start, dtype.itemsize)
+    shortest = int(length.min())
+    if shortest < dtype.itemsize:
+        rows[:, shortest:] *= (np.arange(shortest, dtype.itemsize, dtype=np.uint8) < length[:, None]).view(np.uint8)
+    return rows.view(dtype)[:, 0]
 
 
 def cut_at_nul(text: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:

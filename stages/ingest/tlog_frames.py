@@ -18,7 +18,7 @@ Bytes = npt.NDArray[np.uint8]
 Integers = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
-_SCAN_BYTES = 1 << 20
+_SCAN_BYTES = 1 << 21
 _LATEST_YEAR_BYTE = 0x0E  # second byte of a stamp: 2^56 us; 0x0E is the year 2100, and the first byte is zero
 _UNCUT_BATCH = 4096
 _OLDER_DEFINITIONS = 4  # ends of the last fields that are tried as the end of the sender's payload
@@ -81,9 +81,10 @@ def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
         buffer = np.concatenate([buffer, np.zeros(width - buffer.size, dtype=np.uint8)])
     last = buffer.size - width
     window = np.ndarray((last + 1,), np.dtype(f"V{width}"), buffer=buffer, strides=(1,))
-    beyond = np.flatnonzero(start > last)
-    rows = window[np.minimum(start, last) if beyond.size else start].view(np.uint8).reshape(start.size, width)
-    for row in beyond:
+    if not start.size or int(start.max()) <= last:
+        return window[start].view(np.uint8).reshape(start.size, width)
+    rows = window[np.minimum(start, last)].view(np.uint8).reshape(start.size, width)
+    for row in np.flatnonzero(start > last).tolist():
         tail = buffer[start[row] :]
         rows[row] = 0
         rows[row, : tail.size] = tail
@@ -94,10 +95,10 @@ def places(buffer: Bytes, first: int, last: int) -> Integers:
     """Offsets from first to last - 1 of everything that looks like a time stamp before 2100 followed by a magic byte."""
     part = buffer[first : last + mavlink.STAMP_BYTES]
     number = max(part.size - mavlink.STAMP_BYTES, 0)
-    hit = (part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2)) <= 1
-    hit &= part[:number] == 0
-    hit &= part[1 : number + 1] <= _LATEST_YEAR_BYTE
-    return np.flatnonzero(hit) + first
+    at = np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1) if number else np.zeros(0, np.int64)
+    at = at[part[at] == 0]
+    at = at[part[at + 1] <= _LATEST_YEAR_BYTE]
+    return at + first
 
 
 def frames_at(buffer: Bytes, start: Integers) -> Frames:
