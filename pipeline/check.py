@@ -87,7 +87,7 @@ def check(
     """
     from pipeline import check_page
 
-    pages = [page for target in targets for page in _pages(target, columns)]
+    pages = [page for target in targets for page in pages_of(target, columns)]
     if align and len(pages) != 2:
         raise PipelineError("--align needs exactly two logs", value=len(pages), remedy="auvid check dive.tlog dive.BIN --align")
     aligned, apart = _aligned(pages) if align else (None, None)
@@ -106,10 +106,17 @@ def check(
     return LOSSES if any(page.losses for page in pages) else FINE
 
 
-def _pages(target: str, columns: Path | None) -> list[Page]:
+def names_campaign(target: str) -> bool:
+    """Whether a word of the command line means a campaign (by name, folder or manifest) and not a file."""
     path = Path(target).expanduser()
-    if path.name == "campaign.yaml" or (path / "campaign.yaml").is_file() or not (path.exists() or path.suffix or os.sep in target):
+    return path.name == "campaign.yaml" or (path / "campaign.yaml").is_file() or not (path.exists() or path.suffix or os.sep in target)
+
+
+def pages_of(target: str, columns: Path | None) -> list[Page]:
+    """The page of a log file, or of every log of a campaign."""
+    if names_campaign(target):
         return _campaign_pages(target)
+    path = Path(target).expanduser()
     mapping = None
     if columns is not None:
         found = load_yaml(columns, what="column map")
@@ -165,7 +172,7 @@ def _page(name: str, log: str, files: Sequence[LogFile], *, campaign: Campaign |
     except PipelineError as fault:
         return Page(name, refused=str(fault))
     check_document(outputs.health, "health")
-    recorded = Recorded(_tables(outputs), outputs.log_info, outputs.dropped, vehicle)
+    recorded = Recorded(tables_of(outputs), outputs.log_info, outputs.dropped, vehicle)
     return Page(name, outputs.health, legs=tuple(legs(recorded, entries)), outputs=outputs)
 
 
@@ -185,7 +192,8 @@ def _bytes(file: LogFile) -> npt.NDArray[np.uint8]:
     return content
 
 
-def _tables(outputs: ingest.Outputs) -> dict[str, Any]:
+def tables_of(outputs: ingest.Outputs) -> dict[str, Any]:
+    """The streams of a log by name."""
     return {name: getattr(outputs, name) for name in outputs.health["streams"]}
 
 

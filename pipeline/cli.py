@@ -96,6 +96,21 @@ def check(
         raise typer.Exit(status)
 
 
+@app.command(epilog="Example: auvid inspect dive.BIN --save dive.rrd")
+def inspect(
+    target: Annotated[str, typer.Argument(metavar="CAMPAIGN|LOG", help="A campaign that has been run, a log file, or a recording (.rrd).")],
+    log: Annotated[str | None, typer.Option(metavar="ID", help="This raw log of the campaign, with its legs.")] = None,
+    columns: Annotated[Path | None, typer.Option(metavar="MAP.yaml", help="Column map of a CSV log.")] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")] = None,
+    screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+) -> None:
+    """Look at a campaign's run or at a raw log in the Rerun viewer."""
+    from pipeline import inspection
+
+    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web)
+
+
 @app.command(epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"')
 def regress(
     campaign: CampaignName,

@@ -6,15 +6,15 @@ The stage knows no other stage: it renders the sections, views and tables that t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import pyarrow as pa
 
 from stages.base import Collection, Document, Stage, every, param, port
 from stages.report.html import render
 from stages.report.own_sections import legs_section, provenance_section, vehicle_line
-from stages.report.summary import summarise
+from stages.report.summary import Summary, summarise
 from stages.report.summary_results import summarise_results
 
 
@@ -46,24 +46,56 @@ class Outputs:
     recording: bytes = port("recording")
 
 
+@dataclass(frozen=True)
+class Told:
+    """What page and recording share: the title, the first screen, all sections, segments and logs."""
+
+    title: str
+    summary: Summary
+    sections: Mapping[str, Document]
+    segments: Mapping[str, Document]
+    logs: Mapping[str, Document]
+
+
 def run(inputs: Inputs, params: Params) -> Outputs:
+    told = tell(inputs)
+    notes = str(inputs.campaign.get("notes") or "")
+    log_of = {name: str(item["log"]) for name, item in told.segments.items()} if len(told.logs) > 1 else {}
+    page = render(told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of)
+    return Outputs(report_html=page, recording=draw(inputs, params, told))
+
+
+def tell(inputs: Inputs) -> Told:
+    """The first screen and the sections of all stages."""
     sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
     cards, segments, logs = dict(inputs.model_card or {}), dict(inputs.segment or {}), dict(inputs.log_info or {})
     title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
-    notes = str(inputs.campaign.get("notes") or "")
-    own: dict[str, dict[str, Any]] = {"provenance": provenance_section(inputs.provenance, inputs.campaign, cards)}
+    sections["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
     if logs:
-        own["campaign"] = legs_section(segments, logs)
+        sections["campaign"] = legs_section(segments, logs)
     if results:
-        summary = summarise_results(results, logs, {**sections, **own}, inputs.vehicle)
+        summary = summarise_results(results, logs, sections, inputs.vehicle)
     else:
-        summary = summarise(cards, inputs.error_table, segments, logs, {**sections, **own}, inputs.vehicle, inputs.free_run)
-    log_of = {name: str(item["log"]) for name, item in segments.items()} if len(logs) > 1 else {}
-    page = render(title, vehicle_line(inputs.vehicle), notes, summary, {**sections, **own}, log_of)
+        summary = summarise(cards, inputs.error_table, segments, logs, sections, inputs.vehicle, inputs.free_run)
+    return Told(title, summary, sections, segments, logs)
+
+
+def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False) -> bytes:
+    """The recording; a `preview` has its series thinned by minimum and maximum per bin."""
     from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing
 
-    recording = record(title, summary, inputs.views, inputs.tables, inputs.fused or {}, segments, logs, params.path_rate_hz)
-    return Outputs(report_html=page, recording=recording)
+    return record(
+        told.title,
+        told.summary,
+        inputs.views,
+        inputs.tables,
+        inputs.fused or {},
+        told.segments,
+        told.logs,
+        params.path_rate_hz,
+        told.sections,
+        preview=preview,
+    )
 
 
 STAGE = Stage("report", "HTML report and Rerun recording of what all stages found", "campaign", Inputs, Params, Outputs, run)

@@ -3,38 +3,58 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 
 from stages.report.colours import is_model
 from stages.report.html import visible
+from stages.report.sending import TIMELINE, Array
 
 Document = Mapping[str, Any]
 Owned = tuple[str, Document]
 """A group of series and the stage/item whose view it is."""
 
-TIMELINE = "t"
-ANSWER, PATH, LOG = "Answer", "Path", "Log"
+ANSWER, PATH, LOG, TABLES = "Answer", "Path", "Log", "Tables"
 EVER = rrb.TimeRangeBoundary.infinite()
 MARGIN = 0.06
 EYE = np.array([-0.75, -1.0, -0.9])
 """Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
+NO_RANGE = (np.inf, -np.inf)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What was sent to an entity: the range of its drawn series, and of their times in s."""
+
+    values: tuple[float, float] = NO_RANGE
+    times: tuple[float, float] = NO_RANGE
+
+    def add(self, times: Array, values: Array) -> Sent:
+        """With these times (n,) and series (n, k)."""
+        good = values[np.isfinite(values)]
+        found = (float(good.min()), float(good.max())) if good.size else NO_RANGE
+        return Sent(outer([self.values, found]), outer([self.times, (float(times[0]), float(times[-1]))]))
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What was sent: entity -> range of its drawn series, first and last second of all segments and of all logs, corners of the path."""
+    """What was sent: entity -> its ranges, corners of the path if there is one, stages with texts, times of the spans if there are any."""
 
-    ranges: Mapping[str, tuple[float, float]]
-    segments_s: tuple[float, float]
-    logs_s: tuple[float, float]
-    corners: npt.NDArray[np.float64]
+    sent: Mapping[str, Sent]
+    corners: Array | None = None
+    texts: tuple[str, ...] = ()
+    spans: tuple[float, float] | None = None
+
+
+def outer(spans: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """From the lowest start to the highest end."""
+    lows, highs = zip(*spans, strict=True) if (spans := list(spans)) else ((np.inf,), (-np.inf,))
+    return float(min(lows)), float(max(highs))
 
 
 def parent(group: Document) -> str:
@@ -42,18 +62,29 @@ def parent(group: Document) -> str:
     return str(visible(group["entity"])).rpartition("/")[0]
 
 
-def whole_view(groups: Sequence[Owned], logs: frozenset[str], seen: Seen) -> rrb.Blueprint:
-    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, and the messages."""
+def whole_view(groups: Sequence[Owned], seen: Seen) -> rrb.Blueprint:
+    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, texts of the stages, and messages."""
     tabs: dict[str, list[Owned]] = defaultdict(list)
     for owner, group in groups:
         tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []), logs, seen)
-    opening = rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words
-    plots = {name: _plots(items, logs, seen) for name, items in tabs.items()}
-    others = [rrb.Grid(*views, grid_columns=1 if len(views) < 3 else 2, name=name) for name, views in plots.items()]
+    answer = _plots(tabs.pop(ANSWER, []), seen)
+    pages: list[Any] = [rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words]
+    pages += [path_view(seen.corners)] if seen.corners is not None else []
+    plots = {name: _plots(items, seen) for name, items in tabs.items()}
+    pages += [rrb.Grid(*views, grid_columns=1 if len(views) < 3 else 2, name=name) for name, views in plots.items() if views]
+    texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
+    pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
+    log = rrb.TextLogView(origin="log", name=LOG)
+    spans = spans_view("Modes and segments", seen.spans) if seen.spans is not None else None
+    pages.append(rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log)
+    return opened(pages)
+
+
+def opened(pages: Sequence[Any]) -> rrb.Blueprint:
+    """A blueprint of tabs that opens on the first, with all panels but the timeline folded away."""
     return rrb.Blueprint(
-        rrb.Tabs(opening, _path_view(seen.corners), *others, rrb.TextLogView(origin="log", name=LOG), active_tab=0),
+        rrb.Tabs(*pages, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
@@ -62,47 +93,65 @@ def whole_view(groups: Sequence[Owned], logs: frozenset[str], seen: Seen) -> rrb
     )
 
 
-def _path_view(corners: npt.NDArray[np.float64]) -> rrb.Spatial3DView:
+def path_view(corners: Array) -> rrb.Spatial3DView:
+    """The 3D view of a path within a box with these corners (2, 3) in m, NED."""
     middle, size = corners.mean(axis=0), max(float(np.ptp(corners, axis=0).max()), 2.0)
     eye = rrb.EyeControls3D(position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
     floor = rr.components.Plane3D.XY.with_distance(float(corners[1, 2]) + 0.05 * size)
     return rrb.Spatial3DView(origin="path", name=PATH, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
 
 
-def _span(seconds: tuple[float, float]) -> rrb.TimeRange:
-    low, high = (rrb.TimeRangeBoundary.absolute(seconds=value) for value in seconds)
+def spans_view(name: str, times: tuple[float, float]) -> rrb.StateTimelineView:
+    """The lanes of spans over a range of times in s."""
+    return rrb.StateTimelineView(origin="spans", name=name, time_view=rrb.TimeAxis(view_range=_time_range(times)))
+
+
+def _time_range(times: tuple[float, float]) -> rrb.TimeRange:
+    low, high = (rrb.TimeRangeBoundary.absolute(seconds=value) for value in times)
     return rrb.TimeRange(low, high)
 
 
-def _plots(groups: Sequence[Owned], logs: frozenset[str], seen: Seen) -> list[rrb.TimeSeriesView]:
-    """One plot per parent entity whose groups share a unit, else one per group; over all segments, or over all logs for a log's views."""
+def time_plot(
+    origin: str, name: str, times: tuple[float, float], values: tuple[float, float], *, legend: bool = True, contents: Sequence[str] = ()
+) -> rrb.TimeSeriesView:
+    """A plot of the series below `origin` (or of `contents`) over a range of times in s, with a little room above and below."""
+    return rrb.TimeSeriesView(
+        origin=origin,
+        contents=list(contents) or "$origin/**",
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=_time_range(times)),
+        axis_y=rrb.ScalarAxis(range=with_room(values)),
+        time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
+    )
+
+
+def _plots(groups: Sequence[Owned], seen: Seen) -> list[rrb.TimeSeriesView]:
+    """One plot per parent entity whose groups share a unit, else one per group; all plots of a tab over the same time."""
     units: dict[str, set[str]] = defaultdict(set)
     for _, group in groups:
         units[parent(group)].add(str(group["unit"]))
     parents = {parent(group) for _, group in groups}
-    plots: dict[str, rrb.TimeSeriesView] = {}
-    for owner, group in groups:
+    chosen: dict[str, Document] = {}
+    for _, group in groups:
         together = len(units[parent(group)]) == 1 and parent(group) and str(visible(group["entity"])) not in parents
-        origin = parent(group) if together else str(visible(group["entity"]))
-        if origin in plots:
+        chosen.setdefault(parent(group) if together else str(visible(group["entity"])), group)
+    below = {origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")] for origin in chosen}
+    times = outer(item.times for items in below.values() for item in items)
+    plots: list[rrb.TimeSeriesView] = []
+    for origin, group in chosen.items():
+        if not below[origin]:
             continue
-        models = all(is_model(str(role)) or role == "measured" for role in group["roles"])
+        models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
         name = origin.split("/")[-1]
-        plots[origin] = rrb.TimeSeriesView(
-            origin=origin,
-            name=f"{name} [{group['unit']}]" if group["unit"] else name,
-            axis_x=rrb.TimeAxis(view_range=_span(seen.logs_s if owner.partition("/")[2] in logs else seen.segments_s)),
-            axis_y=rrb.ScalarAxis(range=_range(origin, seen.ranges)),
-            time_ranges=rrb.VisibleTimeRange(TIMELINE, start=EVER, end=EVER),
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=not plots or not models),
-        )
-    return list(plots.values())
+        title = f"{name} [{group['unit']}]" if group["unit"] else name
+        plots.append(time_plot(origin, title, times, outer(item.values for item in below[origin]), legend=not plots or not models))
+    return plots
 
 
-def _range(origin: str, ranges: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
-    """The y-range of a plot over its entities. Set here, because the viewer takes the end of a line (an empty row) for a zero."""
-    inside = [span for entity, span in ranges.items() if entity == origin or entity.startswith(f"{origin}/")]
-    low, high = min((low for low, _ in inside), default=0.0), max((high for _, high in inside), default=1.0)
+def with_room(span: tuple[float, float]) -> tuple[float, float]:
+    """A y-range with room around a span. Set by us, because the viewer takes the end of a line (an empty row) for a zero."""
+    low, high = span
     if not (np.isfinite(low) and np.isfinite(high)):
         return -1.0, 1.0
     room = MARGIN * (high - low) or max(abs(high) * 0.1, 1e-3)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 PAPER = "#ffffff"
@@ -96,6 +96,11 @@ def ink(role: str) -> Ink:
         if name in family:
             return family[name]
     return Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
+
+
+def distinct(names: Iterable[str]) -> dict[str, Ink]:
+    """A colour for each of some names of no fixed colour (flight modes), in the order in which they come; few names get different ones."""
+    return {name: Ink(*SPARE[place % len(SPARE)]) for place, name in enumerate(dict.fromkeys(names))}
 
 
 def is_model(role: str) -> bool:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hydro.dynamics.viscous_basis import BASIS_TERMS, PROPULSION
+from hydro.dynamics.viscous_basis import BASIS_TERMS, coefficient_unit
 from hydro.identification.least_squares import CONSTANT
 from hydro.identification.separability import breaks_symmetry
 from hydro.identification.verdicts import IDENTIFIED
@@ -45,7 +45,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
     ]
     single = [(axis, item) for axis, part in card["axes"].items() for item in _identified(part)]
     constant = [
-        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, ())) for axis, item in single if item["term"] == CONSTANT
+        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, CONSTANT)) for axis, item in single if item["term"] == CONSTANT
     ]
     if constant:
         found.append(
@@ -76,7 +76,7 @@ def _damping(axis: str, part: Document) -> tuple[str, ...]:
     for item in part["combinations"]:
         error = item.get("standard_error")
         if error and abs(item["value"]) >= 2 * error and all(_own(axis, term) for term in item["weights"]):
-            units = {_unit(axis, _factors(term)) for term in item["weights"]}
+            units = {_unit(axis, term) for term in item["weights"]}
             if len(units) == 1:
                 name = " + ".join(
                     f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}" for term, weight in item["weights"].items()
@@ -100,7 +100,7 @@ def _own(axis: str, term: str) -> bool:
 
 def _coefficient(axis: str, item: Document, *, interval: bool = False) -> str:
     return _figure(
-        _symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, _factors(item["term"])), interval=interval
+        _symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, item["term"]), interval=interval
     )
 
 
@@ -108,16 +108,9 @@ def _symbol(axis: str, term: str) -> str:
     return f"{axis}_{term.replace('*', '').replace('(eta-1)', '(η−1)')}"
 
 
-def _unit(axis: str, factors: Sequence[str]) -> str:
+def _unit(axis: str, term: str) -> str:
     """Unit of a coefficient as engineers print it: N s/m, N s²/m², N m s/rad."""
-    turning = sum(factor.strip("|") in ("p", "q", "r") for factor in factors)
-    moving = sum(factor != PROPULSION for factor in factors) - turning
-    powers = ("", "", "²", "³", "⁴")
-    below = [f"{name}{powers[power]}" for name, power in (("m", moving), ("rad", turning)) if power]
-    unit = "N" if axis in "XYZ" else "N m"
-    if not below:
-        return unit
-    return f"{unit} s{powers[moving + turning]}/{below[0] if len(below) == 1 else '(' + ' '.join(below) + ')'}"
+    return coefficient_unit(axis, term).translate(str.maketrans("234", "²³⁴")).replace("^", "")
 
 
 def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:

@@ -312,7 +312,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(checking.np, "fromfile", refuse)
-    page = checking._pages(str(SMALL), None)[0]
+    page = checking.pages_of(str(SMALL), None)[0]
     assert page.refused is not None
     assert "no permission" in page.refused
 
@@ -328,13 +328,13 @@ def test_a_file_that_grows_while_it_is_read(tmp_path: Path, monkeypatch: pytest.
         return original(inputs, params)
 
     monkeypatch.setattr(checking.ingest, "run", growing)
-    page = checking._pages(str(log), None)[0]
+    page = checking.pages_of(str(log), None)[0]
     assert page.refused is not None
     assert "changed while it was read" in page.refused
 
 
 def test_a_device_is_no_log() -> None:
-    page = checking._pages("/dev/null", None)[0]
+    page = checking.pages_of("/dev/null", None)[0]
     assert page.refused is not None
     assert "no regular file" in page.refused
 

@@ -7,14 +7,19 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import rerun as rr
 
+from data_schemas.tables import column, make_table
 from hydro.dynamics.kinematics import rotation_body_to_ned
-from stages.report import Params, run
-from stages.report.blueprint import _range
-from stages.report.recording import _quaternions, find_table, make_clock, markdown
+from stages.report import Params, draw, run, tell
+from stages.report.blueprint import NO_RANGE, Sent, outer, with_room
+from stages.report.recording import _values, find_table, make_clock
+from stages.report.recording_text import markdown
+from stages.report.sending import quaternions
 from stages.report.summary import summarise
+from stages.signals import VELOCITY, force_columns
 from tests.support.example_run import ExampleRun, example_run
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -88,7 +93,7 @@ def test_view_finds_its_table(made: ExampleRun, owner: str, wanted: str, found: 
 
 def test_quaternions_turn_as_the_euler_angles_do() -> None:
     euler = np.array([[0.1, -0.4, 2.0], [0.0, 0.0, np.pi / 2], [-3.0, 1.2, -0.7]])
-    for angles, (x, y, z, w) in zip(euler, _quaternions(euler), strict=True):
+    for angles, (x, y, z, w) in zip(euler, quaternions(euler), strict=True):
         expected = rotation_body_to_ned(angles)
         turned = np.array(
             [
@@ -102,7 +107,7 @@ def test_quaternions_turn_as_the_euler_angles_do() -> None:
 
 def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
     summary = summarise(made.cards, made.error_table(), made.segments, made.logs, made.sections, made.vehicle)
-    words = markdown("A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs))
+    words = markdown("A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments)
     assert summary.headline in words
     assert "| Linear | 0.62 |" in words
     assert "**1." in words
@@ -127,8 +132,68 @@ def test_names_that_are_no_plain_words_are_recorded(tmp_path: Path) -> None:
     assert "\x1b[31m" not in printed
 
 
-def test_depth_is_shown_in_its_own_range() -> None:
-    assert _range("raw/depth", {"raw/depth": (13.0, 14.0), "raw/other": (0.0, 99.0)}) == pytest.approx((12.94, 14.06))
-    assert _range("residual/X", {"residual/X": (-1.0, 0.0), "residual/X/models": (0.0, 3.0)}) == pytest.approx((-1.24, 3.24))
-    assert _range("raw/depth", {}) == (0.0 - 0.06, 1.0 + 0.06)
-    assert _range("a", {"a": (2.0, 2.0)}) == pytest.approx((1.8, 2.2))
+def test_plots_leave_room_around_what_they_show() -> None:
+    assert with_room((13.0, 14.0)) == pytest.approx((12.94, 14.06))
+    assert with_room((2.0, 2.0)) == pytest.approx((1.8, 2.2))
+    assert with_room((0.0, 0.0)) == pytest.approx((-1e-3, 1e-3))
+    assert with_room(NO_RANGE) == (-1.0, 1.0)
+
+
+def test_ranges_grow_with_what_is_sent_and_leave_out_gaps() -> None:
+    sent = Sent().add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]])).add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
+    assert sent == Sent((2.0, 2.0), (0.0, 6.0))
+    assert outer([]) == NO_RANGE
+
+
+@pytest.fixture(scope="module")
+def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """What Rerun prints of a recording with a band, a difference and a force, and with tables as text."""
+    made = example_run({"train": 6.0})
+    fused = made.tables["fuse/train/fused"]
+    for name in ("u", "v", "w"):
+        fused = fused.append_column(f"{name}_sd_m_s", pa.array(np.full(fused.num_rows, 0.1)))
+    made.tables["fuse/train/fused"] = made.fused["train"] = fused
+    columns = {"t_s": column(fused, "t_s")} | dict.fromkeys(VELOCITY, np.ones(fused.num_rows))
+    forces = force_columns("tau_bar")
+    made.tables["residual/train/residual"] = make_table("residual", columns | {name: np.full(fused.num_rows, 2.0) for name in forces})
+    made.views["fuse/train"]["groups"].append(
+        {"entity": "state/velocity/band", "table": "fused", "columns": ["u_m_s"], "spread": ["u_sd_m_s"], "names": ["u"]}
+        | {"roles": ["band"], "tab": "State", "unit": "m/s"}
+    )
+    made.views["validate"]["groups"].append(
+        {"entity": "error/X/linear", "table": "predictions/train", "columns": ["tau_X_N"], "names": ["X linear"], "roles": ["linear"]}
+        | {"tab": "Error", "unit": "N", "filter": {"model": "linear"}}
+        | {"less": {"table": "residual/train/residual", "columns": ["tau_bar_X_N"]}}
+    )
+    file = tmp_path_factory.mktemp("rich") / "rich.rrd"
+    file.write_bytes(run(made.inputs(), Params()).recording)
+    return rerun_rrd("print", "-vvv", file).stdout
+
+
+def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> None:
+    for entity in (
+        "state/velocity/band",
+        "error/X/models",
+        "path/train/forces",
+        "path/vehicle/force",
+        "spans/training",
+        "tables/synthesise",
+    ):
+        assert f"/{entity} - " in rich, entity
+    assert "u − 2 sd" in rich
+    assert "Coefficients of Linear" in rich
+
+
+def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(made: ExampleRun) -> None:
+    table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
+    band = _values(table, {"columns": ["a"], "spread": ["sd"]}, (), made.tables.__getitem__, "x")
+    np.testing.assert_allclose(band, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
+    names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
+    less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
+    np.testing.assert_allclose(_values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12)
+
+
+def test_preview_is_smaller(made: ExampleRun) -> None:
+    long = example_run({"train": 900.0})
+    told = tell(long.inputs())
+    assert len(draw(long.inputs(), Params(), told, preview=True)) < 0.8 * len(draw(long.inputs(), Params(), told))

@@ -1,0 +1,114 @@
+"""`auvid inspect` as a user calls it: files, pictures, and what it says where there is nothing to show or nothing to show it with."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from data_schemas.errors import PipelineError
+from pipeline import cli, viewer
+from tests.support.pictures import look
+
+ROOT = Path(__file__).parents[2]
+SMALL = ROOT / "tests/data/bluerov2_ugps_small/small.BIN"
+PICTURES = ROOT / "build" / "screenshots"
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a call printed, and the fault that ended it."""
+
+    stdout: str
+    fault: PipelineError | None
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def auvid(*words: object) -> Done:
+    """Run the command in this process; a fault that is none of the user's fails the test."""
+    result = CliRunner().invoke(cli.app, [str(word) for word in words])
+    assert isinstance(result.exception, PipelineError | None), result.exception
+    return Done(result.output, result.exception)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("inspect") / "small.rrd"
+    done = auvid("inspect", SMALL, "--save", file)
+    assert done.fault is None
+    assert "small.rrd" in done.stdout
+    return file
+
+
+def test_saved_recording_is_verified_and_holds_the_streams(recording: Path) -> None:
+    viewer.verify(recording)
+    printed = subprocess.run([str(viewer.program()), "rrd", "print", str(recording)], capture_output=True, text=True, check=True).stdout
+    for entity in ("raw/attitude/rad", "raw/depth/m", "log/findings", "path/vehicle"):
+        assert f"/{entity} - " in printed
+
+
+@pytest.mark.skipif(viewer.missing_for_pictures() is not None, reason=str(viewer.missing_for_pictures()))
+def test_picture_is_not_empty(recording: Path) -> None:
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    file = PICTURES / "inspect_log.png"
+    file.write_bytes(viewer.picture(recording, size=(800, 500)))
+    seen = look(file)
+    assert seen.size == (800, 500)
+    assert seen.colours > 30, "an empty viewer has a handful of greys"
+    assert seen.bytes <= 200_000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("no_such_campaign",), "no such campaign"),
+        (("nowhere/dive.BIN",), "is not there"),
+        (("nowhere/run.rrd",), "the recording is not there"),
+        ((str(SMALL), "--save", "x.txt"), "does not end in .rrd"),
+        ((str(SMALL), "--screenshot", "x.jpg"), "does not end in .png"),
+        ((str(SMALL),), "--save FILE.rrd"),
+    ],
+)
+def test_refusals_say_what_to_do(words: tuple[str, ...], said: str) -> None:
+    assert said in str(auvid("inspect", *words).fault)
+
+
+def test_recording_cut_off_or_of_something_else_is_refused(recording: Path, tmp_path: Path) -> None:
+    for name, content in (("cut.rrd", recording.read_bytes()[:1000]), ("other.rrd", b"RRF9" + bytes(2000)), ("empty.rrd", b"")):
+        file = tmp_path / name
+        file.write_bytes(content)
+        assert "cannot be read" in str(auvid("inspect", file).fault), name
+
+
+def test_log_larger_than_memory_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "huge.BIN"
+    with file.open("wb") as handle:
+        handle.truncate(10 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))  # no byte of it is written
+    assert "of memory" in str(auvid("inspect", file, "--save", tmp_path / "huge.rrd").fault)
+    assert not (tmp_path / "huge.rrd").exists()
+
+
+def test_viewer_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(PipelineError, match=r"not installed.*--save"):
+        viewer.program()
+    assert "apt-get install xvfb xauth mesa-vulkan-drivers" in str(viewer.missing_for_pictures())
+
+
+def test_picture_of_a_flat_image_counts_one_colour(tmp_path: Path) -> None:
+    from PIL import Image
+
+    Image.fromarray(np.zeros((20, 30, 3), dtype=np.uint8)).save(tmp_path / "flat.png")
+    assert look(tmp_path / "flat.png").colours == 1
