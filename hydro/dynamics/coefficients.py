@@ -20,7 +20,7 @@ class Coefficient:
     """One coefficient: `kind` added_mass, drag, body_lift, surface_lift or control; `formula` in LaTeX; `source` thesis and equation.
 
     Added mass follows McCarter's sign, tau_A = M_A nu_dot with M_A <= 0; the others multiply their basis term on the right-hand side;
-    control coefficients multiply u^2 delta, one pair of fins, delta in rad.
+    control coefficients multiply u^2 delta, delta in rad: both fins of a pair together, for K the right one by delta, the left by -delta.
     """
 
     name: str
@@ -82,6 +82,20 @@ def added_mass_matrix(coefficients: Iterable[Coefficient]) -> Array:
         if item.kind == "added_mass":
             i, j = AXES.index(item.axis), VELOCITIES.index(item.term[0])
             matrix[i, j] = matrix[j, i] = item.value
+    return matrix
+
+
+def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
+    """Force per u^2 and rad (6, 3), columns delta_r, delta_s_right, delta_s_left: each stern fin gives half of what its pair gives."""
+    matrix = np.zeros((6, 3))
+    for item in coefficients:
+        if item.kind != "control":
+            continue
+        axis = AXES.index(item.axis)
+        if item.term == _CONTROLS[0]:
+            matrix[axis, 0] = item.value
+        else:
+            matrix[axis, 1], matrix[axis, 2] = 0.5 * item.value, (-0.5 if item.axis == "K" else 0.5) * item.value
     return matrix
 
 

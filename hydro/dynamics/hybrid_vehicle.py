@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import CampaignError, nearest
 from hydro.dynamics.arrays import Array, cross, matrix_product, read_only
 from hydro.dynamics.buoyancy_engine import BuoyancyEngine, buoyancy_engine_from_document
-from hydro.dynamics.coefficients import Coefficient, added_mass_matrix, term_of, unit_of, viscous_terms
+from hydro.dynamics.coefficients import Coefficient, added_mass_matrix, control_matrix, term_of, unit_of, viscous_terms
 from hydro.dynamics.geometry import geometry_from_document
 from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
 from hydro.dynamics.quantities import Quantities
@@ -82,12 +82,8 @@ def hybrid_vehicle(document: Mapping[str, Any], parameter_set: str = "as_simulat
     vehicle = vehicle_from_document(document)
     chosen = parameter_coefficients(document, parameter_set)
     model = IdentifiedModel(parameter_set, viscous_terms(chosen))
-    read = Quantities(document).part("propulsion")
-    fins = vehicle.fins
-    if fins is None:
-        raise CampaignError("a hybrid vehicle needs control fins", field="actuators.fins", value=vehicle.name)
-    scale = 0.5 * vehicle.water_density * fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
-    starboard, port, bottom, top = (scale[:, None] * fins.linear).T
+    if vehicle.thrusters is None or vehicle.thrusters.curve.force_N[-1] <= 0.0:
+        raise CampaignError("a hybrid vehicle needs a thruster", field="actuators.thrusters", value=vehicle.name)
     return HybridVehicle(
         vehicle=vehicle,
         engine=buoyancy_engine_from_document(document),
@@ -95,9 +91,9 @@ def hybrid_vehicle(document: Mapping[str, Any], parameter_set: str = "as_simulat
         added_mass=read_only(added_mass_matrix(chosen)),
         terms=model.terms,
         viscous=read_only(model.matrix),
-        fins=read_only(np.stack([bottom + top, starboard, port], axis=-1)),
-        maximum_thrust_N=read.number("maximum_thrust", "N"),
-        propeller_roll_moment_Nm=read.number("roll_moment", "N*m"),
+        fins=read_only(control_matrix(chosen)),
+        maximum_thrust_N=float(vehicle.thrusters.curve.force_N[-1]),
+        propeller_roll_moment_Nm=Quantities(document).part("propulsion").number("roll_moment", "N*m"),
     )
 
 
@@ -121,7 +117,7 @@ def parameter_coefficients(document: Mapping[str, Any], parameter_set: str) -> t
     given = dict(published_coefficients(document, "published"))
     if parameter_set == "as_simulated":
         given |= published_coefficients(document, "as_simulated")
-    kept = tuple(item for item in computed if item.name not in given or item.kind not in ("added_mass", "drag"))
+    kept = tuple(item for item in computed if item.name not in given or item.kind in ("body_lift", "surface_lift"))
     return (*kept, *given.values())
 
 
@@ -130,7 +126,8 @@ def published_coefficients(document: Mapping[str, Any], key: str = "published") 
     read = Quantities(document).part(key)
     found: dict[str, Coefficient] = {}
     for name, entry in (document.get(key) or {}).items():
-        kind = "added_mass" if term_of(name).endswith("dot") else "drag"
+        term = term_of(name)
+        kind = "added_mass" if term.endswith("dot") else "control" if "delta" in term else "drag"
         value = read.number(name, unit_of(name))
         found[name] = Coefficient(name, value, unit_of(name), kind, "", str(entry.get("source", "")))
     return found

@@ -65,7 +65,8 @@ def surface_lift(geometry: Geometry, *, water_density: float) -> tuple[Coefficie
     """The damping and control coefficients of each pair of surfaces (2.52), (2.60)-(2.64), moments about the body origin.
 
     A vertical pair gives Y = k [u^2 delta_r - uv - x ur], N = x Y; a horizontal pair Z = -k [u^2 delta_s + uw - x uq], M = -x Z, with
-    k = rho c_L,alpha S for the two surfaces together. Controls only for the fins.
+    k = rho c_L,alpha S for the two surfaces together. Controls only for the fins; their roll arm y_fin is the middle of the span (the
+    thesis gives none).
     """
     found: list[Coefficient] = []
     for item in geometry.surfaces:
@@ -77,7 +78,9 @@ def surface_lift(geometry: Geometry, *, water_density: float) -> tuple[Coefficie
             rows += [("Y_uudeltar", k, "k"), ("N_uudeltar", k * x, "k x")] if item.controlled else []
         if item.in_heave:
             rows += [("Z_uw", -k, "-k"), ("Z_uq", k * x, "k x"), ("M_uw", k * x, "k x"), ("M_uq", -k * x * x, "-k x^2")]
-            rows += [("Z_uudeltas", -k, "-k"), ("M_uudeltas", k * x, "k x")] if item.controlled else []
+            arm = item.tip_height_m - 0.5 * item.span_m
+            roll = ("K_uudeltas", -k * arm, "-k y_{fin}")
+            rows += [("Z_uudeltas", -k, "-k"), roll, ("M_uudeltas", k * x, "k x")] if item.controlled else []
         for name, value, factor in rows:
             kind = "control" if "delta" in name else "surface_lift"
             formula = (

@@ -1,0 +1,202 @@
+"""Open-loop manoeuvres of a hybrid vehicle with constant inputs: Al Makdah 2016, section 4.1, and what its text says of each.
+
+The cases stand in the cases document of a campaign under `open_loop`; here they are read, flown and compared with the statements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from data_schemas.errors import CampaignError, nearest
+from hydro.dynamics.arrays import Array
+from hydro.dynamics.hybrid_vehicle import STATES, HybridVehicle, chi_dot
+from hydro.dynamics.quantities import Quantities
+
+PITCH_LIMIT_RAD = 1.5
+STRAIGHT_RAD_S = 1e-6
+"""Slower turns count as straight."""
+STEADY_SHARE = 0.1
+"""The steady value of a signal is its mean over this last share of a run."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What the text says: the value of a quantity, and how far ours may be from it for the statement to hold."""
+
+    quantity: str
+    value: float
+    tolerance: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True)
+class OpenLoopCase:
+    """One manoeuvre from rest at the origin. Mass: `mass_kg`, or a sine about it with `swing_kg` and `period_s` (period 0: constant)."""
+
+    name: str
+    title: str
+    duration_s: float
+    thrust_N: float
+    rudder_rad: float
+    stern_right_rad: float
+    stern_left_rad: float
+    mass_kg: float
+    swing_kg: float
+    period_s: float
+    statements: tuple[Statement, ...] = field(default=())
+
+    @property
+    def U(self) -> Array:
+        """The inputs (4,) [N, rad]."""
+        return np.array([self.thrust_N, self.rudder_rad, self.stern_right_rad, self.stern_left_rad])
+
+    def mass(self, t_s: Array | float) -> Array:
+        """Mass (...) [kg] at times (...) [s]."""
+        t = np.asarray(t_s, dtype=np.float64)
+        swing = self.swing_kg * np.sin(2.0 * math.pi * t / self.period_s) if self.period_s > 0.0 else 0.0
+        return np.asarray(self.mass_kg + swing + 0.0 * t)
+
+
+@dataclass(frozen=True)
+class OpenLoopRun:
+    """A manoeuvre as flown: t_s (n,), chi (n, 12), mass_kg (n,); `stop` says why it ended early, if it did."""
+
+    case: OpenLoopCase
+    parameter_set: str
+    t_s: Array
+    chi: Array
+    mass_kg: Array
+    stop: str | None
+
+    def quantity(self, name: str) -> float:
+        """One of QUANTITIES; nan for a run that ended early. Raises `CampaignError` for another name."""
+        if name not in QUANTITIES:
+            raise CampaignError("unknown quantity", field="quantity", value=name, allowed=QUANTITIES, remedy=nearest(name, QUANTITIES))
+        if self.stop is not None:
+            return math.nan
+        chi = self.chi
+        if name == "radius":
+            rate = self._steady(np.abs(chi[:, 5]))
+            return self._steady(self._speed()) / rate if rate > STRAIGHT_RAD_S else math.inf
+        if name == "depth":
+            return float(chi[-1, 8])
+        kind, _, signal = name.partition("_")
+        values = self._speed() if signal == "speed" else chi[:, STATES.index(signal)]
+        if kind == "peak":
+            return float(np.max(np.abs(values[len(values) // 2 :])))
+        return self._steady(values)
+
+    def _speed(self) -> Array:
+        return np.asarray(np.linalg.norm(self.chi[:, :3], axis=1))
+
+    def _steady(self, values: Array) -> float:
+        return float(np.mean(values[round((1.0 - STEADY_SHARE) * (len(values) - 1)) :]))
+
+
+QUANTITIES = ("radius", "depth", *(f"{kind}_{signal}" for kind in ("steady", "peak") for signal in (*STATES, "speed")))
+"""`steady_<state>`: mean over the last tenth; `peak_<state>`: largest modulus in the second half; radius of the turn; depth at the end."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A statement of the text beside what a parameter set gives; `holds` when they agree within the statement's tolerance."""
+
+    case: str
+    parameter_set: str
+    statement: Statement
+    ours: float
+
+    @property
+    def holds(self) -> bool:
+        """False also where the run ended early."""
+        return bool(abs(self.ours - self.statement.value) <= self.statement.tolerance)
+
+
+def open_loop_cases(document: Mapping[str, Any], hybrid: HybridVehicle) -> tuple[OpenLoopCase, ...]:
+    """The cases under `open_loop` of a cases document.
+
+    Raises `CampaignError` for a missing number, a wrong unit, an unknown quantity, a thrust below 0 or above the vehicle's, and a mass
+    outside the range of its buoyancy engine.
+    """
+    read = Quantities(document).part("open_loop")
+    return tuple(_case(name, read.part(name), hybrid) for name in document.get("open_loop") or {})
+
+
+def _case(name: str, read: Quantities, hybrid: HybridVehicle) -> OpenLoopCase:
+    case = OpenLoopCase(
+        name=name,
+        title=str(read.plain("title", name)),
+        duration_s=read.number("duration", "s"),
+        thrust_N=read.number("thrust", "N", default=0.0),
+        rudder_rad=read.number("rudder", "rad", default=0.0),
+        stern_right_rad=read.number("stern_right", "rad", default=0.0),
+        stern_left_rad=read.number("stern_left", "rad", default=0.0),
+        mass_kg=read.number("mass", "kg", default=hybrid.engine.neutral_kg),
+        swing_kg=read.number("mass_swing", "kg", default=0.0),
+        period_s=read.number("mass_period", "s", default=0.0),
+        statements=tuple(_statement(key, read.part("statements").part(key)) for key in read.plain("statements", {})),
+    )
+    if case.duration_s <= 0.0:
+        raise CampaignError("must be positive", field=read.where("duration"), value=case.duration_s)
+    if not 0.0 <= case.thrust_N <= hybrid.maximum_thrust_N:
+        raise CampaignError(
+            "the propeller cannot give this thrust",
+            field=read.where("thrust"),
+            value=case.thrust_N,
+            allowed=f"0 to {hybrid.maximum_thrust_N:g} N",
+        )
+    extremes = np.array([case.mass_kg - abs(case.swing_kg), case.mass_kg + abs(case.swing_kg)])
+    hybrid.engine.check(extremes, field=read.where("mass_swing" if case.swing_kg else "mass"))
+    return case
+
+
+def _statement(quantity: str, read: Quantities) -> Statement:
+    if quantity not in QUANTITIES:
+        raise CampaignError("unknown quantity", field=read.where("value"), value=quantity, remedy=nearest(quantity, QUANTITIES))
+    unit = unit_of_quantity(quantity)
+    value = read.number("value", unit)
+    return Statement(quantity, value, read.number("tolerance", unit), unit, str(read.plain("value")["source"]))
+
+
+def unit_of_quantity(quantity: str) -> str:
+    """SI unit of one of QUANTITIES."""
+    signal = quantity.partition("_")[2]
+    if quantity in ("radius", "depth") or signal in ("x", "y", "z"):
+        return "m"
+    return "rad" if signal in ("phi", "theta", "psi") else "rad/s" if signal in ("p", "q", "r") else "m/s"
+
+
+def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 1.0) -> OpenLoopRun:
+    """Fly a case from rest: states every `step_s`, integrated with a variable step (LSODA, relative tolerance 1e-9).
+
+    A run ends early, and says so, where the pitch leaves +-1.5 rad: the Euler angles mean little beyond.
+    """
+    U = case.U
+
+    def rate(t: float, chi: Array) -> Array:
+        return chi_dot(hybrid, chi, U, mass_kg=case.mass(t))
+
+    def upright(t: float, chi: Array) -> float:
+        return float(PITCH_LIMIT_RAD - abs(chi[10]))
+
+    upright.terminal = True  # type: ignore[attr-defined]
+    t_s = step_s * np.arange(int(case.duration_s / step_s + 1e-9) + 1)
+    found = solve_ivp(rate, (0.0, t_s[-1]), np.zeros(12), method="LSODA", t_eval=t_s, events=upright, rtol=1e-9, atol=1e-10)
+    stop = None
+    if found.status == 1:
+        stop = f"pitch beyond {PITCH_LIMIT_RAD:g} rad at {found.t_events[0][0]:.1f} s"
+    elif not found.success:
+        stop = f"the integration failed: {found.message}"
+    return OpenLoopRun(case, hybrid.parameter_set, found.t, found.y.T, case.mass(found.t), stop)
+
+
+def findings(run: OpenLoopRun) -> tuple[Finding, ...]:
+    """Every statement of the case beside the run."""
+    return tuple(Finding(run.case.name, run.parameter_set, item, run.quantity(item.quantity)) for item in run.case.statements)
