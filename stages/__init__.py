@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import fuse, ingest, report, resample, residual, simulate, synthesise, trust, validate
+from stages import compare, fuse, ingest, report, resample, residual, simulate, synthesise, trust, validate
 from stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
@@ -16,13 +16,14 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     synthesise.STAGE,
     validate.STAGE,
     trust.STAGE,
+    compare.STAGE,
     report.STAGE,
 )
 
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
     "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "trust", "report"),
-    "bench": ("ingest", "report"),
-    "bench_twin": ("simulate", "ingest", "report"),
+    "bench": ("ingest", "compare", "report"),
+    "bench_twin": ("simulate", "ingest", "compare", "report"),
     "control": ("report",),
 }

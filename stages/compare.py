@@ -1,0 +1,177 @@
+"""Hold the results of a campaign against printed tables, with the errata of their source applied and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from data_schemas.schemas import schema
+from data_schemas.tables import make_table
+from stages.base import Collection, Document, Stage, every, port
+from stages.sections import Block, remark, section, table, text
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The printed tables, if the manifest names them, and all results by `stage/item`."""
+
+    results: Collection[Document] = every("results")
+    published: Document | None = port("published_values", optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    """None: what is asked stands beside the printed values."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """One row per printed value; nothing for a campaign without printed tables."""
+
+    comparison: pa.Table | None = port("comparison", optional=True)
+    section: dict[str, Any] | None = port("section", optional=True)
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """All tables. Raises `CampaignError` for figures that no stage has, all together, and for tables that name unknown errata."""
+    if inputs.published is None:
+        return Outputs()
+    figures = {f"{part}:{row['quantity']}": row for part, document in inputs.results.items() for row in document["rows"]}
+    raise_faults(list(_faults(inputs.published, figures)), file="the published values")
+    rows = [compare_row(entry["id"], row, figures) for entry in inputs.published["tables"] for row in entry["rows"]]
+    columns = {name: [row[name] for row in rows] for name in schema("comparison").columns}
+    return Outputs(make_table("comparison", columns), _section(inputs.published, rows))
+
+
+def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
+    """One row of schema `comparison`. Met: the error is within its bound and the verdict is the asked one; None where neither is asked."""
+    figure = figures[row["ours"]] if "ours" in row else None
+    ours = _ours(row, figure)
+    truth = row.get("truth", row.get("corrected", row["printed"]))
+    error = _relative(ours, truth)
+    bound, asked = row.get("most_relative_error"), str(row.get("verdict") or "")
+    verdict = str((figure or {}).get("verdict") or "")
+    met: bool | None = None
+    if bound is not None:
+        met = error is not None and abs(error) <= bound
+    if asked:
+        met = (met is not False) and verdict == asked
+    spread = None if figure is None else figure.get("standard_error")
+    return {
+        "table": name,
+        "quantity": str(row["quantity"]),
+        "unit": str(row["unit"]),
+        "printed": _number(row["printed"]),
+        "corrected": _number(row.get("corrected")),
+        "truth": _number(truth),
+        "ours": ours,
+        "standard_error": None if spread is None else abs(float(row.get("factor", 1.0))) * float(spread),
+        "printed_error": _relative(_number(row["printed"]), truth),
+        "our_error": error,
+        "bound": _number(bound),
+        "verdict": verdict,
+        "asked_verdict": asked,
+        "met": met,
+        "source": str(row.get("ours", "")),
+        "note": str(row.get("note", "")),
+    }
+
+
+def _ours(row: Document, figure: Document | None) -> float | None:
+    if figure is None or figure["value"] is None:
+        return None
+    return float(row.get("offset", 0.0)) + float(row.get("factor", 1.0)) * float(figure["value"])
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def _relative(value: float | None, truth: float | None) -> float | None:
+    """(value - truth) / |truth|; None where one is not known, or the truth is 0."""
+    if value is None or truth is None or truth == 0.0:
+        return None
+    return (value - truth) / abs(truth)
+
+
+def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[PipelineError]:
+    known = {entry["id"] for entry in published.get("errata") or ()}
+    for t, entry in enumerate(published["tables"]):
+        for name in entry.get("errata") or ():
+            if name not in known:
+                yield CampaignError("no such erratum", field=f"tables[{t}].errata", value=name, remedy=nearest(name, known))
+        for index, row in enumerate(entry["rows"]):
+            if "ours" in row and row["ours"] not in figures:
+                remedy = nearest(row["ours"], figures) or "Run the stages that find it first."
+                yield CampaignError("no stage has this figure", field=f"tables[{t}].rows[{index}].ours", value=row["ours"], remedy=remedy)
+            if "ours" not in row and ("most_relative_error" in row or "verdict" in row):
+                yield CampaignError("a bound needs a figure", field=f"tables[{t}].rows[{index}]", value=row["quantity"])
+
+
+def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    asked = [row for row in rows if row["met"] is not None]
+    missed = [row for row in asked if not row["met"]]
+    blocks: list[Block] = [text(f"Printed: {published['source']}. Errors are relative to the value that is to be found.")]
+    if asked:
+        words = f"{len(asked) - len(missed)} of {len(asked)} bounds on the printed tables are met."
+        blocks.append(remark(words, "warning" if missed else "finding"))
+    blocks += [remark(f"{row['table']}, {row['quantity']}: {_why(row)}", "warning") for row in missed]
+    for entry in published["tables"]:
+        own = [row for row in rows if row["table"] == entry["id"]]
+        notes = [str(entry.get("note", "")), f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else ""]
+        blocks.append(table(f"{entry['id']}: {entry['title']}", HEADS, [_cells(row) for row in own], note=" ".join(filter(None, notes))))
+    errata = published.get("errata") or ()
+    if errata:
+        heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
+        keys = ("id", "where", "printed", "corrected", "confidence", "shown")
+        blocks.append(table("Errata of the source", heads, [[entry.get(key, "") for key in keys] for entry in errata]))
+    return section(
+        "Printed tables beside ours", blocks, order=15, look_for="Every bound is met; an erratum explains where the print cannot be."
+    )
+
+
+HEADS: tuple[str | tuple[str, str], ...] = (
+    "quantity",
+    "unit",
+    "printed",
+    "corrected",
+    "to be found",
+    "ours",
+    ("printed error", "%"),
+    ("our error", "%"),
+    ("asked", "%"),
+    "verdict",
+    "met",
+    "note",
+)
+
+
+def _cells(row: Mapping[str, Any]) -> list[Any]:
+    percent = [None if row[key] is None else float(f"{100.0 * row[key]:.3g}") for key in ("printed_error", "our_error", "bound")]
+    met = "" if row["met"] is None else "yes" if row["met"] else "no"
+    ours = None if row["ours"] is None else float(np.format_float_positional(row["ours"], precision=6, fractional=False))
+    return [row["quantity"], row["unit"], row["printed"], row["corrected"], row["truth"], ours, *percent, row["verdict"], met, row["note"]]
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    if row["ours"] is None and row["bound"] is not None:
+        return f"no value was found ({row['verdict'] or 'no verdict'})"
+    if row["bound"] is not None and row["our_error"] is not None and abs(row["our_error"]) > row["bound"]:
+        return f"off by {100.0 * abs(row['our_error']):.3g} %, asked at most {100.0 * row['bound']:.3g} %"
+    return f"the verdict is '{row['verdict']}', asked '{row['asked_verdict']}'"
+
+
+STAGE: Stage[Inputs, Params, Outputs] = Stage(
+    name="compare",
+    summary="Printed tables beside the results, with the errata of their source",
+    maps_over="campaign",
+    inputs=Inputs,
+    params=Params,
+    outputs=Outputs,
+    run=run,
+)

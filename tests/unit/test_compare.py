@@ -1,0 +1,105 @@
+"""Printed tables beside results: errors, bounds, verdicts, errata, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from data_schemas.documents import check_document
+from data_schemas.errors import PipelineError
+from stages import compare
+from stages.base import collection
+
+RESULTS = {
+    "rlse/surge": {
+        "title": "surge",
+        "rows": [
+            {"quantity": "m - X_udot", "value": 34.0, "unit": "kg", "standard_error": 0.2, "verdict": "identified"},
+            {"quantity": "X_u|u|", "value": None, "unit": "kg/m", "verdict": "not persistently exciting"},
+        ],
+    },
+    "pipendulum": {"title": "swings", "rows": [{"quantity": "tray I", "value": 2.2, "unit": "kg*m^2"}]},
+}
+
+
+def row(**changes: Any) -> dict[str, Any]:
+    entry = {"quantity": "X_udot", "unit": "kg", "printed": -13.3967, "truth": -13.5778, "ours": "rlse/surge:m - X_udot"}
+    return {**entry, "factor": -1.0, "offset": 20.9, **changes}
+
+
+def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> dict[str, Any]:
+    erratum = {"id": "A17", "where": "Table 3", "printed": "195.70 %", "corrected": "198.85 %", "confidence": "certain"}
+    tables = [{"id": "Table 4", "title": "varying steps", "errata": list(errata), "rows": list(rows)}]
+    document = {"title": "Alberti", "source": "Alberti 2015", "tables": tables, "errata": [erratum]}
+    check_document(document, "published_values")
+    return document
+
+
+def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
+    outputs = compare.run(compare.Inputs(collection(RESULTS), published(*rows)), compare.Params())
+    assert outputs.comparison is not None
+    assert outputs.section is not None
+    return outputs.comparison.to_pylist()
+
+
+def test_errors_of_print_and_ours_are_against_the_same_truth():
+    (found,) = compared(row(most_relative_error=0.04))
+    assert found["ours"] == pytest.approx(20.9 - 34.0)
+    assert found["our_error"] == pytest.approx((-13.1 + 13.5778) / 13.5778)
+    assert found["printed_error"] == pytest.approx(0.01334, abs=1e-5)
+    assert found["standard_error"] == pytest.approx(0.2)
+    assert found["met"] is True
+
+
+def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
+    missed, free, corrected = compared(row(most_relative_error=0.03), row(), row(truth=-13.1, most_relative_error=1e-9))
+    assert missed["met"] is False
+    assert free["met"] is None
+    assert corrected["met"] is True
+
+
+def test_without_truth_the_corrected_value_counts_then_the_printed():
+    entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, "ours": "pipendulum:tray I", "most_relative_error": 0.0}
+    first, second = compared({**entry, "corrected": 2.2}, entry)
+    assert (first["truth"], first["met"]) == (2.2, True)
+    assert (second["truth"], second["met"]) == (2.0, False)
+
+
+def test_a_verdict_is_held_with_or_without_a_value():
+    verdict = "not persistently exciting"
+    entry = row(ours="rlse/surge:X_u|u|", verdict=verdict)
+    held, other, bounded = compared(entry, {**entry, "verdict": "identified"}, {**entry, "most_relative_error": 1.0})
+    assert (held["met"], held["ours"], held["verdict"]) == (True, None, verdict)
+    assert other["met"] is False
+    assert bounded["met"] is False
+
+
+def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
+    outputs = compare.run(compare.Inputs(collection(RESULTS), published(row(most_relative_error=0.03))), compare.Params())
+    assert outputs.section is not None
+    titles = [block["title"] for block in outputs.section["blocks"] if block["kind"] == "table"]
+    assert titles == ["Table 4: varying steps", "Errata of the source"]
+    warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
+    assert warned == ["0 of 1 bounds on the printed tables are met.", "Table 4, X_udot: off by 3.52 %, asked at most 3 %"]
+
+
+def test_a_campaign_without_printed_tables_gives_nothing():
+    outputs = compare.run(compare.Inputs(collection(RESULTS), None), compare.Params())
+    assert outputs == compare.Outputs(None, None)
+
+
+def test_unknown_figures_and_errata_are_refused_together():
+    document = published(row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"), errata=("A71",))
+    with pytest.raises(PipelineError) as caught:
+        compare.run(compare.Inputs(collection(RESULTS), document), compare.Params())
+    words = str(caught.value)
+    assert "rlse/surge:m - X_udot" in words
+    assert "tables[0].rows[1].ours" in words
+    assert "no such erratum" in words
+
+
+def test_a_bound_without_a_figure_is_refused():
+    entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, "most_relative_error": 0.1}
+    with pytest.raises(PipelineError, match="a bound needs a figure"):
+        compare.run(compare.Inputs(collection(RESULTS), published(entry)), compare.Params())
