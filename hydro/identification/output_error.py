@@ -63,6 +63,7 @@ class Nuisance:
 
     rate_bias: bool = False
     rate_drift: bool = False
+    position_bias: bool = False
     start_position: bool = False
 
 
@@ -70,8 +71,8 @@ class Nuisance:
 class OutputErrorFit:
     """The fit: `parameters` (p,) and their `covariance` (p, p), coloured residuals allowed for; `coefficients` (5,).
 
-    `start` (2,): x(0), s(0); `bias` (2,): constant [unit of x] and drift [unit of x per s] of the rate sensor; `rate_error` and
-    `position_error`: simulated minus measured at the samples; `correlation` (p, p) of the parameters.
+    `start` (2,): x(0), s(0); `bias` (3,): constant [unit of x] and drift [unit of x per s] of the rate sensor, constant of the position
+    sensor; `rate_error` and `position_error`: simulated minus measured at the samples; `correlation` (p, p) of the parameters.
     """
 
     parameters: Array
@@ -133,7 +134,11 @@ class _Fit:
 
     @property
     def biases(self) -> int:
-        return int(self.nuisance.rate_bias) + int(self.nuisance.rate_drift)
+        return sum(self._kept)
+
+    @property
+    def _kept(self) -> tuple[bool, bool, bool]:
+        return self.nuisance.rate_bias, self.nuisance.rate_drift, self.nuisance.position_bias
 
     def _parts(self, unknown: Array, fixed: Array) -> tuple[Array, Array, Array]:
         start = fixed.copy()
@@ -142,8 +147,8 @@ class _Fit:
         if self.nuisance.start_position:
             start[1] = unknown[at]
             at += 1
-        bias = np.zeros(2)
-        bias[: self.biases] = unknown[at:]
+        bias = np.zeros(3)
+        bias[list(self._kept)] = unknown[at:]
         return unknown[: self.count], start, bias
 
     def errors(self, unknown: Array, fixed: Array) -> tuple[Array, Array, Array, Array]:
@@ -156,17 +161,17 @@ class _Fit:
         states = simulate_single(np.diff(run.grid_s), run.force_left, run.force_right, coefficients, start, self.longest_step_s)
         starts = 2 if self.nuisance.start_position else 1
         time = run.grid_s[run.rate_at] - run.grid_s[0]
-        by_bias = np.column_stack([np.ones_like(time), time])[:, : self.biases]
+        by_bias = np.column_stack([np.ones_like(time), time, np.zeros_like(time)])[:, list(self._kept)]
         rate_by = np.hstack([states[run.rate_at, 2:12:2] @ by_parameter, states[run.rate_at][:, [12, 14][:starts]], by_bias])
         position_by = np.hstack(
             [
                 states[run.position_at, 3:13:2] @ by_parameter,
                 states[run.position_at][:, [13, 15][:starts]],
-                np.zeros((run.position.size, self.biases)),
+                np.tile([0.0, 0.0, 1.0], (run.position.size, 1))[:, list(self._kept)],
             ]
         )
         rate_error = states[run.rate_at, 0] + bias[0] + bias[1] * time - run.rate
-        return rate_error, states[run.position_at, 1] - run.position, rate_by, position_by
+        return rate_error, states[run.position_at, 1] + bias[2] - run.position, rate_by, position_by
 
     def solve(self, unknown: Array, fixed: Array, sigma: Array) -> Array:
         def error(values: Array) -> Array:

@@ -15,8 +15,8 @@ PERSISTENT: Status = "persistently exciting"
 NOT_PERSISTENT: Status = "not persistently exciting"
 NOT_EXCITED: Status = "not excited"
 WINDOWS = 10
-FEWEST_WINDOWS = 3.0
-"""Windows of ten over which the information must be spread. A step gives 1, a free decay of a few swings 1 to 3, varying steps 4 to 10."""
+FEWEST_WINDOWS = 2.0
+"""Windows of ten over which the information must be spread. A single step gives 1.0 to 1.2, varying steps 2.5 to 8 (measured)."""
 COLLINEAR = 1e-8
 """Smallest eigenvalue of the scaled C_n below which two columns are one."""
 SHOWN = 400
@@ -28,7 +28,7 @@ class Excitation:
 
     `t_s` (m,); `smallest` (m,): smallest eigenvalue of C_n(t) = 1/t integral of Phi' Phi with every column scaled to unit RMS over the run
     (1 for orthogonal columns, 0 for dependent ones); `matrix` (k, k): C_n at the end, scaled; `weakest` (k,): its eigenvector of the
-    smallest eigenvalue; `rms` (k,): RMS of each column; `spread`: over how many of ten equal windows the information in that direction is spread
+    smallest eigenvalue; `rms` (k,): RMS of each column; `spread`: over how many of ten equal windows its information is spread
     (participation ratio: 1 for a single window, 10 for all alike).
     """
 
@@ -59,7 +59,7 @@ def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) 
     """C_n and verdict for a regressor (n, k) at times t_s (n,) [s].
 
     The limit in (52) is over infinite time. For a finite run the question is whether C_n goes on growing: where does the information in its
-    weakest direction come from? If from fewer than three of ten windows, a longer run would drive the smallest eigenvalue to zero.
+    weakest direction come from? If from fewer than two of ten windows, a longer run would drive the smallest eigenvalue to zero.
     floor (k,): RMS of a column below which it counts as not excited.
     """
     t, phi = np.asarray(t_s, dtype=np.float64), np.asarray(regressor, dtype=np.float64)

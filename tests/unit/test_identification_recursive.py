@@ -166,7 +166,7 @@ def test_output_error_fits_positions_and_a_drifting_rate_sensor() -> None:
     nuisance = Nuisance(rate_bias=True, rate_drift=True, start_position=True)
     fit = fit_output_error(drifting, of, 0.9 * truth, start=np.zeros(2), nuisance=nuisance)
     np.testing.assert_allclose(fit.parameters, truth, rtol=1e-6)
-    np.testing.assert_allclose(fit.bias, [0.05, 0.001], rtol=1e-6)
+    np.testing.assert_allclose(fit.bias, [0.05, 0.001, 0.0], rtol=1e-6)
 
 
 def test_output_error_refuses_too_few_samples() -> None:

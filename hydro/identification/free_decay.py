@@ -1,0 +1,271 @@
+"""Added mass and damping from the free decay of a pendulum in water: Alberti 2015, chapter VI, (66)-(71) corrected.
+
+    I theta_ddot = -G sin theta + D_1 theta_dot + D_2 theta_dot |theta_dot|
+
+I [kg m^2] and G [N m] are the inertia and the restoring moment of all that hangs on the pivot. The motion tells the three ratios
+k = G/I, D_1/I and D_2/I, and nothing more: I itself comes from a G that was weighed. Point-mass form (66): everything at the arm L, so that
+I = (m - X_udot) L^2 and G = (m g - B) L. Physical pendulum: every part at its own arm, its buoyancy at its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_schemas.errors import DataError
+from hydro.dynamics.arrays import Array
+from hydro.identification.output_error import Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
+from hydro.identification.pendulum import GONE
+from hydro.identification.persistence import Excitation, excitation
+from hydro.identification.recursive import RecursiveEstimate, StaticRegression, batch_least_squares, recursive_least_squares, static_form
+
+DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
+"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
+FILTER_SHARE = 0.5
+"""Rate of the regression filter as a share of the swing's angular frequency."""
+PRIOR_SPREAD = 1e6
+HELD_OUT = 0.4
+"""Last share of the swings, by which the damping model is chosen."""
+SIMPLER_WITHIN = 1.05
+"""A model with fewer terms is taken when its held-out error is within 5 % of the best."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that hangs on the pivot: mass and displaced mass [kg] at their arms [m], inertia about its own centre [kg m^2]."""
+
+    mass: float
+    arm: float
+    displaced_mass: float = 0.0
+    displaced_arm: float = 0.0
+    inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """What hangs without its added mass: `inertia` [kg m^2] about the pivot and restoring moment `stiffness` [N m] at 90 degrees."""
+
+    inertia: float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Decay:
+    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it starts from, and its small-swing frequency [rad/s]."""
+
+    run: SingleRun
+    start: Array
+    frequency: float
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """k = G/I [1/s^2], D_1/I [1/s] and D_2/I of one method and damping model, covariance (3, 3), 0 for a term that is left out.
+
+    `rmse_rad`: simulated minus measured angle over the recording; `held_out_rad`: over the last swings, with ratios from the first.
+    """
+
+    values: Array
+    covariance: Array
+    rmse_rad: float
+    held_out_rad: float = float("nan")
+
+
+@dataclass(frozen=True)
+class DecayEstimate:
+    """Ratios of a decay by damping model: output error (the estimate), recursive and batch least squares, and what was simulated.
+
+    `simulated` and `measured` hold theta (n,) on the grid of the run, the measured one
+    without the sensor's fitted constant; `chosen` is the damping model with the smallest error on the held-out swings.
+    """
+
+    output_error: Mapping[str, Ratios]
+    recursive: Mapping[str, Ratios]
+    batch: Mapping[str, Ratios]
+    history: Mapping[str, RecursiveEstimate]
+    simulated: Mapping[str, Array]
+    measured: Array
+    excitation: Excitation
+    chosen: str
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Added mass [kg], linear [kg/s] and quadratic [kg/m] damping at the arm L, all <= 0 in physics, with covariance (3, 3)."""
+
+    values: Array
+    covariance: Array
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors (3,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def hanging(parts: Sequence[Part], gravity: float, *, arm: float | None = None) -> Hanging:
+    """Inertia and restoring moment of parts; arm: everything at this arm (point-mass form). Raises `DataError` where buoyancy wins."""
+    if arm is not None:
+        parts = [Part(part.mass, arm, part.displaced_mass, arm) for part in parts]
+    inertia = sum(part.mass * part.arm**2 + part.inertia for part in parts)
+    stiffness = gravity * sum(part.mass * part.arm - part.displaced_mass * part.displaced_arm for part in parts)
+    if stiffness <= 0.0:
+        raise DataError(
+            "the pendulum does not hang: the moment of buoyancy is above that of weight",
+            value=f"{stiffness:.4g} N m",
+            remedy="Check masses, displaced masses and arms in the apparatus; add weight.",
+        )
+    return Hanging(float(inertia), float(stiffness))
+
+
+def estimate_decay(decay: Decay) -> DecayEstimate:
+    """All damping models by all three methods. Raises `DataError` as `fit_output_error` does."""
+    run = decay.run
+    theta, theta_dot, times = _signals(decay)
+    rate = FILTER_SHARE * decay.frequency
+    columns = np.column_stack([-np.sin(theta), theta_dot, theta_dot * np.abs(theta_dot), np.ones_like(theta)])
+    form = static_form(times, theta_dot, columns, rate=rate)
+    output: dict[str, Ratios] = {}
+    recursive: dict[str, Ratios] = {}
+    batch: dict[str, Ratios] = {}
+    history: dict[str, RecursiveEstimate] = {}
+    simulated: dict[str, Array] = {}
+    measured: dict[str, Array] = {}
+    over = times[np.flatnonzero(np.abs(theta_dot) > GONE * np.abs(theta_dot).max())[-1]]
+    end = times[0] + (1.0 - HELD_OUT) * (over - times[0])
+    late = (run.grid_s > end) & (run.grid_s <= over)
+    for name, terms in DAMPING.items():
+        used = [0, *(index + 1 for index, has in enumerate(terms) if has)]
+        part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, [*used, 3]]), form.rate)
+        recursion = recursive_least_squares(part, prior_spread=PRIOR_SPREAD)
+        fitted = _fit(decay, run, recursion.theta[-1, :-1], used)
+        first = _fit(decay, run.until(float(end)), recursion.theta[-1, :-1], used)
+        history[name] = recursion
+        simulated[name] = simulate_run(run, fitted.coefficients, fitted.start)[1]
+        measured[name] = measured_angle(run, fitted)
+        held = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
+        values, covariance = _of_fit(fitted, used)
+        output[name] = Ratios(values, covariance, _rms(simulated[name] - measured[name]), _rms(held[late]))
+        batched, gamma = batch_least_squares(part, prior_spread=PRIOR_SPREAD)
+        for found, theta_hat, spread in ((recursive, recursion.theta[-1], recursion.gamma), (batch, batched, gamma)):
+            found[name] = _by_regression(run, fitted.start, measured[name], part, theta_hat, spread, used)
+    best = min(item.held_out_rad for item in output.values())
+    chosen = min(
+        (name for name, item in output.items() if item.held_out_rad <= SIMPLER_WITHIN * best),
+        key=lambda name: (sum(DAMPING[name]), output[name].held_out_rad),
+    )
+    return DecayEstimate(
+        output, recursive, batch, history, simulated, measured[chosen], excitation(form.t_s, form.regressor[:, :3]), chosen
+    )
+
+
+def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None) -> Derivatives:
+    """Added mass and damping at the arm from ratios and what was weighed: X_udot = -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3.
+
+    empty: those of the pendulum without the vehicle, which are taken off, with their covariance.
+    """
+    k, one, two = ratios.values
+    inertia = hung.stiffness / k
+    values = np.array([-(inertia - hung.inertia) / arm**2, one * inertia / arm**2, two * inertia / arm**3])
+    by = np.array(
+        [
+            [inertia / k / arm**2, 0.0, 0.0],
+            [-one * inertia / k / arm**2, inertia / arm**2, 0.0],
+            [-two * inertia / k / arm**3, 0.0, inertia / arm**3],
+        ]
+    )
+    covariance = by @ ratios.covariance @ by.T
+    if empty is None:
+        return Derivatives(values, covariance)
+    return Derivatives(values - empty.values, covariance + empty.covariance)
+
+
+def measured_angle(run: SingleRun, fitted: OutputErrorFit | None = None, *, start: float = 0.0) -> Array:
+    """Angle (n,) [rad] on the grid: of the position samples where there are any, else the integrated rate.
+
+    With a fit, the constants and the drift of the sensors that it found are taken off, and the rate is integrated from its s(0); else from
+    `start`.
+    """
+    bias = np.zeros(3) if fitted is None else fitted.bias
+    if run.position.size:
+        return np.asarray(np.interp(run.grid_s, run.grid_s[run.position_at], run.position - bias[2]))
+    time = run.grid_s[run.rate_at]
+    rate = run.rate - bias[0] - bias[1] * (time - run.grid_s[0])
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
+    first = start if fitted is None else float(fitted.start[1])
+    return np.asarray(np.interp(run.grid_s, time, first + np.concatenate([[0.0], np.cumsum(steps)])))
+
+
+def _signals(decay: Decay) -> tuple[Array, Array, Array]:
+    """theta, theta_dot and their times: at the samples of the rate, or of the angle with a rate from its smoothing spline."""
+    from hydro.identification.splines import smoothing_spline
+
+    run = decay.run
+    if run.rate.size:
+        time = run.grid_s[run.rate_at]
+        plain = replace(run, rate=run.rate - _constant_rate(run))
+        return np.interp(time, run.grid_s, measured_angle(plain, start=float(decay.start[1]))), plain.rate, time
+    time = run.grid_s[run.position_at]
+    spline = smoothing_spline(time, run.position)
+    return spline.evaluate(time), spline.evaluate(time, 1), time
+
+
+def _model(used: Sequence[int]) -> Model:
+    """Parameters (log k and the damping ratios used) -> coefficients of `SingleRun` and their derivatives."""
+
+    def of(p: Array) -> tuple[Array, Array]:
+        coefficients, by = np.zeros(5), np.zeros((5, len(p)))
+        coefficients[3] = -np.exp(p[0])
+        by[3, 0] = coefficients[3]
+        for index, term in enumerate(used[1:], start=1):
+            coefficients[term - 1] = p[index]
+            by[term - 1, index] = 1.0
+        return coefficients, by
+
+    return of
+
+
+def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> OutputErrorFit:
+    first = np.array(theta, dtype=np.float64)
+    first[0] = np.log(theta[0] if theta[0] > 0 else decay.frequency**2)
+    first[1:] = np.minimum(first[1:], 0.0)
+    gyro, attitude = bool(run.rate.size), bool(run.position.size)
+    nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
+    return fit_output_error(run, _model(used), first, start=decay.start, nuisance=nuisance)
+
+
+def _of_fit(fitted: OutputErrorFit, used: Sequence[int]) -> tuple[Array, Array]:
+    values, covariance = np.zeros(3), np.zeros((3, 3))
+    scale = np.ones(len(used))
+    scale[0] = np.exp(fitted.parameters[0])
+    values[list(used)] = np.concatenate([scale[:1], fitted.parameters[1:]])
+    covariance[np.ix_(used, used)] = fitted.covariance * np.outer(scale, scale)
+    return values, covariance
+
+
+def _constant_rate(run: SingleRun) -> float:
+    """Constant of the gyro [rad/s]: its mean less the turn between first and last angle, or else its mean over the last half."""
+    if not run.position.size:
+        return float(np.mean(run.rate[run.rate.size // 2 :]))
+    time = run.grid_s[run.rate_at]
+    turned = np.diff(np.interp(time[[0, -1]], run.grid_s[run.position_at], run.position))[0]
+    return float((np.sum(0.5 * (run.rate[1:] + run.rate[:-1]) * np.diff(time)) - turned) / (time[-1] - time[0]))
+
+
+def _by_regression(
+    run: SingleRun, start: Array, measured: Array, form: StaticRegression, theta: Array, gamma: Array, used: Sequence[int]
+) -> Ratios:
+    """Ratios of a regression whose last column, the constant of the angle's zero, is no ratio, with white standard errors, and the error of their simulation from the fitted start."""
+    values, covariance = np.zeros(3), np.zeros((3, 3))
+    values[list(used)] = theta[:-1]
+    residual = form.z - form.regressor @ theta
+    step = float(np.median(np.diff(form.t_s)))
+    covariance[np.ix_(used, used)] = gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
+    coefficients = np.array([values[1], values[2], 0.0, -values[0], 0.0])
+    angle = simulate_run(run, coefficients, start)[1]
+    return Ratios(values, covariance, _rms(angle - measured))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -1,0 +1,176 @@
+"""What a recording of a swing holds: the axis it turns about, its angle, its period. Common to the quadrifilar pendulum and the free decay.
+
+The recorder may be fixed in any position: the axis of the swing is found from the gyro, and the angle is the rotation about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import DataError
+from hydro.dynamics.arrays import Array
+from hydro.identification.standard_errors import stationary_covariance
+
+BODY_AXES = ("x", "y", "z")
+RELEASED = 0.2
+"""Share of the largest rate beyond which the swing runs free; before that it is held, or being pushed."""
+GONE = 0.05
+"""Share of the first amplitude at which a swing is over."""
+FEWEST_SAMPLES_PER_PERIOD = 6.0
+SECOND = 11.0 / 6.0
+"""A^2 = a^2 (1 + 11/6 c a^2) for the amplitude A of an angle and a = (amplitude of its rate) / w_0: the rate is that of the slower swing
+(2 c a^2), and the third harmonic c A^3 / 12 takes off at the top of the swing."""
+
+
+@dataclass(frozen=True)
+class SwingAxis:
+    """The axis of a swing in the recorder's frame: unit vector (3,), share of the rotation about it (0 to 1), angle to the nearest axis."""
+
+    axis: Array
+    share: float
+    nearest: str
+    misalignment_rad: float
+
+
+@dataclass(frozen=True)
+class SwingFit:
+    """A damped swing: period of small, undamped swings with standard error, decay rate [1/s], amplitude of the angle [rad] at first.
+
+    `swings`: how many full swings it made before it fell to a twentieth or the recording ended; `residual`: RMS of what is not explained,
+    as a share of the first amplitude of the signal; `bias`: constant of the signal; `start_s`: where the fit begins.
+    """
+
+    period_s: float
+    standard_error_s: float
+    decay_rate: float
+    amplitude_rad: float
+    swings: float
+    residual: float
+    bias: float
+    start_s: float
+
+
+def swing_axis(gyro: ArrayLike) -> SwingAxis:
+    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], its constant part taken off. Raises `DataError` for no rotation."""
+    rates = np.asarray(gyro, dtype=np.float64)
+    centred = rates - np.median(rates, axis=0)
+    values, vectors = np.linalg.eigh(centred.T @ centred)
+    if values[-1] <= 0.0:
+        raise DataError(
+            "the gyro shows no rotation at all", field="gyro", remedy="Check that the recorder was on the pendulum and running."
+        )
+    axis = vectors[:, -1]
+    main = int(np.argmax(np.abs(axis)))
+    axis = axis * np.sign(axis[main])
+    angle = float(np.arccos(min(1.0, abs(axis[main]))))
+    return SwingAxis(axis, float(values[-1] / values.sum()), BODY_AXES[main], angle)
+
+
+def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
+    """Rotation [rad] about a body axis (3,) against the mean attitude: Euler angles (n, 3) -> (n,), for swings below half a turn."""
+    attitude = Rotation.from_euler("ZYX", np.asarray(euler, dtype=np.float64)[:, ::-1])
+    return np.asarray((attitude.mean().inv() * attitude).as_rotvec() @ np.asarray(axis, dtype=np.float64))
+
+
+def release_index(rate: ArrayLike) -> int:
+    """First sample at which a rate (n,) goes beyond a fifth of its largest size: from here the pendulum swings free."""
+    size = np.abs(np.asarray(rate, dtype=np.float64) - np.median(np.asarray(rate)))
+    return int(np.argmax(size >= RELEASED * size.max()))
+
+
+def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
+    """Period [s] of the strongest line of a signal (n,): Hann window, fourfold zero padding, parabola through the peak.
+
+    Raises `DataError` when the strongest line lies at the lower end of the spectrum: there is no oscillation (overdamped, or a drift).
+    """
+    t, x = np.asarray(t_s, dtype=np.float64), np.asarray(signal, dtype=np.float64)
+    uniform = np.linspace(t[0], t[-1], t.size)
+    values = np.interp(uniform, t, x)
+    values = (values - np.polyval(np.polyfit(uniform, values, 1), uniform)) * np.hanning(t.size)
+    power = np.abs(np.fft.rfft(values, 4 * t.size)) ** 2
+    peak = int(np.argmax(power[1:-1])) + 1
+    # A Hann window of one and a half periods is the least that shows an oscillation as a line of its own.
+    if peak < 6:
+        raise DataError(
+            "the recording shows no oscillation (overdamped, too short, or only a drift)",
+            value=f"strongest line at {4.0 * (t[-1] - t[0]) / max(peak, 1) / 4.0:.3g} s in {t[-1] - t[0]:.3g} s",
+            remedy="Add weight or take a longer arm, so that it swings at least twice; record until it is at rest.",
+        )
+    low, mid, high = np.log(power[peak - 1 : peak + 2] + np.finfo(float).tiny)
+    shift = 0.5 * (low - high) / (low - 2.0 * mid + high)
+    return float(4.0 * t.size * (uniform[1] - uniform[0]) / (peak + shift))
+
+
+def fit_swing(
+    t_s: ArrayLike, rate: ArrayLike, *, softening: float = 1.0 / 16.0, fewest: float = 3.0, usable: NDArray[np.bool_] | None = None
+) -> SwingFit:
+    """Damped sinusoid in an angular rate (n,) [rad/s] at times (n,) [s], from its release on.
+
+    The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w (1 - softening A(t)^2): large swings are slower, 1/16
+    for a simple pendulum. A follows from the rate's own amplitude to second order (Duffing's third harmonic).
+    The period is that of small swings without damping, 2 pi / sqrt(w^2 + z^2). Its standard error allows for coloured residuals.
+    usable (n,): samples to fit, for instance those that are not clipped.
+    Raises `DataError` for fewer than `fewest` swings, too slow a recording, or one without oscillation.
+    """
+    t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    first = release_index(x)
+    keep = np.ones(t.size, dtype=np.bool_) if usable is None else np.asarray(usable)
+    if t.size - first < 16:
+        raise DataError("too few samples of a swing", value=t.size - first, remedy="Record longer or faster.")
+    period = spectral_period(t[first:], x[first:])
+    start = t[first]
+    rows = (np.arange(t.size) >= first) & keep
+    time, y = t[rows] - start, x[rows]
+    if period / np.median(np.diff(t)) < FEWEST_SAMPLES_PER_PERIOD:
+        raise DataError("the recording is too slow for the swing", value=f"period {period:.3g} s", remedy="Log the gyro faster.")
+    size = float(np.abs(y - np.median(y)).max())
+
+    def shrunk(decay: float, power: int) -> Array:
+        """Integral of exp(-power z t) from the release on."""
+        x = power * decay
+        return time if abs(x) * time[-1] < 1e-9 else np.asarray(-np.expm1(-x * time) / x)
+
+    def waves(w: float, z: float, square: float) -> Array:
+        """cos and sin of the phase, decaying, a constant and a drift; `square`: amplitude of the rate over w, squared."""
+        loss = softening * square * shrunk(z, 2) + SECOND * (softening * square) ** 2 * shrunk(z, 4)
+        psi, fade = w * (time - loss), np.exp(-z * time)
+        return np.column_stack([fade * np.cos(psi), fade * np.sin(psi), np.ones_like(time), time])
+
+    def error_of(p: Array) -> Array:
+        return np.asarray(waves(p[0], p[1], (p[2] ** 2 + p[3] ** 2) / p[0] ** 2) @ p[2:] - y)
+
+    w = 2.0 * np.pi / period
+    half = time.size // 2
+    fading = float(np.log(np.std(y[:half]) / np.std(y[half:])) / (0.5 * time[-1]))
+    linear = np.linalg.lstsq(waves(w, max(fading, 0.0), (size / w) ** 2), y, rcond=None)[0]
+    scale = np.array([w / 100.0, w / 100.0, size, size, size, size / time[-1]])
+    found = least_squares(error_of, np.concatenate([[w, max(fading, 0.0)], linear]), x_scale=scale)
+    p, error = found.x, found.fun
+    bread = np.linalg.inv(found.jac.T @ found.jac)
+    covariance = stationary_covariance([found.jac], [error], bread)
+    natural = float(np.hypot(p[0], p[1]))
+    by = np.array([p[0], p[1]]) * (-2.0 * np.pi / natural**3)
+    amplitude = float(np.hypot(p[2], p[3]))
+    lasting = min(time[-1], -np.log(GONE) / p[1] if p[1] > 0 else time[-1])
+    swings = float(lasting * p[0] / (2.0 * np.pi))
+    if swings < fewest:
+        raise DataError(
+            f"too few swings: {swings:.1f} before the swing has died down or the recording ends",
+            allowed=f"at least {fewest:g}",
+            remedy="Record longer, start from a larger angle, or add weight so that it swings on.",
+        )
+    return SwingFit(
+        period_s=2.0 * np.pi / natural,
+        standard_error_s=float(np.sqrt(by @ covariance[:2, :2] @ by)),
+        decay_rate=float(p[1]),
+        amplitude_rad=amplitude / float(p[0]),
+        swings=swings,
+        residual=float(np.sqrt(np.mean(error**2))) / amplitude,
+        bias=float(p[4]),
+        start_s=float(start),
+    )
