@@ -47,6 +47,8 @@ class Stage(Generic[I, P, O]):
     run: Callable[[I, P], O]
     yields: Item | None = None
     """What one work item gives. `segment` for a leg stage whose outputs are keyed by segment; else the item itself."""
+    no_views: str = ""
+    """Why the stage shows nothing of its own in the recording, where it has no port `views`."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,7 +67,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         residual=make_table("residual", columns),
         controls=_controls(inputs, commands, level),
         section=_section(inputs, vehicle, parts, said),
-        views=_views(),
+        views=_views(parts.components()),
     )
 
 
@@ -201,19 +201,16 @@ def _words(component: str) -> str:
     return component if component == "tau_bar" else component.replace("_", " ")
 
 
-def _views() -> dict[str, Any]:
-    groups = [
-        {
-            "entity": f"residual/{axis}",
-            "table": "residual",
-            "columns": [force_columns("tau_bar")[index]],
-            "names": [f"{axis} measured"],
-            "roles": ["measured"],
-            "tab": "Answer",
-            "unit": AXIS_UNITS[axis],
-        }
-        for index, axis in enumerate(AXES)
-    ]
+def _views(components: Iterable[str]) -> dict[str, Any]:
+    """The residual force beside the models, and every component of it in a tab of its own."""
+    groups = []
+    parts = list(components)
+    for index, axis in enumerate(AXES):
+        whole = {"table": "residual", "unit": AXIS_UNITS[axis]}
+        measured = {"columns": [force_columns("tau_bar")[index]], "names": [f"{axis} measured"], "roles": ["measured"], "tab": "Answer"}
+        columns = [force_columns(name)[index] for name in parts]
+        shown = {"columns": columns, "names": [f"{axis} {_words(name)}" for name in parts], "roles": parts, "tab": "Components"}
+        groups += [{"entity": f"residual/{axis}", **whole, **measured}, {"entity": f"components/{axis}", **whole, **shown}]
     return {"groups": groups}
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from data_schemas.schemas import schema
 from data_schemas.tables import make_table
 from stages.base import RawLog
 from stages.sections import Block, remark, section, table
@@ -23,12 +24,8 @@ ON_CHANGE = ("mode", "events")
 STATUS = ("complete", "truncated", "damaged")
 FIRMWARE = re.compile(r"^(Ardu\w+|PX4|APM:\w+) ?V?\d")
 LATEST_START_S = 3600.0
-SHOWN: Mapping[str, tuple[str, tuple[str, ...], str]] = {
-    "depth": ("logs", ("depth_m",), "m"),
-    "velocity": ("logs", ("u_m_s", "v_m_s", "w_m_s"), "m/s"),
-    "imu": ("logs", ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"), "rad/s"),
-    "attitude": ("logs", ("phi_rad", "theta_rad", "psi_rad"), "rad"),
-}
+SHOWN = ("depth", "velocity", "imu", "attitude", "actuators", "position", "range", "battery")
+"""Streams in the recording, in this order."""
 
 
 def log_info(
@@ -154,13 +151,19 @@ def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected], found:
 
 
 def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
-    """The raw streams in the recording."""
-    groups = [
-        {"entity": f"raw/{stream}", "table": stream, "columns": list(columns), "names": list(columns), "roles": ["raw"] * len(columns)}
-        | {"tab": tab, "unit": unit}
-        for stream, (tab, columns, unit) in SHOWN.items()
-        if stream in tables
-    ]
+    """The raw streams in the recording: one group per stream and unit."""
+    groups = []
+    for stream in (name for name in SHOWN if name in tables):
+        units: dict[str, list[str]] = {}
+        for item in schema(stream).columns.values():
+            if item.unit and item.name != schema(stream).clock and item.name in tables[stream].column_names:
+                units.setdefault(item.unit, []).append(item.name)
+        for unit, columns in units.items():
+            entity = f"raw/{stream}" if len(units) == 1 else f"raw/{stream}/{unit.replace('/', ' per ').replace('^', '')}"
+            groups.append(
+                {"entity": entity, "table": stream, "columns": columns, "names": columns, "roles": ["raw"] * len(columns)}
+                | {"tab": "Logs", "unit": unit}
+            )
     return {"groups": groups}
 
 

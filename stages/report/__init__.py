@@ -98,4 +98,13 @@ def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False) -
     )
 
 
-STAGE = Stage("report", "HTML report and Rerun recording of what all stages found", "campaign", Inputs, Params, Outputs, run)
+STAGE = Stage(
+    "report",
+    "HTML report and Rerun recording of what all stages found",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+    no_views="it draws the views of the others",
+)

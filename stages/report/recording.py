@@ -49,12 +49,12 @@ class Clock:
         A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run) keeps its own seconds.
         """
         parts = name.split("/")
-        segment = next((part for part in parts if part in self.segments), None)
-        if "t_s" in table.column_names:
-            return np.asarray(column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0))
         log = next((part for part in parts if part in self.logs), None)
         if "time_us" in table.column_names and log is not None:
             return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])
+        segment = next((part for part in parts if part in self.segments), None)
+        if "t_s" in table.column_names:
+            return np.asarray(column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0))
         return None
 
 

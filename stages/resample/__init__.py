@@ -293,4 +293,5 @@ STAGE: Stage[Inputs, Params, Outputs] = Stage(
     outputs=Outputs,
     run=run,
     yields="segment",
+    no_views="fuse shows the resampled channels beside the state",
 )

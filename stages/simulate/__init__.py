@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from hydro.dynamics.propeller import level_speed
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
 from stages.base import Document, Stage, port
 from stages.sections import panel, plot, remark, section, series, table, text
+from stages.signals import ATTITUDE, VELOCITY
 
 from .bench import fly_experiment, record_experiment
 from .bench_plans import bench_plan
@@ -50,6 +51,7 @@ class Outputs:
     truth: Mapping[str, pa.Table] = port("truth", many=True)
     simulation: dict[str, Any] = port("simulation")
     section: dict[str, Any] = port("section")
+    views: dict[str, Any] = port("views")
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -76,7 +78,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
-    return Outputs(logs, tables, document, _section(document, flown, tables, notes))
+    return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
 
 
 def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outputs:
@@ -88,7 +90,7 @@ def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outp
     for item in recorded.values():
         logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
     document = bench_document(plan.title, "numbers of the plan, by run", seed, twin["format"], flown, recorded)
-    return Outputs(logs, {}, document, bench_section(document, flown))
+    return Outputs(logs, {}, document, bench_section(document, flown), _views(()))
 
 
 def log_files(recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str) -> dict[str, bytes]:
@@ -139,6 +141,25 @@ def _section(document: Document, flown: Mapping[str, FlownLeg], tables: Mapping[
         panels.append(panel("depth", "m", [series("true", t, column(truth, "z_m"), "true")]))
         blocks.append(plot(f"True motion of {name}", panels, group=f"truth {name}", look_for="Roll and pitch answer to steps in heading."))
     return section("The twin", blocks, order=5)
+
+
+def _views(tables: Iterable[str]) -> dict[str, Any]:
+    """The true motion of every leg, from its take-off on, and what the autopilot did."""
+    shown: tuple[tuple[str, tuple[str, ...], str], ...] = (
+        ("velocity", VELOCITY[:3], "m/s"),
+        ("rates", VELOCITY[3:], "rad/s"),
+        ("attitude", ATTITUDE, "rad"),
+        ("depth", ("z_m",), "m"),
+        ("propeller", ("propeller_rev_s",), "1/s"),
+        ("fins", tuple(f"fin_{fin}_rad" for fin in "spbt"), "rad"),
+    )
+    groups = [
+        {"entity": f"twin/{name}", "table": f"truth/{leg}", "columns": list(columns), "names": [f"{item} true" for item in columns]}
+        | {"roles": ["true"] * len(columns), "tab": "Twin", "unit": unit}
+        for leg in tables
+        for name, columns, unit in shown
+    ]
+    return {"groups": groups}
 
 
 def _rows_of(truth: pa.Table, leg: FlownLeg) -> tuple[int, int]:
