@@ -256,7 +256,10 @@ def _constant_rate(run: SingleRun) -> float:
 def _by_regression(
     run: SingleRun, start: Array, measured: Array, form: StaticRegression, theta: Array, gamma: Array, used: Sequence[int]
 ) -> Ratios:
-    """Ratios of a regression whose last column, the constant of the angle's zero, is no ratio, with white standard errors, and the error of their simulation from the fitted start."""
+    """Ratios of a regression with white standard errors, and the error of their simulation from the fitted start.
+
+    The last column of the regression, the constant of the angle's zero, is no ratio.
+    """
     values, covariance = np.zeros(3), np.zeros((3, 3))
     values[list(used)] = theta[:-1]
     residual = form.z - form.regressor @ theta

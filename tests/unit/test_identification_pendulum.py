@@ -202,8 +202,8 @@ def test_decay_gives_the_truth_and_prefers_the_true_damping() -> None:
     errors = {name: item.held_out_rad for name, item in found.output_error.items()}
     assert errors["linear and quadratic"] < 1e-6 < min(errors["linear"], errors["quadratic"])
     for method in ("recursive", "batch"):
-        # Straight lines between samples of 50 Hz cost a few thousandths; the quadratic term is the most sensitive.
-        np.testing.assert_allclose(best(found, method)[0], TRUTH, rtol=0.05)
+        # Straight lines between samples of 50 Hz cost a thousandth of the added mass; the quadratic term is the most sensitive.
+        assert np.all(np.abs(best(found, method)[0] / TRUTH - 1.0) < [0.005, 0.03, 0.1])
 
 
 @pytest.mark.parametrize(("attitude", "gyro"), [(True, True), (False, True), (True, False)])
