@@ -13,6 +13,7 @@ from rich.table import Table
 
 from data_schemas.errors import PipelineError, nearest
 from data_schemas.schemas import schema
+from hydro.dynamics.viscous_basis import coefficient_unit
 from hydro.dynamics.viscous_models import MODELS, model_named
 from pipeline.declarations import bounds, default_of
 from pipeline.graph import AnyStage
@@ -80,7 +81,12 @@ def print_models(name: str | None = None) -> None:
     model = model_named(name)
     console.print(f"[bold]{model.name}[/bold]  {escape(model.title)}, {model.n_bar} terms. {escape(model.source)}")
     for axis, terms in model.terms.items():
-        console.print(f"  {axis}: {escape(', '.join(terms)) or '-'}")
+        console.print(f"\n[bold]{axis}[/bold]" + ("" if terms else "  -"))
+        of_unit: dict[str, list[str]] = {}
+        for term in terms:
+            of_unit.setdefault(coefficient_unit(axis, term), []).append(term)
+        for unit, found in of_unit.items():
+            console.print(f"  in {unit}: {escape(', '.join(found))}")
 
 
 def print_vehicles() -> None:

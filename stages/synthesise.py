@@ -12,7 +12,7 @@ import pyarrow as pa
 from data_schemas.errors import CampaignError, DataError, nearest
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import BASIS_TERMS, PROPULSION, basis_rows, basis_term_names
+from hydro.dynamics.viscous_basis import basis_rows, basis_term_names, coefficient_unit
 from hydro.dynamics.viscous_models import MODELS, ViscousModel, without_propeller_terms
 from hydro.identification.excitation import VelocityExcitation, axis_excitation
 from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
@@ -173,6 +173,7 @@ def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityEx
         alone = verdict.status != NOT_EXCITED and term not in summed and bool(np.isfinite(fit.coefficients[index]))
         entry: dict[str, Any] = {
             "term": term,
+            "unit": coefficient_unit(axis, term),
             "value": float(fit.coefficients[index]) if alone else None,
             "standard_error": float(errors[index]) if alone and np.isfinite(errors[index]) else None,
             "verdict": verdict.status,
@@ -230,7 +231,7 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
         for item in part["terms"]:
             partners = item.get("inseparable_from")
             verdict = f"inseparable from {', '.join(partners)}" if partners else item["verdict"]
-            rows.append([axis, item["term"], item["value"], item["standard_error"], coefficient_unit(axis, item["term"]), verdict])
+            rows.append([axis, item["term"], item["value"], item["standard_error"], item["unit"], verdict])
     heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
     title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}"
     note = "Standard errors allow for coloured residuals (Newey-West)."
@@ -258,16 +259,13 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
     return blocks
 
 
-def coefficient_unit(axis: str, term: str) -> str:
-    """Unit of a coefficient in SI: that of the axis over those of the term's factors, `N/(m/s)^2` for X u*u."""
-    factors = [factor for factor in BASIS_TERMS[term].factors if factor != PROPULSION] if term in BASIS_TERMS else []
-    turning = sum(factor.strip("|") in ("p", "q", "r") for factor in factors)
-    unit = AXIS_UNITS[axis] if not factors or " " not in AXIS_UNITS[axis] else f"({AXIS_UNITS[axis]})"
-    for name, power in (("(m/s)", len(factors) - turning), ("(rad/s)", turning)):
-        unit += f"/{name}{f'^{power}' if power > 1 else ''}" if power else ""
-    return unit
-
-
 STAGE = Stage(
-    "synthesise", "Fit every viscous model to the training legs, from one pass over the data", "campaign", Inputs, Params, Outputs, run
+    "synthesise",
+    "Fit every viscous model to the training legs, from one pass over the data",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+    no_views="coefficients are no signals: they stand in its tables",
 )

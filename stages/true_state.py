@@ -26,7 +26,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    edge_s: float = param("s", 0.5, meaning="width left out at either end, as fuse does", low=0.0, high=60.0)
+    edge_s: float = param("s", 0.5, meaning="width left out at either end", low=0.0, high=60.0)
 
 
 @dataclass(frozen=True)

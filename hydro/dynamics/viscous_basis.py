@@ -19,6 +19,7 @@ from hydro.dynamics.arrays import VELOCITIES, Array
 
 MODULI = tuple(f"|{name}|" for name in VELOCITIES)
 PROPULSION = "eta-1"
+FORCE_AXES = ("X", "Y", "Z")
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,24 @@ def _declare() -> Iterator[BasisTerm]:
 
 BASIS_TERMS: Mapping[str, BasisTerm] = {term.name: term for term in _declare()}
 """All terms by name, in the order of (C.7)."""
+
+
+def coefficient_unit(axis: str, term: str) -> str:
+    """SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m): `N s^2/m^2` for u*u, `N m s^2/(m rad)` for u*r.
+
+    A term that is not of the basis is the constant force of the axis and has its unit; eta - 1 has none.
+    """
+    factors = [factor.strip("|") for factor in BASIS_TERMS[term].factors if factor != PROPULSION] if term in BASIS_TERMS else []
+    turning = sum(factor in VELOCITIES[3:] for factor in factors)
+    below = [_power(name, count) for name, count in (("m", len(factors) - turning), ("rad", turning)) if count]
+    unit = "N" if axis in FORCE_AXES else "N m"
+    if not below:
+        return unit
+    return f"{unit} {_power('s', len(factors))}/{below[0] if len(below) == 1 else f'({below[0]} {below[1]})'}"
+
+
+def _power(unit: str, count: int) -> str:
+    return unit if count == 1 else f"{unit}^{count}"
 
 
 def basis_term_names() -> tuple[str, ...]:

@@ -8,7 +8,6 @@ Body frame FRD, NED, SI.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -146,17 +145,6 @@ def fit_velocity(t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dv
     return VelocityFit(velocity, bias, initial, std[:3], std[3:], rms)
 
 
-def integrate_body_acceleration(t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, v0: ArrayLike, bias: ArrayLike = 0.0) -> Array:
-    """Body velocity (n, 3) [m/s] that solves v_dot = f - omega x v - b, v(t_0) = v0, integrated in NED: d(R v)/dt = R (f - b).
-
-    acceleration f, euler (n, 3); v0, bias (3,).
-    """
-    t, f = _checked(t_s, acceleration)
-    R = rotation_body_to_ned(euler)
-    ned = integrate(t, np.einsum("nij,nj->ni", R, f - np.asarray(bias, dtype=np.float64)), R[0] @ np.asarray(v0, dtype=np.float64))
-    return cast(Array, np.einsum("nji,nj->ni", R, ned))
-
-
 def inertial_acceleration(
     accel: ArrayLike,
     *,
@@ -183,24 +171,6 @@ def inertial_acceleration(
     if convention == "specific_force":
         f = f + gravity * rotation_body_to_ned(euler)[..., 2, :]
     return f
-
-
-def velocity_rate_from_accelerometer(
-    accel: ArrayLike,
-    *,
-    convention: str,
-    euler: ArrayLike,
-    omega: ArrayLike,
-    omega_dot: ArrayLike,
-    velocity: ArrayLike,
-    arm: ArrayLike = (0.0, 0.0, 0.0),
-    gravity: float = GRAVITY,
-) -> Array:
-    """v_dot (n, 3) of the body origin [m/s^2], without the bias: `inertial_acceleration` minus omega x v. Arguments as there."""
-    f = inertial_acceleration(
-        accel, convention=convention, euler=euler, omega=omega, omega_dot=omega_dot, velocity=velocity, arm=arm, gravity=gravity
-    )
-    return f - cross(np.asarray(omega, dtype=np.float64), np.asarray(velocity, dtype=np.float64))
 
 
 def lever_arm_velocity(v_sensor: ArrayLike, omega: ArrayLike, arm: ArrayLike) -> Array:

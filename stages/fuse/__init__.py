@@ -20,11 +20,14 @@ from data_schemas.tables import make_table
 from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
 from hydro.dynamics.vehicle import vehicle_from_document
 from hydro.identification.bias import integrate
+from hydro.identification.filters import edge_zone_s
 from stages.base import Document, Stage, param, port
 from stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
 from stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
 from stages.fuse.shown import fuse_section, fuse_views, fusion_document
 from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, Array, named
+
+LEAST_EDGE_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,9 @@ class Params:
     )
     estimate_dvl_arm: bool = param("1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment")
     estimate_dvl_mounting: bool = param("1", False, meaning="smoother only: find the velocity sensor's mounting angles from the segment")
-    edge_s: float = param("s", 0.5, meaning="width cut off at either end after filtering", low=0.0, high=60.0)
+    edge_s: float | None = param(
+        "s", None, meaning="width cut off at either end; null: what the low-pass needs, at least 0.5 s", low=0.0, high=60.0
+    )
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         remedy = "Set method: thesis, or leave as_published out."
         raise CampaignError("belongs to method thesis", field="stages.fuse.as_published", value=f"method {params.method}", remedy=remedy)
     vehicle = vehicle_from_document(inputs.vehicle)
-    sensed = sensed_motion(inputs.resampled, vehicle, has_gyro="p_rad_s" in inputs.segment["smoothing"])
+    sensed = sensed_motion(inputs.resampled, vehicle, has_gyro=inputs.samples_imu is not None)
     convention = params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
     cutoff = None if params.method == "smoother" else params.cutoff_hz
     motion = sensor_motion(
@@ -101,7 +106,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     pose = _pose(motion, velocity)
     if params.method == "smoother":
         pose, nu, nu_dot = (low_pass(motion.t_s, values, params.cutoff_hz) for values in (pose, nu, nu_dot))
-    keep = _inside_edges(motion.t_s, params.edge_s, inputs.segment)
+    edge_s = default_edge_s(params.cutoff_hz) if params.edge_s is None else params.edge_s
+    keep = _inside_edges(motion.t_s, edge_s, inputs.segment)
     columns = {
         "t_s": motion.t_s,
         **named(POSE, pose),
@@ -115,11 +121,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "method": params.method,
         "as_published": params.as_published,
         "cutoff_hz": params.cutoff_hz,
-        "edge_s": params.edge_s,
+        "edge_s": edge_s,
     }
     fusion = fusion_document(inputs.segment, settings, motion, sensed, nu, keep, found)
     shown = fuse_section(inputs.segment, inputs.resampled, motion, sensed, nu, pose, keep, fusion)
-    return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views())
+    return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views(fused))
 
 
 def _spread(found: Found, segment: Document, n: int) -> dict[str, Array]:
@@ -140,6 +146,11 @@ def _pose(motion: Motion, velocity: Array) -> Array:
     ned = np.einsum("nij,nj->ni", rotation_body_to_ned(motion.euler), velocity)
     track = integrate(motion.t_s, ned[:, :2], np.zeros(2))
     return np.column_stack([track, motion.depth, motion.euler])
+
+
+def default_edge_s(cutoff_hz: float | None) -> float:
+    """Width [s] cut off at either end: the edge zone of the low-pass, and at least `LEAST_EDGE_S` for what the splines bend at the ends."""
+    return LEAST_EDGE_S if cutoff_hz is None else max(LEAST_EDGE_S, edge_zone_s(cutoff_hz))
 
 
 def _inside_edges(t_s: Array, edge_s: float, segment: Document) -> Mask:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
 
-from data_schemas.tables import matrix
+from data_schemas.tables import has_columns, matrix
 from stages.base import Document
 from stages.fuse.motion import Found, Mask, Motion
-from stages.sections import panel, plot, remark, section, series, table
+from stages.sections import Block, panel, plot, remark, section, series, table
 from stages.signals import ATTITUDE, VELOCITY, Array, rms
 
 
@@ -49,6 +49,7 @@ def fuse_section(
     biases = [["gyro " + axis, value, "rad/s"] for axis, value in zip("xyz", fusion["gyro_bias_rad_s"] or [], strict=False)]
     biases += [["accelerometer " + axis, value, "m/s^2"] for axis, value in zip("xyz", fusion["accel_bias_m_s2"] or [], strict=False)]
     blocks = [remark(words, "warning") for words in fusion["warnings"]]
+    blocks += uneven_bandwidth(segment["smoothing"], fusion["cutoff_hz"])
     blocks += [
         plot(
             "Velocity of the body origin, raw against fused",
@@ -63,24 +64,44 @@ def fuse_section(
     return section(f"State of {segment['id']} ({fusion['method']})", blocks, order=30)
 
 
-def fuse_views() -> dict[str, Any]:
+def uneven_bandwidth(smoothing: Mapping[str, Any], cutoff_hz: float | None) -> list[Block]:
+    """A note where the splines of `resample` cut off below the low-pass, which then does not make all channels alike."""
+    if cutoff_hz is None:
+        return []
+    lower = {name: item["cutoff_hz"] for name, item in smoothing.items() if item.get("cutoff_hz") and item["cutoff_hz"] < cutoff_hz}
+    if not lower:
+        return []
+    words = ", ".join(f"{name.partition('_')[0] if name != 'attitude' else name} {value:.2g} Hz" for name, value in lower.items())
+    return [
+        remark(
+            f"Below the low-pass of {cutoff_hz:g} Hz, the splines of resample already cut off: {words}. These channels are "
+            "narrower than the others, by the noise of their sensors; smoothing: none in resample leaves the low-pass alone to decide.",
+            "note",
+        )
+    ]
+
+
+def fuse_views(fused: pa.Table) -> dict[str, Any]:
+    """Raw against fused, and twice the standard deviation around the fused state where the method gives one."""
     groups = []
     for entity, names, unit in (
         ("state/velocity", VELOCITY[:3], "m/s"),
         ("state/rates", VELOCITY[3:], "rad/s"),
         ("state/attitude", ATTITUDE, "rad"),
+        ("state/depth", ("z_m",), "m"),
     ):
         symbols = [name.split("_")[0] for name in names]
         for table_name, role in (("resampled", "raw"), ("fused", "fused")):
-            groups.append(
-                {
-                    "entity": f"{entity}/{role}",
-                    "table": table_name,
-                    "columns": list(names),
-                    "names": [f"{symbol} {role}" for symbol in symbols],
-                    "roles": [role] * 3,
-                    "tab": "State",
-                    "unit": unit,
-                }
-            )
+            groups.append(_group(f"{entity}/{role}", table_name, names, [f"{symbol} {role}" for symbol in symbols], role, unit))
+        spread = [name.replace("_", "_sd_", 1) for name in names]
+        if has_columns(fused, spread):
+            groups.append(_group(f"{entity}/band", "fused", names, symbols, "band", unit) | {"spread": spread})
     return {"groups": groups}
+
+
+def _group(entity: str, table: str, columns: Sequence[str], names: Sequence[str], role: str, unit: str) -> dict[str, Any]:
+    return {"entity": entity, "table": table, "columns": list(columns), "names": list(names)} | {
+        "roles": [role] * len(columns),
+        "tab": "State",
+        "unit": unit,
+    }

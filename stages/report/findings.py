@@ -45,7 +45,9 @@ def findings(card: Document) -> tuple[Finding, ...]:
     ]
     single = [(axis, item) for axis, part in card["axes"].items() for item in _identified(part)]
     constant = [
-        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, CONSTANT)) for axis, item in single if item["term"] == CONSTANT
+        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, CONSTANT))
+        for axis, item in single
+        if item["term"] == CONSTANT
     ]
     if constant:
         found.append(
@@ -99,9 +101,7 @@ def _own(axis: str, term: str) -> bool:
 
 
 def _coefficient(axis: str, item: Document, *, interval: bool = False) -> str:
-    return _figure(
-        _symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, item["term"]), interval=interval
-    )
+    return _figure(_symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, item["term"]), interval=interval)
 
 
 def _symbol(axis: str, term: str) -> str:

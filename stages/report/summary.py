@@ -114,7 +114,7 @@ def summarise(
         models=models,
         identified=findings(card) if card is not None else (),
         missing=(*missing, *assumed_figures(vehicle)),
-        warnings=_warnings(sections, models),
+        warnings=_warnings(sections),
     )
 
 
@@ -316,16 +316,9 @@ _OPEN = {
 }
 
 
-def _warnings(sections: Mapping[str, Document], models: Sequence[ModelScore]) -> tuple[str, ...]:
-    """Warnings of all sections, once each. Those of single models that fail, which the model table shows, become one sentence."""
-    of_models = tuple(f"{model.title} fails on validation" for model in models)
-    found = [words for words in remarks(sections, "warning") if not words.startswith(of_models)]
-    failing = sum(bool(_failing(model)) for model in models)
-    if failing:
-        found.insert(
-            0, f"{failing} of {plural(len(models), 'model')} fail on at least one axis of the validation legs: J/J0 above 1 in the table."
-        )
-    return tuple(dict.fromkeys(found))
+def _warnings(sections: Mapping[str, Document]) -> tuple[str, ...]:
+    """Warnings of all sections, once each."""
+    return tuple(dict.fromkeys(remarks(sections, "warning")))
 
 
 def remarks(sections: Mapping[str, Document], level: str) -> list[str]:

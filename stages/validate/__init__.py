@@ -1,12 +1,13 @@
 """Judge every model on every segment: predicted forces and the error tables of McCarter 5.1 and 5.2, (4.22)-(4.27).
 
-Two things keep the tables honest. Models with a constant force per axis are put beside that constant alone, because J0 contains it; and
-the report says how far the validation legs leave the range of motion that the models were fitted in.
+Two things keep the tables honest. The mean force of the training legs alone stands beside the models as a reference row, because J0
+contains it; and the report says how far the validation legs leave the range of motion that the models were fitted in.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,7 +100,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     errors = total_errors_of(sums)
     if not any(use == "validation" for use, _, _ in errors):
         plots.append(remark("No validation leg: nothing says how far these models hold outside the data they were fitted on.", "warning"))
-    constant = constant_alone(seen) if any(card["trim"] for card in cards.values()) else {}
+    constant = constant_alone(seen)
     flown = free_run_table(free, [model.name for model in models])
     blocks = [
         *verdicts(errors, cards, constant, params.failed_ratio),
@@ -117,7 +118,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         section=section(
             "Validation", blocks, order=10, look_for="J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no model."
         ),
-        views=_views(inputs, cards),
+        views=_views(inputs.segment, cards),
     )
 
 
@@ -170,23 +171,24 @@ def _prediction_plot(segment: Document, t_s: Array, measured: Array, predicted: 
     return plot(title, panels, group="time", look_for="A model that follows the measured line here has not seen it before.")
 
 
-def _views(inputs: Inputs, cards: Sequence[str] | Mapping[str, Document]) -> dict[str, Any]:
+def _views(segments: Iterable[str], models: Iterable[str]) -> dict[str, Any]:
+    """The force of every model beside the measured one, and its error: prediction less measurement."""
     groups = []
-    for key in inputs.segment:
-        for index, axis in enumerate(AXES):
-            for model in cards:
-                groups.append(
-                    {
-                        "entity": f"residual/{axis}/{model}",
-                        "table": f"predictions/{key}",
-                        "columns": [force_columns("tau")[index]],
-                        "names": [f"{axis} {model}"],
-                        "roles": [model],
-                        "tab": "Answer",
-                        "unit": AXIS_UNITS[axis],
-                        "filter": {"model": model},
-                    }
-                )
+    names = list(models)
+    for key in segments:
+        for (index, axis), model in itertools.product(enumerate(AXES), names):
+            group = {
+                "entity": f"residual/{axis}/{model}",
+                "table": f"predictions/{key}",
+                "columns": [force_columns("tau")[index]],
+                "names": [f"{axis} {model}"],
+                "roles": [model],
+                "tab": "Answer",
+                "unit": AXIS_UNITS[axis],
+                "filter": {"model": model},
+            }
+            less = {"table": f"residual/{key}/residual", "columns": [force_columns("tau_bar")[index]]}
+            groups += [group, group | {"entity": f"error/{axis}/{model}", "tab": "Error", "less": less}]
     return {"groups": groups}
 
 

@@ -97,7 +97,7 @@ def free_run_table(found: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.Ta
 
 
 def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]:
-    """One table per segment, and a sentence for every model that left the bounds."""
+    """One table per segment, of what stayed bounded, and one warning that names what left the bounds."""
     if not results.num_rows:
         return []
     blocks: list[Block] = []
@@ -113,18 +113,34 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
         rows = [
             [titles[data["model"][i]], data["horizon_s"][i], data["starts"][i], data["diverged"][i], *(data[name][i] for name in NAMES)]
             for i in range(results.num_rows)
-            if data["segment"][i] == segment
+            if data["segment"][i] == segment and data["diverged"][i] < data["starts"][i]
         ]
         note = "RMS of simulated minus measured state at that time after a measured start, over the runs that stayed bounded."
-        blocks.append(table(f"Free run on {segment}: error of the state", heads, rows, note=note))
-    first: dict[str, tuple[float, str]] = {}
-    for i in range(results.num_rows):
-        if data["diverged"][i] and (data["model"][i] not in first or data["first_divergence_s"][i] < first[data["model"][i]][0]):
-            first[data["model"][i]] = (data["first_divergence_s"][i], data["segment"][i])
-    if first:
-        words = "; ".join(f"{titles[model]} {seconds:.1f} s after a start on {segment}" for model, (seconds, segment) in first.items())
-        blocks.append(remark(f"Run freely, these models leave all bounds (10 m/s or 10 rad/s): {words}.", "finding"))
+        left_out = data["segment"].count(segment) - len(rows)
+        note += f" {left_out} rows without a bounded run are left out." if left_out else ""
+        if rows:
+            blocks.append(table(f"Free run on {segment}: error of the state", heads, rows, note=note))
+    gone = [_divergence(model, title, results) for model, title in titles.items()]
+    if any(gone):
+        words = "; ".join(item for item in gone if item)
+        blocks.insert(0, remark(f"Run freely, these models leave all bounds (10 m/s or 10 rad/s): {words}.", "warning"))
     return blocks
+
+
+def _divergence(model: str, title: str, results: pa.Table) -> str:
+    """When a model first left the bounds, and the horizons that no run reached; empty for one that stayed."""
+    rows = [row for row in results.to_pylist() if row["model"] == model]
+    gone = [row for row in rows if row["diverged"]]
+    if not gone:
+        return ""
+    first = min(gone, key=lambda row: float(row["first_divergence_s"]))
+    words = f"{title} first {first['first_divergence_s']:.1f} s after a start on {first['segment']}"
+    never = [
+        horizon
+        for horizon in dict.fromkeys(row["horizon_s"] for row in rows)
+        if all(row["diverged"] == row["starts"] for row in rows if row["horizon_s"] == horizon)
+    ]
+    return f"{words}, no run of {min(never):g} s held" if never else words
 
 
 def _units() -> list[tuple[str, str]]:

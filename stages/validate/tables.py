@@ -19,6 +19,7 @@ USES = ("validation", "training")
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 ALL = "all"
 CONSTANT_TITLE = "constant alone"
+"""The reference row: the mean force of the training legs and no model."""
 FAILED_RATIO = 1.0
 OUTSIDE_SHARE = 0.05
 """From this share of validation samples outside the training range on, a warning says so."""
@@ -101,24 +102,26 @@ def constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float,
 
 
 def verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, failed: float) -> list[dict[str, Any]]:
-    found = []
-    for model, card in cards.items():
-        measures = errors.get(("validation", ALL, model))
-        if measures is None:
-            continue
-        ratios = {axis: measures[axis].normalised for axis in AXES}
-        bad = [f"{axis} ({ratio:.2f})" for axis, ratio in ratios.items() if ratio > failed]
+    """One warning that names all models that fail on an axis, with their J/J0; a note per model that a constant force alone equals."""
+    found, failing = [], []
+    alone = constant.get("validation", {})
+    judged = {model: errors[("validation", ALL, model)] for model in cards if ("validation", ALL, model) in errors}
+    for model, measures in judged.items():
+        title, ratios = cards[model]["title"], {axis: measures[axis].normalised for axis in AXES}
+        bad = [f"{axis} {ratio:.2f}" for axis, ratio in ratios.items() if ratio > failed]
         if bad:
-            reason = "its error exceeds the force itself" if failed == FAILED_RATIO else f"J/J0 exceeds {failed:g}"
-            found.append(remark(f"{card['title']} fails on validation in {', '.join(bad)}: {reason}.", "warning"))
-        alone = constant.get("validation", {})
+            failing.append(f"{title} ({', '.join(bad)})")
         idle = [
             f"{axis} ({ratio:.2f} against {alone[axis][1]:.2f})"
             for axis, ratio in ratios.items()
-            if axis in alone and alone[axis][1] <= ratio <= failed
+            if cards[model]["trim"] and axis in alone and alone[axis][1] <= ratio <= failed
         ]
         if idle:
-            found.append(remark(f"{card['title']} predicts no better than a constant force alone in {', '.join(idle)}.", "note"))
+            found.append(remark(f"{title} predicts no better than a constant force alone in {', '.join(idle)}.", "note"))
+    if failing:
+        count = "All models" if len(failing) == len(judged) > 1 else f"{len(failing)} of {len(judged)} models"
+        reason = "the error exceeds the force itself" if failed == FAILED_RATIO else f"J/J0 exceeds {failed:g}"
+        found.insert(0, remark(f"{count} fail on validation, where {reason} (J/J0): {'; '.join(failing)}.", "warning"))
     return found
 
 
@@ -143,7 +146,7 @@ def error_blocks(errors: Errors, cards: Mapping[str, Document], constant: Consta
         note = "Totals mix N and N m, as the thesis has them. J0: "
         note += ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES) + "."
         if use in constant:
-            note += " J0 contains the constant force, so compare with the last row: the mean force of the training legs and no model."
+            note += " The last row is no model but the reference: the mean force of the training legs and nothing else."
         blocks.append(table(f"{use.capitalize()} errors, in the layout of {LAYOUT[use]}", heads, rows, note=note))
         units = [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
         note = "Over all six axes together, N and N m mixed; MAD is the sum of the medians of the six axes."

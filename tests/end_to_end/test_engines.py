@@ -79,7 +79,7 @@ def test_dvc_and_auvid_mix_in_any_order(serial: Path, tmp_path: Path) -> None:
     assert run("auvid", "run", "example", folder=folder).startswith("nothing to do")
 
     params = folder / "params.yaml"
-    params.write_text(params.read_text().replace("edge_s: 0.5", "edge_s: 0.6"))
+    params.write_text(params.read_text().replace("edge_s: null", "edge_s: 0.6"))
     run("dvc", "repro", "fuse@example", folder=folder)
     run("auvid", "run", "example", "--until", "validate", folder=folder)
     (serial / "params.yaml").write_text(params.read_text())

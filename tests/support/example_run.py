@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from data_schemas.tables import make_table
+from hydro.dynamics.viscous_basis import coefficient_unit
 from stages.base import collection
 from stages.report import Inputs
 from stages.sections import equation, panel, plot, remark, section, series, table, text
@@ -155,6 +156,7 @@ def _card(name: str) -> dict[str, Any]:
         coefficients = [
             {
                 "term": term,
+                "unit": coefficient_unit(axis, term),
                 "value": None if verdict == "not excited" else -3.5 * (index + 1),
                 "standard_error": None if verdict == "not excited" else 0.4,
                 "verdict": verdict,

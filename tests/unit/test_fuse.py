@@ -39,7 +39,17 @@ def motion() -> Motion:
 
 
 def inputs(table: pa.Table, sensors: Sensors, *, gyro: bool = True, **log: Any) -> fuse.Inputs:
-    return fuse.Inputs(segment_document(gyro=gyro), table, mounted_vehicle(sensors), log_document(**log))
+    return fuse.Inputs(
+        segment_document(gyro=gyro), table, mounted_vehicle(sensors), log_document(**log), imu_samples(table) if gyro else None
+    )
+
+
+def imu_samples(table: pa.Table) -> pa.Table | None:
+    """Samples of the gyro on the segment's own clock, where the table has rates."""
+    if "p_rad_s" not in table.column_names:
+        return None
+    gyro = {name: column(table, source) for name, source in zip(resample.GYRO, VELOCITY[3:], strict=True)}
+    return make_table("samples_imu", {"t_s": column(table, "t_s"), **gyro, **dict.fromkeys(ACCELEROMETER, np.full(table.num_rows, np.nan))})
 
 
 def run(motion: Motion, sensors: Sensors = IDEAL, *, without: tuple[str, ...] = (), **params: Any) -> fuse.Outputs:
@@ -82,7 +92,9 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)
     given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
     cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
-    found = fuse.run(fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log), fuse.Params(cutoff_hz=None, edge_s=2.0))
+    assert cut.samples_imu is not None
+    given_fuse = fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"])
+    found = fuse.run(given_fuse, fuse.Params(cutoff_hz=None, edge_s=2.0))
     t_s = column(found.fused, "t_s") + float(cut.segment["one"]["leg_start_s"])
     truth = np.column_stack([np.interp(t_s, motion.t_s, motion.nu[:, index]) for index in range(6)])
     # 5 Hz samples of waves up to 0.6 Hz: the spline between them is good to a few mm/s; an uncorrected lag costs 0.1 m/s
@@ -191,6 +203,28 @@ def test_a_segment_shorter_than_its_edges_is_refused(motion: Motion) -> None:
     with pytest.raises(DataError, match=r"too short for its edges.*edge_s") as caught:
         run(motion, edge_s=20.0)
     assert "'one'" in str(caught.value)
+
+
+@pytest.mark.parametrize(("cutoff", "edge"), [(None, 0.5), (10.0, 0.5), (1.0, 1.915)])
+def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: float) -> None:
+    """The zone in which the low-pass follows its continuation, ln(100) / (2 pi f sin(pi / 8)), and at least half a second."""
+    found = run(motion, cutoff_hz=cutoff, edge_s=None)
+    assert found.fusion["edge_s"] == pytest.approx(edge, abs=1e-3)
+    t_s = column(found.fused, "t_s")
+    assert t_s[0] == pytest.approx(edge, abs=1.0 / RATE_HZ)
+    assert t_s[-1] == pytest.approx(motion.t_s[-1] - edge, abs=1.0 / RATE_HZ)
+
+
+def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
+    """A spline that cuts off at 0.8 Hz under a low-pass of 3 Hz: both figures in the section."""
+    given = inputs(resampled_table(motion, IDEAL), IDEAL)
+    smoothing = {**given.segment["smoothing"], "z_m": {"cutoff_hz": 0.8}, "u_m_s": {"cutoff_hz": 5.0}}
+    narrow = replace(given, segment={**given.segment, "smoothing": smoothing})
+    for cutoff, expected in ((3.0, 1), (0.5, 0), (None, 0)):
+        blocks = fuse.run(narrow, fuse.Params(cutoff_hz=cutoff)).section["blocks"]
+        told = [block["text"] for block in blocks if block["kind"] == "remark" and block["level"] == "note"]
+        assert len(told) == expected
+        assert all("Below the low-pass of 3 Hz" in words and "z 0.8 Hz." in words and "u " not in words.split(":")[1] for words in told)
 
 
 @pytest.mark.parametrize(

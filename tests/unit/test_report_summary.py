@@ -133,16 +133,6 @@ def test_warnings_are_those_of_the_sections_once_each(run: ExampleRun) -> None:
     assert summary_of(run).warnings == ("The velocity stream has a gap of 0.41 s at 77 s.",)
 
 
-def test_models_that_fail_are_one_sentence(run: ExampleRun) -> None:
-    for axis in AXES:
-        set_ratio(run, "validation", {name: 1.4 if name in ("coe", "linear") and axis == "Z" else 0.5 for name in MODELS}, axis)
-    words = "Coe fails on validation in Z (1.40): its error exceeds the force itself."
-    run.sections["validate"]["blocks"].append(remark(words, "warning"))
-    warnings = summary_of(run).warnings
-    assert warnings[0].startswith("2 of 8 models fail on at least one axis")
-    assert words not in warnings
-
-
 def test_note_on_the_model_to_take_is_on_the_first_screen(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
     words = [f"{title} predicts no better than a constant force alone in Z (0.86 against 0.72)." for title in ("Coe", "Linear")]

@@ -10,7 +10,7 @@ import pytest
 
 from data_schemas.documents import check_document
 from data_schemas.errors import CampaignError, DataError
-from hydro.dynamics.viscous_basis import basis, basis_term_names
+from hydro.dynamics.viscous_basis import basis, basis_term_names, coefficient_unit
 from hydro.dynamics.viscous_models import MODELS, ViscousModel, model_named, without_propeller_terms
 from hydro.identification.separability import breaks_symmetry, one_sided_groups
 from stages import synthesise
@@ -281,10 +281,10 @@ def test_no_model_or_one_twice_is_refused(models: tuple[str, ...]) -> None:
 
 
 def test_unit_of_a_coefficient() -> None:
-    assert synthesise.coefficient_unit("X", "u*|u|") == "N/(m/s)^2"
-    assert synthesise.coefficient_unit("N", "|r|*Vv") == "(N m)/(m/s)/(rad/s)"
-    assert synthesise.coefficient_unit("K", "(p*p)*(eta-1)") == "(N m)/(rad/s)^2"
-    assert synthesise.coefficient_unit("M", "constant") == "N m"
+    assert coefficient_unit("X", "u*|u|") == "N s^2/m^2"
+    assert coefficient_unit("N", "|r|*Vv") == "N m s^2/(m rad)"
+    assert coefficient_unit("K", "(p*p)*(eta-1)") == "N m s^2/rad^2"
+    assert coefficient_unit("M", "constant") == "N m"
 
 
 def test_section_shows_no_number_that_the_data_do_not_determine() -> None:

@@ -65,11 +65,25 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
 def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Table]) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
     blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
-    words = blocks[-1]["text"]
-    assert "Wild" in words
+    (told,) = (block for block in blocks if block["kind"] == "remark")
+    words = told["text"]
+    assert told["level"] == "warning"
+    assert "Wild first " in words
     assert "True" not in words
     first = min(value for value in column(results, "first_divergence_s") if np.isfinite(value))
     assert f"{first:.1f} s" in words
+
+
+def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(flown: tuple[pa.Table, pa.Table]) -> None:
+    results = table_of(flown, true=STABLE, wild=UNSTABLE)
+    blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
+    shown = next(block for block in blocks if block["kind"] == "table")
+    lost = sum(row["model"] == "wild" and row["diverged"] == row["starts"] for row in results.to_pylist())
+    assert lost > 0
+    assert len(shown["rows"]) == results.num_rows - lost
+    assert all(value is not None for row in shown["rows"] for value in row)
+    assert f"{lost} rows without a bounded run are left out" in shown["note"]
+    assert "no run of " in blocks[0]["text"]
 
 
 def test_a_segment_shorter_than_every_horizon_gives_no_rows(flown: tuple[pa.Table, pa.Table]) -> None:
