@@ -1,0 +1,56 @@
+"""`auvid reproduce` for a campaign that names printed values: what its run found, beside them, on the terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline import session
+from pipeline.graph import WHOLE
+from pipeline.reproduction import FILE
+from pipeline.runner import Run
+
+PUBLISHED, TABLE = "published_values", "comparison"
+
+
+def open_comparison(name: str) -> Run | None:
+    """The run of a campaign that names printed values and has no document of variants; None for any other."""
+    run = session.open_run(name)
+    if PUBLISHED not in run.campaign.documents or (run.campaign.folder / FILE).is_file():
+        return None
+    return run
+
+
+def comparison_rows(run: Run) -> list[dict[str, Any]]:
+    """The rows of schema `comparison` that the run made."""
+    found = [artefact for port in run.graph.producers(TABLE) for artefact in run.artefacts_of(port, WHOLE).values()]
+    return [row for artefact in found for row in artefact.load().to_pylist()]
+
+
+def print_comparison(run: Run) -> bool:
+    """Print every printed value beside ours, and the bounds; returns whether all that is asked is met."""
+    rows = comparison_rows(run)
+    table = None
+    print(f"{'':<12}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}")
+    for row in rows:
+        if row["table"] != table:
+            table = row["table"]
+            print(f"\n{table}")
+        error = f"{_percent(row['printed_error']):>13}{_percent(row['our_error']):>11}"
+        told = {True: "", False: "  MISSED", None: ""}[row["met"]]
+        asked = f"  {row['verdict']}" if row["asked_verdict"] else ""
+        print(f"  {row['quantity']:<10}{_cell(row['printed']):>12}{_cell(row['truth']):>13}{_cell(row['ours']):>12}{error}{asked}{told}")
+    asked_of = [row for row in rows if row["met"] is not None]
+    missed = [row for row in asked_of if not row["met"]]
+    print(f"\nbounds: {len(asked_of) - len(missed)} of {len(asked_of)} met")
+    page = session.places(run).get("report")
+    if page is not None:
+        print(f"page: {session.shown(page)}")
+    return not missed
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:+.2f} %"
