@@ -169,10 +169,24 @@ def reproduce(
     force: Annotated[bool, typer.Option("--force", help="Make again what is up to date.")] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Make the page that puts published tables beside those of a twin. Exits with 1 if a bound is missed and nothing says why."""
-    from pipeline import engines, session
+    """Make the page that puts published tables beside those of a twin. Exits with 1 if a bound is missed and nothing says why.
+
+    A campaign with `published` in its manifest is run, and its results are printed beside the published values.
+    """
+    from pipeline import comparison, engines, session
     from pipeline import reproduce as again
 
+    printed = comparison.open_comparison(campaign)
+    if printed is not None:
+        try:
+            with session.progress() as progress:
+                printed.execute(printed.graph.stages, engines.make_engine(engine, jobs), progress, force=force)
+        except KeyboardInterrupt:
+            raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
+        met, page = comparison.print_comparison(printed), session.places(printed).get("report")
+        if open_it and page is not None:
+            typer.launch(page.resolve().as_uri())
+        raise typer.Exit(FINE if met else FAILED)
     setting = again.open_setting(campaign)
     try:
         with session.progress() as progress:
@@ -208,6 +222,23 @@ def vehicles() -> None:
     from pipeline import listings
 
     listings.print_vehicles()
+
+
+@app.command(epilog="Example: auvid coefficients hauv --set as_printed")
+def coefficients(
+    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to a vehicle file with `geometry`.")],
+    parameter_set: Annotated[
+        str, typer.Option("--set", metavar="SET", help="corrected (errata applied), as_printed (formulas of the thesis), or as_simulated.")
+    ] = "corrected",
+    model: Annotated[
+        str | None, typer.Option(metavar="MODEL", help="Put a published model of this vehicle beside it, for example prestero.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Print what strip theory gives for a vehicle's geometry, beside what is published, with formula and source."""
+    from pipeline import coefficients as command
+
+    command.print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
 
 
 @app.command(epilog="Example: auvid new ~/campaigns_2026")

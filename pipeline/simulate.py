@@ -14,7 +14,7 @@ from data_schemas.errors import CampaignError, PipelineError, nearest
 from pipeline.artefacts import encode
 from pipeline.files import write_atomically
 from pipeline.twin import PHYSICS, load_twin
-from pipeline.workspace import SHIPPED_VEHICLES, find_workspace
+from pipeline.workspace import vehicle_file_of
 from pipeline.yaml_files import load_yaml
 from stages import simulate
 from stages.simulate.csv_writer import column_maps
@@ -42,7 +42,7 @@ def write_campaign(
     for option, value, allowed in (("--format", format, FORMATS), ("--accelerometer", accelerometer, ACCELEROMETERS)):
         if value not in allowed:
             raise CampaignError("unknown value", field=option, value=value, allowed=allowed, remedy=nearest(value, allowed))
-    vehicle_file = _vehicle_file(vehicle)
+    vehicle_file = vehicle_file_of(vehicle)
     document = load_yaml(vehicle_file, what="vehicle")
     document.check("vehicle")
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
@@ -70,19 +70,6 @@ def write_campaign(
 
 FORMATS = ("bin", "tlog", "csv")
 ACCELEROMETERS = ("specific_force", "inertial")
-
-
-def _vehicle_file(name: str) -> Path:
-    """A vehicle given by name, or by a path to its file."""
-    if name.endswith(".yaml"):
-        return Path(name).expanduser()
-    try:
-        known = find_workspace(Path.cwd()).vehicle_files()
-    except PipelineError:
-        known = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
-    if name not in known:
-        raise CampaignError("no such vehicle", value=name, allowed=known, remedy=nearest(name, known))
-    return known[name]
 
 
 def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:

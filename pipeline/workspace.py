@@ -92,6 +92,19 @@ def workspace_of(campaign: str) -> Workspace:
     return Workspace(folder)
 
 
+def vehicle_file_of(name: str) -> Path:
+    """The file of a vehicle given by name, in the workspace here or among those that come with auvid, or by a path to its file."""
+    if name.endswith(".yaml"):
+        return Path(name).expanduser()
+    try:
+        known = find_workspace(Path.cwd()).vehicle_files()
+    except PipelineError:
+        known = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
+    if name not in known:
+        raise CampaignError("no such vehicle", value=name, allowed=known, remedy=nearest(name, known))
+    return known[name]
+
+
 def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
     """params.yaml, its sections checked against the stages; empty for a campaign outside any workspace.
 

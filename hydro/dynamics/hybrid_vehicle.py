@@ -110,15 +110,27 @@ def parameter_coefficients(document: Mapping[str, Any], parameter_set: str) -> t
             allowed=PARAMETER_SETS,
             remedy=nearest(parameter_set, PARAMETER_SETS),
         )
-    density = Quantities(document).part("environment").number("water_density", "kg/m^3")
-    computed = strip_theory(geometry_from_document(document), water_density=density, corrected=parameter_set == "corrected")
+    computed = strip_theory_of(document, corrected=parameter_set == "corrected")
     if parameter_set == "corrected":
         return computed
+    if not document.get("as_simulated" if parameter_set == "as_simulated" else "published"):
+        raise CampaignError(
+            "the vehicle file lists no coefficients for this parameter set",
+            field="as_simulated" if parameter_set == "as_simulated" else "published",
+            value=parameter_set,
+            remedy="Take `corrected`, which needs the geometry alone.",
+        )
     given = dict(published_coefficients(document, "published"))
     if parameter_set == "as_simulated":
         given |= published_coefficients(document, "as_simulated")
     kept = tuple(item for item in computed if item.name not in given or item.kind in ("body_lift", "surface_lift"))
     return (*kept, *given.values())
+
+
+def strip_theory_of(document: Mapping[str, Any], *, corrected: bool = True) -> tuple[Coefficient, ...]:
+    """Strip theory of a vehicle document with `geometry`. Errors as `geometry_from_document`."""
+    density = Quantities(document).part("environment").number("water_density", "kg/m^3")
+    return strip_theory(geometry_from_document(document), water_density=density, corrected=corrected)
 
 
 def published_coefficients(document: Mapping[str, Any], key: str = "published") -> dict[str, Coefficient]:

@@ -162,7 +162,7 @@ def test_the_engine_moves_mass_and_centre_of_gravity_together():
     glide = engine.glide_mass([-0.3, 0.0, 0.3], epsilon_rad=0.02)
     np.testing.assert_allclose(glide, [73.5, 72.5, 71.5], atol=1e-9)
     assert engine.check(72.0) == 72.0
-    with pytest.raises(CampaignError, match="71.5 .empty. to 73.5 kg"):
+    with pytest.raises(CampaignError, match=r"71.5 .empty. to 73.5 kg"):
         engine.check([72.0, 74.0], field="open_loop.dive.mass")
     with pytest.raises(CampaignError, match="positive angle"):
         engine.glide_mass(0.1, epsilon_rad=0.0)
