@@ -8,11 +8,16 @@ With j as white-noise driven state, f is what a cubic smoothing spline with lamb
 accelerometer's noise come from such a spline by generalised cross-validation. The bias walks slowly: the tilt error of an attitude
 reference leaks gravity into the accelerometer, changes over its correlation time, and cannot be told from a bias within it.
 Measurements at their own times: accelerometer f + b, velocity sensor v (lever arm and mounting taken out), depth z.
+
+With a second velocity, through the water, the state has the current c (3) in NED behind it (16): c_dot = white noise, measured is v - R' c.
+Without one, no measurement above holds c: accelerometer, bottom track and depth all speak of motion over ground. Forces do depend on it,
+but there a steady current cannot be told from damping and constant forces, which are what is looked for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -23,8 +28,12 @@ from hydro.dynamics.arrays import Array, cross
 from hydro.dynamics.kinematics import rotation_body_to_ned, skew
 from hydro.identification.splines import smoothing_spline
 
-Z, V, F, J, B = 0, slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13)
+Z, V, F, J, B, C = 0, slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 SIZE, MEASURED = 13, 7
+CURRENT = 3
+CURRENT_PRIOR = 1.0
+"""Standard deviation [m/s] of a current before anything is measured."""
+FEWEST = 5
 UNSEEN = 1e10
 """Variance of a measurement that is missing at a step: it weighs nothing."""
 FLOOR = {"accel": 1e-4, "velocity": 1e-4, "depth": 1e-4}
@@ -36,7 +45,8 @@ class SmootherNoise:
     """Noise of the sensors and of the motion, SI; None is estimated from the data.
 
     accel, velocity, depth: standard deviations per sample; jerk_density: q (3,) of j [m^2/s^7]; tilt_error_rad, tilt_time_s: size and
-    correlation time of the attitude reference's error in roll and pitch; bias: prior standard deviation of the bias [m/s^2].
+    correlation time of the attitude reference's error in roll and pitch; bias: prior standard deviation of the bias [m/s^2]; water: that of
+    the velocity through the water; current_walk: how much the current walks within a second [m/s], 0 for a constant one.
     """
 
     accel: Array | None = None
@@ -47,6 +57,8 @@ class SmootherNoise:
     tilt_time_s: float = 30.0
     bias: float = 0.5
     gravity: float = 9.80665
+    water: Array | None = None
+    current_walk: float = 0.0
 
     @property
     def bias_density(self) -> float:
@@ -66,6 +78,8 @@ class SmoothedVelocity:
     bias_sd: Array
     depth: Array
     noise: SmootherNoise
+    current: Array | None = None
+    current_sd: Array | None = None
 
 
 def estimated_noise(
@@ -74,15 +88,12 @@ def estimated_noise(
     """The noise with what is None estimated: sensor noise and jerk density by smoothing splines with GCV (sigma, sigma^2 / lambda)."""
     a = smoothing_spline(t_s, accel)
     sigma = np.maximum(a.sigma, FLOOR["accel"])
-    return SmootherNoise(
+    return replace(
+        noise,
         accel=sigma if noise.accel is None else noise.accel,
         velocity=np.maximum(smoothing_spline(t_velocity, velocity).sigma, FLOOR["velocity"]) if noise.velocity is None else noise.velocity,
         depth=float(np.maximum(smoothing_spline(t_depth, depth).sigma, FLOOR["depth"])) if noise.depth is None else noise.depth,
         jerk_density=sigma**2 / np.maximum(a.lambda_, 1e-12) if noise.jerk_density is None else noise.jerk_density,
-        tilt_error_rad=noise.tilt_error_rad,
-        tilt_time_s=noise.tilt_time_s,
-        bias=noise.bias,
-        gravity=noise.gravity,
     )
 
 
@@ -97,34 +108,41 @@ def smooth_velocity(
     t_depth: ArrayLike,
     depth: ArrayLike,
     noise: SmootherNoise | None = None,
+    t_water: ArrayLike | None = None,
+    water: ArrayLike | None = None,
 ) -> SmoothedVelocity:
     """Smoothed velocity of the body origin at the accelerometer's times t_s (n,) [s].
 
     accel (n, 3): inertial acceleration with bias, gravity and lever arm taken out (`inertial_acceleration`); euler, omega (n, 3) there.
     velocity (m, 3) at t_velocity (m,): of the body origin (`lever_arm_velocity`); depth (k,) at t_depth (k,): of the body origin. Each
-    is used at the nearest step, carried there along the acceleration. Raises `DataError` for values that are not finite or too few samples.
+    is used at the nearest step, carried there along the acceleration. water (w, 3) at t_water (w,): velocity of the body origin through the
+    water in body axes; with it the current is found too. Raises `DataError` for values that are not finite or too few samples.
     """
     t, a = np.asarray(t_s, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     angles, w = np.asarray(euler, dtype=np.float64), np.asarray(omega, dtype=np.float64)
     tv, v = _inside(t, t_velocity, velocity)
     tz, z = _inside(t, t_depth, depth)
-    if not (np.isfinite(a).all() and np.isfinite(angles).all() and np.isfinite(w).all() and np.isfinite(v).all() and np.isfinite(z).all()):
+    tw, through = _inside(t, [], np.zeros((0, 3))) if t_water is None or water is None else _inside(t, t_water, water)
+    if not all(np.isfinite(values).all() for values in (a, angles, w, v, z, through)):
         raise DataError("a value to smooth is not finite", remedy="Split the leg at its gaps first.")
-    if min(len(t), len(tv), len(tz)) < 5:
-        raise DataError("too few samples to smooth a velocity", value=(len(t), len(tv), len(tz)), allowed="5 or more of each sensor")
+    with_current = t_water is not None
+    if min(len(t), len(tv), len(tz), len(tw) if with_current else FEWEST) < FEWEST:
+        raise DataError(
+            "too few samples to smooth a velocity", value=(len(t), len(tv), len(tz), len(tw)), allowed="5 or more of each sensor"
+        )
     used = estimated_noise(t, a, tv, v, tz, z, noise or SmootherNoise())
-    transitions, processes = _transitions(t, angles, w, used)
-    zs, Rs = _measurements(t, a, w, tv, v, tz, z, used)
-    H = np.zeros((MEASURED, SIZE))
-    H[:3, F] = H[:3, B] = H[3:6, V] = np.eye(3)
-    H[6, Z] = 1.0
+    if with_current and used.water is None:
+        used = replace(used, water=np.maximum(smoothing_spline(tw, through).sigma, FLOOR["velocity"]))
+    size, measured = (SIZE + CURRENT, MEASURED + CURRENT) if with_current else (SIZE, MEASURED)
+    transitions, processes = _transitions(t, angles, w, used, size)
+    zs, Rs = _measurements(t, a, w, [(tv, v, used.velocity), (tw, through, used.water)][: 1 + with_current], tz, z, used)
     from filterpy.kalman import KalmanFilter  # a second to import, and only this method needs it
 
-    kalman = KalmanFilter(dim_x=SIZE, dim_z=MEASURED)
-    kalman.x = np.concatenate([z[:1], v[0], a[0], np.zeros(6)])[:, None]
-    kalman.P = np.diag([1.0] + [0.25] * 3 + [1.0] * 3 + [10.0] * 3 + [used.bias**2] * 3)
-    kalman.H = H
-    means, covariances, _, _ = kalman.batch_filter(zs, Fs=list(transitions), Qs=list(processes), Rs=list(Rs))
+    kalman = KalmanFilter(dim_x=size, dim_z=measured)
+    kalman.x = np.concatenate([z[:1], v[0], a[0], np.zeros(size - 7)])[:, None]
+    kalman.P = np.diag([1.0] + [0.25] * 3 + [1.0] * 3 + [10.0] * 3 + [used.bias**2] * 3 + [CURRENT_PRIOR**2] * (size - SIZE))
+    H = _sensitivity(angles, size, measured)
+    means, covariances, _, _ = kalman.batch_filter(zs, Fs=list(transitions), Qs=list(processes), Rs=list(Rs), Hs=list(H))
     means, covariances, _, _ = kalman.rts_smoother(means, covariances, Fs=list(transitions), Qs=list(processes))
     x, variance = means[:, :, 0], np.maximum(np.einsum("nii->ni", covariances), 0.0)
     return SmoothedVelocity(
@@ -136,7 +154,20 @@ def smooth_velocity(
         bias_sd=np.sqrt(variance[:, B]),
         depth=x[:, Z],
         noise=used,
+        current=x[:, C] if with_current else None,
+        current_sd=np.sqrt(variance[:, C]) if with_current else None,
     )
+
+
+def _sensitivity(euler: Array, size: int, measured: int) -> Array:
+    """Measurement matrices (n, measured, size) at the attitudes (n, 3)."""
+    H = np.zeros((len(euler), measured, size))
+    H[:, :3, F] = H[:, :3, B] = H[:, 3:6, V] = np.eye(3)
+    H[:, 6, Z] = 1.0
+    if measured > MEASURED:
+        H[:, MEASURED:, V] = np.eye(3)
+        H[:, MEASURED:, C] = -np.swapaxes(rotation_body_to_ned(euler), 1, 2)
+    return H
 
 
 def _inside(t: Array, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
@@ -145,22 +176,22 @@ def _inside(t: Array, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array
     return stamp[keep], value[keep]
 
 
-def _transitions(t: Array, euler: Array, omega: Array, noise: SmootherNoise) -> tuple[Array, Array]:
-    """Transition matrices (n, 13, 13) and process noise from step k - 1 to k; the first is the identity without noise."""
+def _transitions(t: Array, euler: Array, omega: Array, noise: SmootherNoise, size: int) -> tuple[Array, Array]:
+    """Transition matrices (n, size, size) and process noise from step k - 1 to k; the first is the identity without noise."""
     n, dt = len(t), np.diff(t, prepend=t[0])
     middle = 0.5 * (omega + np.roll(omega, 1, axis=0))
     down = rotation_body_to_ned(euler)[:, 2, :]
-    A = np.zeros((n, SIZE, SIZE))
+    A = np.zeros((n, size, size))
     A[:, Z, V] = 0.5 * (down + np.roll(down, 1, axis=0))
     A[:, V, V] = -skew(middle)
     A[:, V, F] = A[:, F, J] = np.eye(3)
     step = A * dt[:, None, None]
-    transition = np.eye(SIZE) + step
+    transition = np.eye(size) + step
     power = step
     for order in (2, 3, 4):
         power = power @ step / order
         transition = transition + power
-    Q = np.zeros((n, SIZE, SIZE))
+    Q = np.zeros((n, size, size))
     assert noise.jerk_density is not None
     place = np.arange(3)
     blocks = [
@@ -174,28 +205,35 @@ def _transitions(t: Array, euler: Array, omega: Array, noise: SmootherNoise) -> 
         (V, J, dt**3 / 6),
         (J, V, dt**3 / 6),
     ]
-    for row, column, size in blocks:
-        Q[:, row.start + place, column.start + place] = size[:, None] * noise.jerk_density
+    for row, column, factor in blocks:
+        Q[:, row.start + place, column.start + place] = factor[:, None] * noise.jerk_density
     Q[:, B.start + place, B.start + place] = dt[:, None] * noise.bias_density
+    if size > SIZE:
+        Q[:, C.start + place, C.start + place] = dt[:, None] * noise.current_walk**2
     return transition, Q
 
 
 def _measurements(
-    t: Array, accel: Array, omega: Array, tv: Array, v: Array, tz: Array, z: Array, noise: SmootherNoise
+    t: Array, accel: Array, omega: Array, velocities: Sequence[tuple[Array, Array, Array | None]], tz: Array, z: Array, noise: SmootherNoise
 ) -> tuple[Array, Array]:
-    """Measurement columns (n, 7, 1) and their covariances (n, 7, 7); what is missing at a step has the variance `UNSEEN`."""
+    """Measurement columns (n, m, 1) and their covariances (n, m, m); what is missing at a step has the variance `UNSEEN`.
+
+    velocities: times, values and noise of the velocity over ground and, where there is one, through the water. v' = f - omega x v holds
+    for both while the current is steady.
+    """
     assert noise.accel is not None
-    assert noise.velocity is not None
-    n = len(t)
-    values, variance = np.zeros((n, MEASURED)), np.full((n, MEASURED), UNSEEN)
+    n, measured = len(t), 4 + 3 * len(velocities)
+    values, variance = np.zeros((n, measured)), np.full((n, measured), UNSEEN)
     values[:, :3], variance[:, :3] = accel, noise.accel**2
-    at = _nearest(t, tv)
-    rate = accel[at] - cross(omega[at], v)
-    values[at, 3:6], variance[at, 3:6] = v + (t[at] - tv)[:, None] * rate, noise.velocity**2
+    for first, (times, v, sd) in zip((3, MEASURED), velocities, strict=False):
+        assert sd is not None
+        at = _nearest(t, times)
+        rate = accel[at] - cross(omega[at], v)
+        values[at, first : first + 3], variance[at, first : first + 3] = v + (t[at] - times)[:, None] * rate, sd**2
     at = _nearest(t, tz)
     values[at, 6], variance[at, 6] = z, cast(float, noise.depth) ** 2
-    covariance = np.zeros((n, MEASURED, MEASURED))
-    covariance[:, np.arange(MEASURED), np.arange(MEASURED)] = variance
+    covariance = np.zeros((n, measured, measured))
+    covariance[:, np.arange(measured), np.arange(measured)] = variance
     return values[:, :, None], covariance
 
 

@@ -176,3 +176,70 @@ def test_an_arm_that_no_rotation_shows_is_not_determined(motion: Motion) -> None
     slow = 1e-4 * rng.standard_normal(motion.v.shape)
     found = estimate_installation(motion.t, motion.v_dot, still, slow, motion.t[::13], sensed[::13], mounting=False)
     assert found.determined_arm == (False, False, False)
+
+
+def with_water_track(motion: Motion, current: Array, *, noise: float, walk: float = 0.0, seed: int = 3) -> SmoothedVelocity:
+    """Bottom track, and a second velocity through water that moves with `current` (n, 3) in NED."""
+    rng = np.random.default_rng(seed)
+    dvl, depth, water = np.arange(3, len(motion.t), 13), np.arange(0, len(motion.t), 5), np.arange(7, len(motion.t), 13)
+    through = motion.v - np.einsum("nji,nj->ni", rotation_body_to_ned(motion.euler), current)
+    return smooth_velocity(
+        motion.t,
+        motion.f + BIAS + 0.03 * noise * rng.standard_normal(motion.f.shape),
+        motion.euler,
+        motion.omega,
+        t_velocity=motion.t[dvl],
+        velocity=motion.v[dvl] + 0.01 * noise * rng.standard_normal((len(dvl), 3)),
+        t_depth=motion.t[depth],
+        depth=motion.z[depth] + 0.005 * noise * rng.standard_normal(len(depth)),
+        noise=SmootherNoise(current_walk=walk),
+        t_water=motion.t[water],
+        water=through[water] + 0.02 * noise * rng.standard_normal((len(water), 3)),
+    )
+
+
+def test_constant_current_is_found_with_its_deviation(motion: Motion) -> None:
+    """150 samples of 0.02 m/s at 4 Hz: about 2 mm/s; the standard deviation says so, and the velocity over ground stays what it is."""
+    truth = np.array([0.3, -0.2, 0.02])
+    found = with_water_track(motion, np.tile(truth, (len(motion.t), 1)), noise=1.0)
+    assert found.current is not None
+    assert found.current_sd is not None
+    error, spread = found.current.mean(axis=0) - truth, found.current_sd.mean(axis=0)
+    assert np.abs(error).max() < 0.006
+    assert np.all(np.abs(error) < 4.0 * spread)
+    assert spread.max() < 0.004
+    assert np.sqrt(np.mean((found.velocity - motion.v)[INNER] ** 2)) < 0.005
+
+
+def test_current_that_walks_is_followed(motion: Motion) -> None:
+    """A current that turns within the leg: followed to some cm/s where it may walk, and not where it is held constant."""
+    t = motion.t
+    truth = np.column_stack([0.3 * np.cos(0.05 * t), 0.3 * np.sin(0.05 * t), np.zeros_like(t)])
+    walking, constant = (with_water_track(motion, truth, noise=1.0, walk=walk).current for walk in (0.02, 0.0))
+    assert walking is not None
+    assert constant is not None
+    assert np.sqrt(np.mean((walking - truth)[INNER] ** 2)) < 0.02
+    assert np.sqrt(np.mean((constant - truth)[INNER] ** 2)) > 0.05
+
+
+def test_without_water_track_there_is_no_current(motion: Motion) -> None:
+    """Nothing that is measured over ground says anything of the water, so none is given."""
+    found = smoothed(motion, noise=1.0)
+    assert found.current is None
+    assert found.current_sd is None
+
+
+def test_water_track_of_too_few_samples_is_refused(motion: Motion) -> None:
+    with pytest.raises(DataError, match="too few samples"):
+        smooth_velocity(
+            motion.t,
+            motion.f,
+            motion.euler,
+            motion.omega,
+            t_velocity=motion.t[::10],
+            velocity=motion.v[::10],
+            t_depth=motion.t[::10],
+            depth=motion.z[::10],
+            t_water=motion.t[:3],
+            water=motion.v[:3],
+        )
