@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import CampaignError, nearest
+from data_schemas.errors import CampaignError, DataError, nearest
 from hydro.dynamics.arrays import Array
 from hydro.dynamics.bench import PhysicalPendulum, Quadrifilar, Trajectory, drive, free_decay, swing
 from hydro.dynamics.kinematics import rotation_body_to_ned
@@ -26,6 +26,7 @@ from .flights import VELOCITY as DVL
 from .sensing import ACCEL, BOOT_US, GYRO, Recorded, sample_times, wrapped
 
 Document = Mapping[str, Any]
+LOOK_S = 0.1
 DOFS = ("surge", "sway", "heave")
 
 
@@ -66,6 +67,10 @@ def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExp
     start = np.array([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0])
     truth = experiment.entry["truth"]
     trajectory = drive(plan.model(truth, vehicle), start, changes, tau, experiment.end_s)
+    shallowest = float(trajectory(np.arange(0.0, experiment.end_s, LOOK_S))[0][:, 2].min())
+    if shallowest < 0.0:
+        remedy = "Start deeper (depth_m), or heave less."
+        raise DataError(f"run '{experiment.id}' leaves the water", value=f"{-shallowest:.2g} m above the surface", remedy=remedy)
     return FlownExperiment(experiment, trajectory, plan.truths[truth], changes, pulses)
 
 

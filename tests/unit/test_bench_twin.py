@@ -12,7 +12,7 @@ import yaml
 from pymavlink import DFReader, mavutil
 
 from data_schemas.documents import check_document
-from data_schemas.errors import CampaignError, PipelineError
+from data_schemas.errors import CampaignError, DataError, PipelineError
 from data_schemas.tables import column, matrix
 from hydro.dynamics.thrusters import thruster_force, thruster_forces
 from hydro.dynamics.vehicle import vehicle_from_document
@@ -265,6 +265,12 @@ def test_impossible_plans_are_refused(plan: dict[str, Any], words: str) -> None:
     check_document(plan, "plan")
     with pytest.raises(PipelineError, match=words):
         bench_plan(plan, THAUS)
+
+
+def test_a_run_that_leaves_the_water_is_refused() -> None:
+    plan = changed("tank", channel="heave", commands={"heave": {"times_s": [0], "values_percent": [-90]}})
+    with pytest.raises(DataError, match="leaves the water"):
+        run(plan)
 
 
 @pytest.mark.parametrize("part", ["decays", "swings"])
