@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from data_schemas.errors import DataError
 from data_schemas.streams import supply_text
 from data_schemas.tables import column, has_columns, make_table, matrix
 from hydro.dynamics.equations_of_motion import Control, ForceComponents, residual_force
+from hydro.dynamics.logged_directions import with_logged_directions
 from hydro.dynamics.propeller import level_speed
 from hydro.dynamics.thrusters import thruster_forces
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
@@ -22,8 +23,6 @@ from stages.base import Document, Stage, param, port
 from stages.sections import panel, plot, remark, section, series, table
 from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, Array, clock, force_columns, named, rms
 
-MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {73.0 + motor: motor for motor in range(9, 13)}
-"""ArduPilot's SERVOc_FUNCTION: 33 to 40 are motors 1 to 8, 82 to 85 motors 9 to 12."""
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 
 
@@ -69,23 +68,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         section=_section(inputs, vehicle, parts, said),
         views=_views(parts.components()),
     )
-
-
-def with_logged_directions(vehicle: Vehicle, parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
-    """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters (ArduSub), if the log has one for every thruster.
-
-    Motor n is the one that SERVOc_FUNCTION assigns to the thruster's output c; without that parameter n = c.
-    Second item: a sentence that says where the directions come from, empty for a vehicle without thrusters.
-    """
-    if vehicle.thrusters is None:
-        return vehicle, ""
-    motors = [MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION", 0.0), output) for output in vehicle.thrusters.outputs]
-    logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
-    known = [float(value) for value in logged if value in (1.0, -1.0)]
-    if len(known) < len(logged):
-        return vehicle, "Motor directions are those of the vehicle file; the log does not hold them all."
-    thrusters = replace(vehicle.thrusters, direction=np.array(known))
-    return replace(vehicle, thrusters=thrusters), "Motor directions are those of the log's parameters MOT_n_DIRECTION."
 
 
 def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control, Array | None]:

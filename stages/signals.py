@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from data_schemas.errors import DataError
 from data_schemas.tables import column, matrix
 
 Array = npt.NDArray[np.float64]
+Span = tuple[float, float]
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
@@ -45,3 +48,45 @@ def forces(table: pa.Table, component: str) -> Array:
 def rms(values: Array) -> float:
     """Root mean square of all entries, 0 for none."""
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
+    """The leg in seconds from the start of the log. Raises `DataError` for a leg that lies outside the log."""
+    length = (end_us - start_us) / 1e6
+    start, end = leg.get("start_s"), leg.get("end_s")
+    first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
+    last = length if end is None else float(end)  # type: ignore[arg-type]
+    if first >= length or last <= first:
+        raise DataError(
+            f"leg '{leg['id']}' lies outside log '{leg['log']}'",
+            field="start_s" if first >= length else "end_s",
+            value=f"from {first:g} s on" if end is None else f"{first:g} to {last:g} s",
+            allowed=f"0 to {length:.3f} s from the first time-stamped record",
+        )
+    return first, last
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one stream at their own times: `t_s` (n,) in s from the start of the log, `values` (n, k), all finite."""
+
+    t_s: Array
+    values: Array
+
+    def between(self, first_s: float, last_s: float) -> Samples:
+        """The samples at or between two times."""
+        rows = (self.t_s >= first_s) & (self.t_s <= last_s)
+        return Samples(self.t_s[rows], self.values[rows])
+
+
+def samples_within(table: pa.Table, names: Sequence[str], *, start_us: int, lag_s: float, window: Span) -> Samples:
+    """Finite samples of a raw stream inside a window [s], its lag taken off."""
+    t = (column(table, "time_us") - start_us) / 1e6 - lag_s
+    values = matrix(table, names)
+    rows = np.isfinite(values).all(axis=1) & (t >= window[0]) & (t <= window[1])
+    return Samples(t[rows], values[rows])
+
+
+def span_text(span: Span) -> str:
+    """A span of a log in words."""
+    return f"{span[0]:.1f} to {span[1]:.1f} s of the log"

@@ -16,20 +16,17 @@ import numpy as np
 
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import Array
+from hydro.identification.channel import DAMPING, SIMPLER_WITHIN
 from hydro.identification.output_error import Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
 from hydro.identification.pendulum import GONE
 from hydro.identification.persistence import Excitation, excitation
 from hydro.identification.recursive import RecursiveEstimate, StaticRegression, batch_least_squares, recursive_least_squares, static_form
 
-DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
-"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
 FILTER_SHARE = 0.5
 """Rate of the regression filter as a share of the swing's angular frequency."""
 PRIOR_SPREAD = 1e6
 HELD_OUT = 0.4
 """Last share of the swings, by which the damping model is chosen."""
-SIMPLER_WITHIN = 1.05
-"""A model with fewer terms is taken when its held-out error is within 5 % of the best."""
 
 
 @dataclass(frozen=True)

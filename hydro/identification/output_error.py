@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from data_schemas.errors import DataError
@@ -22,6 +23,7 @@ from hydro.identification.standard_errors import stationary_covariance
 LONGEST_STEP_S = 0.02
 """Longest step of the simulation: RK4's error is below 1e-8 of the state for time constants from 0.3 s on."""
 TOLERANCE = 1e-13
+Index = NDArray[np.intp]
 Model = Callable[[Array], tuple[Array, Array]]
 """Parameters (p,) -> coefficients c0 .. c4 (5,) and their derivatives (5, p)."""
 
@@ -37,9 +39,9 @@ class SingleRun:
     grid_s: Array
     force_left: Array
     force_right: Array
-    rate_at: Array
+    rate_at: Index
     rate: Array
-    position_at: Array
+    position_at: Index
     position: Array
 
     def until(self, end_s: float) -> SingleRun:

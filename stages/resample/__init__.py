@@ -21,9 +21,9 @@ from hydro.dynamics.vehicle import vehicle_from_document
 from hydro.identification.resampling import hold, linear, smooth_attitude, uniform_clock, unwrap_angles
 from hydro.identification.splines import cutoff_from_lambda, lambda_from_cutoff, smoothing_spline
 from stages.base import Document, Stage, param, port
-from stages.signals import ACCELEROMETER, ATTITUDE, Array, named
+from stages.signals import ACCELEROMETER, ATTITUDE, Array, Span, leg_window, named
 
-from .segments import Signal, Span, common_spans, gap_list, leg_window, missing_stream, segment_ids, signal, too_short, trimmed
+from .segments import Signal, common_spans, gap_list, missing_stream, segment_ids, signal, too_short, trimmed
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 RATE = ("p_rad_s", "q_rad_s", "r_rad_s")
@@ -32,7 +32,8 @@ LINEAR = ("u_m_s", "v_m_s", "w_m_s")
 LINEAR_DOT = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2")
 ATTITUDE_RATE = ("phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
-"""Streams whose gaps split a leg; the battery changes slowly and does not, it only trims a segment's ends by a gap at most."""
+"""Streams whose gaps split a leg. The battery changes slowly and does not, it only trims a segment's ends by a gap at most; nor does
+velocity through the water, which only helps where it is."""
 LONG, BLOCK, BLOCKS = 100_000, 10_000, 7
 
 
@@ -49,6 +50,7 @@ class Inputs:
     velocity: pa.Table | None = port("velocity", optional=True)
     actuators: pa.Table | None = port("actuators", optional=True)
     battery: pa.Table | None = port("battery", optional=True)
+    water_velocity: pa.Table | None = port("water_velocity", optional=True)
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ class Outputs:
     samples_imu: Mapping[str, pa.Table] | None = port("samples_imu", many=True, optional=True)
     samples_depth: Mapping[str, pa.Table] | None = port("samples_depth", many=True, optional=True)
     samples_velocity: Mapping[str, pa.Table] | None = port("samples_velocity", many=True, optional=True)
+    samples_water: Mapping[str, pa.Table] | None = port("samples_water", many=True, optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -99,7 +102,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     length = (int(inputs.log_info["end_us"]) - start_us) / 1e6
     if window[1] > length + params.max_gap_s:
         notes.append(f"the leg asks for data up to {window[1]:g} s, the log ends at {length:.3f} s")
-    for stream in (*COVERING, "battery"):
+    for stream in (*COVERING, "battery", "water_velocity"):
         table = getattr(inputs, stream)
         found = None
         if table is not None:
@@ -145,6 +148,7 @@ SAMPLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "samples_imu": ("imu", {name: name for name in (*GYRO, *ACCELEROMETER)}),
     "samples_depth": ("depth", {"z_m": "depth_m"}),
     "samples_velocity": ("velocity", {name: name for name in LINEAR}),
+    "samples_water": ("water_velocity", {name: name for name in LINEAR}),
 }
 
 
@@ -152,7 +156,7 @@ def sensor_lags(vehicle: Document, given: Mapping[str, float]) -> dict[str, floa
     """Lag of each sensor in s: the parameter's, else the vehicle file's, else 0. Raises `CampaignError` for an unknown sensor."""
     known = vehicle_from_document(vehicle)
     lags = {"imu": known.imu.lag_s, "attitude": known.imu.lag_s, "depth": known.depth_sensor.lag_s, "velocity": known.dvl.lag_s}
-    lags |= {"actuators": 0.0, "battery": 0.0}
+    lags |= {"actuators": 0.0, "battery": 0.0, "water_velocity": known.dvl.lag_s}
     for key, value in given.items():
         if key not in lags:
             raise CampaignError("unknown sensor", field=f"stages.resample.lag_s.{key}", allowed=lags, remedy=nearest(key, lags))

@@ -12,10 +12,9 @@ from data_schemas.errors import DataError
 from data_schemas.streams import supply_text
 from data_schemas.tables import matrix
 from hydro.identification.resampling import gaps
-from stages.signals import Array
+from stages.signals import Array, Span
 
 FEWEST = 5  # samples; a spline needs as many
-Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -40,22 +39,6 @@ class Signal:
 
     def column(self, name: str) -> Array:
         return self.values[:, self.names.index(name)]
-
-
-def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
-    """The leg in seconds from the start of the log. Raises `DataError` for a leg that lies outside the log."""
-    length = (end_us - start_us) / 1e6
-    start, end = leg.get("start_s"), leg.get("end_s")
-    first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
-    last = length if end is None else float(end)  # type: ignore[arg-type]
-    if first >= length or last <= first:
-        raise DataError(
-            f"leg '{leg['id']}' lies outside log '{leg['log']}'",
-            field="start_s" if first >= length else "end_s",
-            value=f"from {first:g} s on" if end is None else f"{first:g} to {last:g} s",
-            allowed=f"0 to {length:.3f} s from the first time-stamped record",
-        )
-    return first, last
 
 
 def signal(stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float) -> Signal | None:

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import DataError
 from hydro.dynamics.bench import PhysicalPendulum, Quadrifilar, free_decay, swing
-from hydro.identification.free_decay import DAMPING, Decay, DecayEstimate, Part, derivatives, estimate_decay, hanging
+from hydro.identification.channel import DAMPING
+from hydro.identification.free_decay import Decay, DecayEstimate, Part, derivatives, estimate_decay, hanging
 from hydro.identification.output_error import SingleRun
 from hydro.identification.pendulum import angle_about, fit_swing, release_index, spectral_period, swing_axis
 from hydro.identification.quadrifilar import (

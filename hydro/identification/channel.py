@@ -1,0 +1,266 @@
+"""Added mass and damping of one degree of freedom from a run in which that channel alone is driven: Alberti 2015 (60)-(65).
+
+    M x_dot = D_1 x + D_2 x|x| + F - R sin s + C,   s_dot = x,   M = m - X_udot (and so on by channel)
+
+x is the channel's body velocity, s its angle (or depth), F what drives it, R the restoring moment at 90 degrees (roll, pitch), C a constant
+force. Two estimates: recursive least squares of the filtered static form (61)-(63), Theta = [D_1, D_2, 1, C]/M, which shows how the figures
+settle; and output error, started from it, which is free of the bias that noise in the regressors brings, and gives the figures to take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import DataError
+from hydro.dynamics.arrays import AXES, VELOCITIES, Array
+from hydro.identification.output_error import Index, Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
+from hydro.identification.persistence import Excitation, excitation
+from hydro.identification.recursive import RecursiveEstimate, StaticRegression, recursive_least_squares, static_form
+from hydro.identification.standard_errors import stationary_covariance
+
+CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
+"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
+SIMPLER_WITHIN = 1.05
+"""A damping model with fewer terms is taken when its held-out error is within 5 % of the best."""
+HELD_OUT = 1.0 / 3.0
+"""Last part of a run, by which the damping model is chosen: it is predicted with figures from the first."""
+PARAMETERS = ("M", "D_1", "D_2", "C")
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Names and units of a channel: what resists acceleration, its added part, linear and quadratic damping, and what drives it."""
+
+    mass: str
+    added: str
+    linear: str
+    quadratic: str
+    units: tuple[str, str, str, str]
+
+
+def symbols(channel: str) -> Symbols:
+    """SNAME names of a channel: surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot, N_r, N_r|r|; units: mass, linear, quadratic, force."""
+    index = CHANNELS.index(channel)
+    axis, velocity = AXES[index], VELOCITIES[index]
+    units = ("kg", "kg/s", "kg/m", "N") if index < 3 else ("kg*m^2", "kg*m^2/s", "kg*m^2", "N*m")
+    mass = "m" if index < 3 else f"I_{'xyz'[index - 3]}"
+    return Symbols(mass, f"{axis}_{velocity}dot", f"{axis}_{velocity}", f"{axis}_{velocity}|{velocity}|", units)
+
+
+@dataclass(frozen=True)
+class ChannelRun:
+    """One run: `run` (x and s with the force F), restoring moment R [N m], whether a constant force and a rate bias are fitted.
+
+    `velocity` (n,) is x on the grid of the run for the regression: the measured one, or the slope of the measured position.
+    `samples`: nodes of the grid that are samples. `noise`: RMS of x below which the channel counts as not excited.
+    """
+
+    run: SingleRun
+    velocity: Array
+    samples: Index
+    restoring: float = 0.0
+    constant: bool = False
+    rate_bias: bool = False
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C with `covariance` (4, 4); 0 for what is left out.
+
+    `rmse` of x (of s where only that is measured) over the run; `held_out`: over its last third with figures from the first two;
+    `simulated` (n,): that signal on the grid.
+    """
+
+    values: Array
+    covariance: Array
+    rmse: float
+    held_out: float
+    simulated: Array
+    fit: OutputErrorFit
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors (4,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def mass_interval(self) -> tuple[float, float]:
+        """95 % interval of M, symmetric in its logarithm: M stays positive."""
+        width = 1.959964 * float(self.standard_errors[0] / self.values[0])
+        return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
+
+    def normalised(self) -> tuple[Array, Array]:
+        """Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3): all that commands without a unit of force can tell."""
+        m, one, two, _ = self.values
+        by = np.array([[-one / m**2, 1.0 / m, 0.0], [-two / m**2, 0.0, 1.0 / m], [-1.0 / m**2, 0.0, 0.0]])
+        return np.array([one / m, two / m, 1.0 / m]), by @ self.covariance[:3, :3] @ by.T
+
+
+@dataclass(frozen=True)
+class RecursiveFit:
+    """Theta of one damping model over time, and the M, D_1, D_2, C that it comes to: `values` (n, 4), `spread` (n, 4) standard errors.
+
+    Standard errors are those of white noise of the size of the residual times the ratio that the colour of the residual has at the end.
+    """
+
+    estimate: RecursiveEstimate
+    values: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class ChannelEstimate:
+    """All damping models of a run, the chosen one, and persistence of excitation of the static form with all columns."""
+
+    fits: Mapping[str, ChannelFit]
+    recursive: Mapping[str, RecursiveFit]
+    excitation: Mapping[str, Excitation]
+    chosen: str
+
+
+def estimate_channel(
+    data: ChannelRun,
+    *,
+    filter_rate: float,
+    prior_spread: float = 1e6,
+    memory_s: float | None = None,
+    limits: tuple[float, float] = (0.0, np.inf),
+) -> ChannelEstimate:
+    """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s and limits are those of `static_form` and
+    `recursive_least_squares`. Raises `DataError` when the channel is not excited.
+    """
+    form = _static(data, filter_rate)
+    excited = {name: excitation(form.t_s, form.regressor[:, _columns(name, data)]) for name in DAMPING}
+    reason = unexcited(data)
+    if reason:
+        remedy = "Choose a leg in which this channel is driven, or mend the channel that the manifest names."
+        raise DataError(f"the channel was never excited: {reason}", allowed=f"RMS above {data.noise:g}", remedy=remedy)
+    recursive, fits = {}, {}
+    end = data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0])
+    for name in DAMPING:
+        columns = _columns(name, data)
+        part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate)
+        estimate = recursive_least_squares(
+            part, prior_spread=prior_spread, memory_s=memory_s, lowest_trace=limits[0], highest_trace=limits[1]
+        )
+        recursive[name] = _recursive_fit(part, estimate, columns)
+        fits[name] = _output_error(data, name, recursive[name].values[-1], float(end))
+    best = min(item.held_out for item in fits.values())
+    held = [name for name, item in fits.items() if item.held_out <= SIMPLER_WITHIN * best]
+    chosen = min(held, key=lambda name: (sum(DAMPING[name]), fits[name].held_out))
+    return ChannelEstimate(fits, recursive, excited, chosen)
+
+
+def unexcited(data: ChannelRun) -> str:
+    """Why a run excites nothing: nothing drove the channel, or it hardly moved; empty where it was excited."""
+    if not (np.any(data.run.force_left != 0.0) or np.any(data.run.force_right != 0.0)):
+        return "nothing drove it"
+    moved = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))
+    return f"its velocity stayed at {moved:.2g} (RMS)" if moved <= data.noise else ""
+
+
+def _columns(name: str, data: ChannelRun) -> list[int]:
+    """Columns of the full regressor [x, x|x|, F, 1] that a damping model has."""
+    linear, quadratic = DAMPING[name]
+    return [index for index, has in enumerate((linear, quadratic, True, data.constant)) if has]
+
+
+def _static(data: ChannelRun, rate: float) -> StaticRegression:
+    run, x = data.run, data.velocity
+    angle = np.interp(run.grid_s, run.grid_s[run.position_at], run.position) if run.position.size else _integral(run.grid_s, x)
+    pull = data.restoring * np.sin(angle)
+    force = np.append(run.force_left, run.force_right[-1]) - pull
+    held = np.full((run.grid_s.size - 1, 4), np.nan)
+    if np.array_equal(run.force_left, run.force_right) and data.restoring == 0.0:
+        held[:, 2] = run.force_left
+    columns = np.column_stack([x, x * np.abs(x), force, np.ones_like(x)])
+    samples = data.samples[data.samples > 0]
+    return static_form(run.grid_s, x, columns, rate=rate, regressor_after=held, samples=samples)
+
+
+def _integral(t: Array, x: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+
+
+def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns: list[int]) -> RecursiveFit:
+    """M, D_1, D_2, C over time from Theta; their spread by the delta method with the correlation of the end."""
+    theta, place = estimate.theta, {column: index for index, column in enumerate(columns)}
+    drive = place[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mass = np.where(theta[:, drive] != 0.0, 1.0 / theta[:, drive], np.nan)
+    values = np.zeros((len(theta), 4))
+    values[:, 0] = mass
+    for target, column in ((1, 0), (2, 1), (3, 3)):
+        if column in place:
+            values[:, target] = theta[:, place[column]] * mass
+    n, k = form.regressor.shape
+    sigma2 = np.cumsum(estimate.error**2) / np.maximum(np.arange(1, n + 1) - k, 1)
+    step = float(np.median(np.diff(form.t_s)))
+    bread = np.linalg.pinv(form.regressor.T @ form.regressor, hermitian=True)
+    coloured = np.diag(stationary_covariance([form.regressor], [estimate.residual], bread))
+    white = np.diag(bread) * float(estimate.residual @ estimate.residual) / max(n - k, 1)
+    colour = np.sqrt(np.where(white > 0, coloured / np.where(white > 0, white, 1.0), 1.0))
+    size = np.sqrt(sigma2[:, None] * step * estimate.spread) * colour
+    correlation = estimate.gamma / np.sqrt(np.outer(np.diag(estimate.gamma), np.diag(estimate.gamma)))
+    spread = np.zeros((n, 4))
+    spread[:, 0] = size[:, drive] * mass**2
+    for target, column in ((1, 0), (2, 1), (3, 3)):
+        if column in place:
+            one, both = size[:, place[column]] * mass, values[:, target] * mass * size[:, drive]
+            cross = 2.0 * correlation[place[column], drive] * one * both
+            spread[:, target] = np.sqrt(np.maximum(one**2 + both**2 - cross, 0.0))
+    return RecursiveFit(estimate, values, spread)
+
+
+def _model(name: str, data: ChannelRun) -> Model:
+    """Parameters (log M, then D_1, D_2, C where the damping model has them) -> coefficients of `SingleRun` and their derivatives."""
+    targets = [{0: 0, 1: 1, 3: 4}[column] for column in _columns(name, data) if column != 2]
+
+    def of(p: Array) -> tuple[Array, Array]:
+        inverse = float(np.exp(-p[0]))
+        coefficients, by = np.zeros(5), np.zeros((5, len(p)))
+        coefficients[2], coefficients[3] = inverse, -data.restoring * inverse
+        for index, target in enumerate(targets, start=1):
+            coefficients[target] = p[index] * inverse
+            by[target, index] = inverse
+        by[:, 0] = -coefficients
+        return coefficients, by
+
+    return of
+
+
+def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> ChannelFit:
+    used = [0, *({0: 1, 1: 2, 3: 3}[column] for column in _columns(name, data) if column != 2)]
+    guess = first[used].copy()
+    positive = np.isfinite(guess[0]) and guess[0] > 0
+    guess = np.where(np.isfinite(guess), guess, 0.0) if positive else np.zeros(len(used))
+    guess[0] = np.log(first[0]) if positive else 0.0
+    model = _model(name, data)
+    run = data.run
+    nuisance = Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
+    start = np.array([data.velocity[0], run.position[0] if run.position.size else 0.0])
+    fitted = fit_output_error(run, model, guess, start=start, nuisance=nuisance)
+    early = fit_output_error(run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance)
+    which = 0 if run.rate.size else 1
+    at, seen = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
+    states = simulate_run(run, early.coefficients, early.start)[which]
+    error = states[at] + (early.bias[0] if run.rate.size else 0.0) - seen
+    late = run.grid_s[at] > end_s
+    scale = np.ones(len(used))
+    scale[0] = np.exp(fitted.parameters[0])
+    values, covariance = np.zeros(4), np.zeros((4, 4))
+    values[used] = np.concatenate([scale[:1], fitted.parameters[1:]])
+    covariance[np.ix_(used, used)] = fitted.covariance * np.outer(scale, scale)
+    return ChannelFit(
+        values=values,
+        covariance=covariance,
+        rmse=float(np.sqrt(np.mean((fitted.rate_error if run.rate.size else fitted.position_error) ** 2))),
+        held_out=float(np.sqrt(np.mean(error[late] ** 2))) if late.any() else float("nan"),
+        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which],
+        fit=fitted,
+    )
