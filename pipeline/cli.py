@@ -111,6 +111,29 @@ def inspect(
     inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web)
 
 
+@app.command(epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd")
+def diff(
+    first: Annotated[str, typer.Argument(metavar="A", help="Campaign, run folder or golden folder; @MODEL or @STAGE.PARAMETER=VALUE.")],
+    second: Annotated[str, typer.Argument(metavar="B", help="What it is compared with, in the same words.")],
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording: both over one another, and the difference.")
+    ] = None,
+    screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all changes as JSON.")] = False,
+    relative: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE", min=0.0, help="Signals and coefficients may move by this share; error tables by their own tolerances."
+        ),
+    ] = 1e-6,
+) -> None:
+    """Compare two runs, a run with its golden tables, two variants or two models. Exits with 1 if anything left its tolerance."""
+    from pipeline import diff as comparing
+
+    if not comparing.diff(first, second, save=save, picture=screenshot, as_json=as_json, relative=relative):
+        raise typer.Exit(FAILED)
+
+
 @app.command(epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"')
 def regress(
     campaign: CampaignName,

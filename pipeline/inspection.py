@@ -40,12 +40,12 @@ def inspect(
     """
     subject = find(target, log=log, columns=columns)
     if save is not None:
-        _wants(save, RECORDING, "--save")
+        wants(save, RECORDING, "--save")
         content = subject.content()
         write_atomically(save, content)
         print(f"{session.shown(save.resolve())}  {len(content) / 1e6:.1f} MB")
     if picture is not None:
-        _wants(picture, ".png", "--screenshot")
+        wants(picture, ".png", "--screenshot")
         content = photograph(subject.preview())
         write_atomically(picture, content)
         print(f"{session.shown(picture.resolve())}  {len(content) / 1e3:.0f} kB")
@@ -141,7 +141,8 @@ def _fits(path: Path) -> None:
         )
 
 
-def _wants(path: Path, suffix: str, option: str) -> None:
+def wants(path: Path, suffix: str, option: str) -> None:
+    """Raises `PipelineError` for a file name with another ending than what is written into it."""
     if path.suffix != suffix:
         raise PipelineError(f"the name does not end in {suffix}", field=option, value=str(path))
 

@@ -70,7 +70,8 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
     verify(recording)
     target = recording.with_name(f".{recording.stem}.{os.getpid()}.png")
     size_words = f"{size[0]}x{size[1]}"
-    command = ["xvfb-run", "-a", "-s", f"-screen 0 {size_words}x24", str(program()), str(recording)]
+    screen = f"-screen 0 {2 * size[0] + 200}x{2 * size[1] + 200}x24"  # its pointer rests in the middle, which is outside the window
+    command = ["xvfb-run", "-a", "-s", screen, str(program()), str(recording)]
     command += ["--screenshot-to", str(target), "--window-size", size_words, "--port", "auto", "--bind", "127.0.0.1"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PICTURE_TIMEOUT_S, check=False)

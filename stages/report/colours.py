@@ -56,6 +56,8 @@ ROLES: Mapping[str, Ink] = {
     "band": Ink(*SKY, width=1.0),
     "predicted": Ink(*VERMILLION),
     "difference": Ink(*ORANGE),
+    "first": Ink(*BLUE, width=2.2),
+    "second": Ink(*VERMILLION),
     "training": Ink(*BLUE),
     "validation": Ink(*VERMILLION),
 }

@@ -1,0 +1,311 @@
+"""`auvid diff`: two runs, a run and its golden tables, two variants of a stage, or two models, in figures and in one recording."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from data_schemas.errors import DataError, PipelineError, nearest
+from pipeline import artefacts, engines, golden, inspection, session
+from pipeline.check_page import plain
+from pipeline.files import write_atomically
+from pipeline.golden import Departure, Tables
+from pipeline.runner import Run
+from stages.base import make_params
+from stages.report.difference import FigureChange, Pair, Side, SignalChange, coefficient_changes, differs, pairs, signal_changes
+from stages.report.recording_text import table_lines
+
+VARIANT = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)=(.+)")
+VARIANTS = ".variants"
+SHOWN = 20
+RELATIVE = 1e-6
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A side with its error tables in golden layout, and the folder of the tolerances that it brings along."""
+
+    side: Side
+    tables: Tables
+    tolerances: Path | None = None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What changed from the first to the second: cells of the error tables, figures, signals; and what has no partner."""
+
+    names: tuple[str, str]
+    held: int
+    departures: list[Departure]
+    figures: list[FigureChange]
+    signals: list[SignalChange]
+    alone: list[str]
+    compared: Mapping[str, int]
+
+    @property
+    def equal(self) -> bool:
+        """Whether everything that has a partner holds, and everything has one."""
+        return not (self.departures or self.figures or self.signals or self.alone)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The difference as JSON."""
+        return {
+            "first": self.names[0],
+            "second": self.names[1],
+            "equal": self.equal,
+            "compared": dict(self.compared),
+            "error_tables": [{**asdict(item), "axis": item.axis, "figure": item.figure} for item in self.departures],
+            "figures": [{**asdict(item), "sigmas": item.sigmas} for item in self.figures],
+            "signals": [asdict(item) for item in self.signals],
+            "no_partner": self.alone,
+        }
+
+
+def diff(
+    first: str, second: str, *, save: Path | None = None, picture: Path | None = None, as_json: bool = False, relative: float = RELATIVE
+) -> bool:
+    """Print what changed and write the recording or its picture if wanted; True if all is equal within tolerance."""
+    one, two = load(first), load(second)
+    tables_only = [item.side.name for item in (one, two) if not (item.side.segments or item.side.cards or item.side.results)]
+    if tables_only:
+        one, two = (Loaded(Side(item.side.name, item.side.model), item.tables, item.tolerances) for item in (one, two))
+    found, alone = pairs(one.side, two.side)
+    changed = difference(one, two, found, alone, relative)
+    if tables_only and not as_json:
+        print(f"error tables alone are compared: {tables_only[0]} holds nothing else")
+    if as_json:
+        print(json.dumps(changed.document, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        print("\n".join(plain(line) for line in lines(changed)))
+    if save is not None or picture is not None:
+        _draw(one.side, two.side, found, changed, save, picture, quiet=as_json)
+    return changed.equal
+
+
+def difference(one: Loaded, two: Loaded, found: Sequence[Pair], alone: Sequence[str], relative: float) -> Difference:
+    """All changes between two sides, the largest first."""
+    figures, lonely = coefficient_changes(one.side, two.side)
+    signals = list(signal_changes(list(found)))
+    old, new = (_narrowed(item) for item in (one, two))
+    held, departures = golden.compare(old, new, _tolerances(one, two, old, new)) if old and new else (0, [])
+    if bool(old) != bool(new):
+        lonely = [*lonely, f"error tables only in {(one if old else two).side.name}"]
+    cells = sum(len(row) for table in old.values() for row in table.values())
+    moved = [item for item in figures if differs(item.old, item.new, relative) or item.old_verdict != item.new_verdict]
+    apart = [item for item in signals if item.rms_difference > relative * item.rms]
+    return Difference(
+        (one.side.name, two.side.name),
+        held,
+        departures,
+        sorted(moved, key=lambda item: -(math.inf if item.sigmas is None else item.sigmas)),
+        sorted(apart, key=lambda item: -item.rms_difference / max(item.rms, 1e-300)),
+        [*alone, *lonely],
+        {"cells": cells, "figures": len(figures), "signals": len(signals)},
+    )
+
+
+def load(word: str) -> Loaded:
+    """A side of the command line: campaign, run folder or folder of golden tables, with `@MODEL` or `@STAGE.PARAMETER=VALUE` behind it.
+
+    Raises `PipelineError` for what is none of these, has not been run, or has no such model or parameter.
+    """
+    what, _, narrow = (word, "", "") if Path(word).expanduser().is_dir() else word.partition("@")
+    path = Path(what).expanduser()
+    if path.is_dir() and not (path / "campaign.yaml").is_file():
+        tables = golden.read_tables(path) if list(path.glob("*.csv")) else {}
+        loaded = Loaded(Side(what), tables, path) if tables else _from_folder(what, path)
+    else:
+        run = session.open_run(what)
+        variant = VARIANT.fullmatch(narrow)
+        if variant is not None:
+            return _from_folder(word, _variant(run, *variant.groups()))
+        loaded = _from_folder(what, run.folder)
+    if not narrow:
+        return loaded
+    models = list(loaded.side.cards) or list(dict.fromkeys(model for table in loaded.tables.values() for model in table))
+    if narrow not in models:
+        remedy = nearest(narrow, models) or "Behind @ stands a model, or STAGE.PARAMETER=VALUE."
+        raise DataError("no such model", file=what, value=narrow, allowed=models, remedy=remedy)
+    return Loaded(Side(**{**_parts(loaded.side), "name": word, "model": narrow}), loaded.tables, loaded.tolerances)
+
+
+def _parts(side: Side) -> dict[str, Any]:
+    return {name: getattr(side, name) for name in side.__dataclass_fields__}
+
+
+def _from_folder(name: str, folder: Path) -> Loaded:
+    """A side from the artefacts in the folder of a run."""
+    table = next(iter(_found(folder, "*/error_table.parquet", "error_table").values()), None)
+    side = Side(
+        name,
+        segments=_found(folder, "*/*/segment.json", "segment"),
+        logs=_found(folder, "ingest/*/log_info.json", "log_info"),
+        cards=_found(folder, "*/model_card/*.json", "model_card"),
+        results={path.parent.name: artefacts.load(path, "results") for path in sorted(folder.glob("*/results.json"))},
+        fused=_found(folder, "fuse/*/fused.parquet", "fused"),
+        residual=_found(folder, "residual/*/residual.parquet", "residual"),
+        predictions=_found(folder, "*/predictions/*.parquet", "predictions"),
+    )
+    if table is None and not (side.cards or side.results or side.fused):
+        remedy = f"auvid run {name}" if not Path(name).is_dir() else "It is no folder of a run, and holds no golden tables (training.csv)."
+        raise PipelineError("there is nothing to compare", file=folder, remedy=remedy)
+    return Loaded(side, golden.tables_of(table.to_pylist()) if table is not None else {})
+
+
+def _found(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
+    """Artefacts by item: the name of their folder, or of the file where all lie in one."""
+    own = pattern.endswith(("*.json", "*.parquet"))
+    return {path.stem if own else path.parent.name: artefacts.load(path, schema) for path in sorted(folder.glob(pattern))}
+
+
+def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
+    """Run a campaign with one parameter changed, in a folder of its own beside the runs; what is up to date there is not made again."""
+    stage = run.graph.stage(stage_name)
+    given = {name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__}
+    params = make_params(stage.params, {**given, parameter: _scalar(value)}, stage=stage_name, file="command line")
+    folder = run.folder.parent / VARIANTS / re.sub(r"[^\w.=-]", "_", f"{run.campaign.name}@{stage_name}.{parameter}={value}")
+    other = Run(run.campaign, run.graph, {**run.params, stage_name: params}, folder)
+    chosen = [item for item in run.graph.stages if item.name != "report"]
+    with session.progress() as progress:
+        other.execute(chosen, engines.make_engine(None, None), progress)
+    return folder
+
+
+def _scalar(text: str) -> Any:
+    """A value as params.yaml would hold it; text that is no YAML stays text."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+
+
+def _narrowed(loaded: Loaded) -> Tables:
+    """The error tables of a side; those of one model stand under the name `model`, so that two different ones are partners."""
+    model = loaded.side.model
+    if model is None:
+        return loaded.tables
+    return {use: {"model": table[model]} for use, table in loaded.tables.items() if model in table}
+
+
+def _tolerances(one: Loaded, two: Loaded, old: Tables, new: Tables) -> dict[str, golden.Tolerance]:
+    """Those of the golden folder, if one of the sides is one; else the default ones."""
+    for item in (one, two):
+        if item.tolerances is not None and (item.tolerances / golden.TOLERANCES).is_file():
+            return golden.read_tolerances(item.tolerances / golden.TOLERANCES, golden.columns_of(old, new))
+    with resources.as_file(resources.files("pipeline") / "default_tolerances.yaml") as path:
+        return golden.read_tolerances(path, golden.columns_of(old, new))
+
+
+def lines(changed: Difference) -> list[str]:
+    """The difference as a page of text: first what has no partner, then error tables, figures and signals, the largest change first."""
+    first, second = changed.names
+    found = [f"no partner: {line}" for line in _short(changed.alone)]
+    found += [f"no partner: {item.use}{f', {item.model}' if item.model else ''}" for item in changed.departures if item.kind != "changed"]
+    for title, heads, rows in _tables(changed):
+        if rows:
+            found += ["", title, *_aligned([heads, *_cut(rows)])]
+            found += [f"... and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
+    compared = ", ".join(f"{count} {name}" for name, count in changed.compared.items())
+    verdict = "equal within tolerance" if changed.equal else "different"
+    return [*found, "", f"{first} against {second}: {verdict} ({compared} compared)"]
+
+
+def _tables(changed: Difference) -> list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]:
+    cells = [item for item in changed.departures if item.kind == "changed"]
+    errors = [
+        (item.use, str(item.model), item.axis, item.figure, _n(item.old), _n(item.new), _percent(item.old, item.new)) for item in cells
+    ]
+    figures = [
+        (
+            item.of,
+            item.name,
+            _pm(item.old, item.old_error),
+            _pm(item.new, item.new_error),
+            _n(item.sigmas, ".1f"),
+            _verdicts(item),
+            item.unit,
+        )
+        for item in changed.figures
+    ]
+    signals = [
+        (
+            item.segment,
+            item.kind,
+            item.name,
+            f"{item.rms:.4g}",
+            f"{item.rms_difference:.3g}",
+            f"{item.largest:.3g}",
+            f"{item.at_s:.2f}",
+            item.unit,
+        )
+        for item in changed.signals
+    ]
+    return [
+        ("error tables", ("use", "model", "axis", "figure", "first", "second", "change"), errors),
+        ("coefficients and figures", ("of", "name", "first", "second", "std errors", "verdict", "unit"), figures),
+        ("signals", ("segment", "kind", "signal", "RMS", "RMS of difference", "largest", "at s", "unit"), signals),
+    ]
+
+
+def _draw(
+    one: Side, two: Side, found: Sequence[Pair], changed: Difference, save: Path | None, picture: Path | None, *, quiet: bool
+) -> None:
+    from stages.report.difference_recording import record_difference
+
+    words = _markdown(changed)
+    for path, suffix, option in ((save, ".rrd", "--save"), (picture, ".png", "--screenshot")):
+        if path is None:
+            continue
+        inspection.wants(path, suffix, option)
+        content = record_difference(one, two, found, words, preview=path is picture)
+        write_atomically(path, content if path is save else inspection.photograph(content))
+        if not quiet:
+            print(f"written: {session.shown(path.resolve())}")
+
+
+def _markdown(changed: Difference) -> str:
+    verdict = "equal within tolerance" if changed.equal else "different"
+    found = [f"# {changed.names[0]} against {changed.names[1]}: {verdict}", ""]
+    found += [f"- no partner: {line}" for line in _short(changed.alone)]
+    for title, heads, rows in _tables(changed):
+        found += ["", f"## {title.capitalize()}", "", *(table_lines(heads, _cut(rows)) if rows else ["All hold."])]
+        found += [f"... and {len(rows) - SHOWN} more"] if len(rows) > SHOWN else []
+    return "\n".join(found)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+    return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _cut(rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
+    return rows[:SHOWN]
+
+
+def _short(found: Sequence[str]) -> list[str]:
+    return [*found[:SHOWN], *([f"and {len(found) - SHOWN} more"] if len(found) > SHOWN else [])]
+
+
+def _n(value: float | None, form: str = ".6g") -> str:
+    return "-" if value is None else f"{value:{form}}"
+
+
+def _pm(value: float | None, error: float | None) -> str:
+    return _n(value, ".5g") + ("" if value is None or error is None else f" ± {1.96 * error:.2g}")
+
+
+def _percent(old: float | None, new: float | None) -> str:
+    return "" if not old or new is None else f"{100 * (new / old - 1):+.3g} %"
+
+
+def _verdicts(item: FigureChange) -> str:
+    return item.new_verdict if item.old_verdict == item.new_verdict else f"{item.old_verdict} -> {item.new_verdict}"

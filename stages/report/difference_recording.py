@@ -1,0 +1,99 @@
+"""Two runs in one recording: signals of both over one another, their difference, and what changed in figures as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from stages.report.blueprint import Sent, opened, outer, time_plot
+from stages.report.colours import AXES, ROLES, Ink, ink
+from stages.report.difference import FORCE, MODEL, Pair, Side, Signals
+from stages.report.html import visible
+from stages.report.recording import make_clock
+from stages.report.sending import Array, Recording
+
+FIRST, SECOND = ROLES["first"], ROLES["second"]
+
+
+def record_difference(first: Side, second: Side, found: Sequence[Pair], words: str, *, preview: bool = False) -> bytes:
+    """The recording as .rrd bytes; `words`: what changed, in Markdown. Times are those of the first run."""
+    out = Recording(f"{first.name} against {second.name}", preview=preview)
+    out.document("answer/text", words)
+    starts = make_clock(first.segments, first.logs).logs
+    sent: dict[str, dict[str, Sent]] = {}
+    for pair in found:
+        shift = starts.get(str(first.segments[pair.segment]["log"]), 0.0)
+        kind = _entity(pair.kind)
+        for place, name in enumerate(pair.first.names):
+            origin = f"{kind}/{name}"
+            lanes = sent.setdefault(kind, {})
+            for side, drawn, line in ((first, pair.first, FIRST), (second, pair.second, SECOND)):
+                entity = f"{origin}/{'first' if side is first else 'second'}"
+                lanes[origin] = _send(
+                    out, entity, _label(side, drawn, place), line, drawn.times + shift, drawn.values[:, place], lanes.get(origin)
+                )
+            apart = f"difference/{origin}"
+            others = sent.setdefault(f"difference/{kind}", {})
+            others[apart] = _send(
+                out,
+                apart,
+                f"{name}: second less first",
+                _difference_ink(name),
+                pair.times + shift,
+                pair.difference[:, place],
+                others.get(apart),
+            )
+    return out.finish(_blueprint(found, sent))
+
+
+def _entity(kind: str) -> str:
+    return kind.replace(" ", "_")
+
+
+def _label(side: Side, drawn: Signals, place: int) -> str:
+    return f"{drawn.names[place]} {side.name}"
+
+
+def _difference_ink(name: str) -> Ink:
+    return AXES.get(name.lower(), ink("difference"))
+
+
+def _send(out: Recording, entity: str, name: str, line: Ink, times: Array, values: Array, before: Sent | None) -> Sent:
+    column = values[:, None]
+    style = rr.SeriesLines(colors=[line.rgb], names=[str(visible(name))], widths=[line.width], aggregation_policy="MinMax")
+    out.static(entity, style)
+    out.series(entity, times, column)
+    return (before or Sent()).add(times, column)
+
+
+def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]]) -> rrb.Blueprint:
+    units = {f"{_entity(pair.kind)}/{name}": unit for pair in found for name, unit in zip(pair.first.names, pair.first.units, strict=True)}
+    kinds = list(dict.fromkeys(pair.kind for pair in found))
+    words = rrb.TextDocumentView(origin="answer/text", name="What changed")
+    opening = next((kind for kind in (MODEL, FORCE, *kinds) if kind in kinds), None)
+    if opening is None:
+        return opened([words])
+    left = _plots(f"difference/{_entity(opening)}", sent, units)
+    pages: list[Any] = [rrb.Horizontal(rrb.Grid(*left, grid_columns=2), words, column_shares=[6, 4], name="Answer")]
+    for kind in kinds:
+        overlaid, apart = (_plots(f"{prefix}{_entity(kind)}", sent, units) for prefix in ("", "difference/"))
+        pages.append(
+            rrb.Tabs(
+                rrb.Grid(*overlaid, grid_columns=2, name="both"), rrb.Grid(*apart, grid_columns=2, name="second less first"), name=kind
+            )
+        )
+    return opened(pages)
+
+
+def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> list[rrb.TimeSeriesView]:
+    lanes = sent[kind]
+    times = outer(item.times for item in lanes.values())
+    plots: list[rrb.TimeSeriesView] = []
+    for origin, item in lanes.items():
+        unit = units[origin.removeprefix("difference/")]
+        change = "Δ" if origin.startswith("difference/") else ""
+        plots.append(time_plot(origin, f"{change}{origin.rpartition('/')[2]} [{unit}]", times, item.values, legend=not plots))
+    return plots
