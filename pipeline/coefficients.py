@@ -8,7 +8,8 @@ from typing import Any
 
 from data_schemas.errors import CampaignError, PipelineError, nearest
 from hydro.dynamics.coefficients import Coefficient, viscous_terms
-from hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, parameter_coefficients, published_coefficients, strip_theory_of
+from hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, parameter_coefficients, published_coefficients
+from hydro.dynamics.strip_theory import strip_theory_of
 from hydro.dynamics.viscous_basis import BASIS_TERMS
 from pipeline.twin import published_coefficients as coefficient_files
 from pipeline.twin import read_coefficients

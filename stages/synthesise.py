@@ -11,11 +11,14 @@ import pyarrow as pa
 
 from data_schemas.errors import CampaignError, DataError, nearest
 from data_schemas.tables import column, has_columns, matrix
+from hydro.dynamics.coefficients import viscous_terms
+from hydro.dynamics.strip_theory import strip_theory_of
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
 from hydro.dynamics.viscous_basis import basis_rows, basis_term_names, coefficient_unit
-from hydro.dynamics.viscous_models import MODELS, ViscousModel, without_propeller_terms
+from hydro.dynamics.viscous_models import MODELS, Coefficients, ViscousModel, without_propeller_terms
 from hydro.identification.excitation import VelocityExcitation, axis_excitation
 from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
+from hydro.identification.prior import posterior
 from hydro.identification.separability import breaks_symmetry, judge_with_motion
 from hydro.identification.standard_errors import hac_fit_covariance
 from hydro.identification.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
@@ -24,6 +27,7 @@ from stages.sections import equation, remark, section, table
 from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, forces
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
+PRIORS = ("none", "strip_theory")
 UNBROKEN = 32_768
 """The coloured standard errors take correlation within so many samples into account (11 minutes at 50 Hz): it bounds their memory."""
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
@@ -41,6 +45,8 @@ class Params:
     models: tuple[str, ...] = param("1", tuple(model.name for model in MODELS), meaning="models to fit")
     trim: bool = param("1", False, meaning="fit a constant force per axis beside each model (net buoyancy, asymmetry)")
     hac_lags: int | None = param("samples", None, meaning="lags of the coloured standard errors; null chooses by Andrews's rule", low=0)
+    prior: str = param("1", "none", meaning="prior on the terms that strip theory has too, from the vehicle's geometry", allowed=PRIORS)
+    prior_sd: float = param("1", 0.5, meaning="standard deviation of a prior coefficient as a share of its value", low=0.01, high=10.0)
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,7 @@ class Samples:
 def run(inputs: Inputs, params: Params) -> Outputs:
     vehicle = vehicle_from_document(inputs.vehicle)
     models = _chosen(params.models)
+    prior = viscous_terms(strip_theory_of(inputs.vehicle)) if params.prior == "strip_theory" else {}
     training = [_samples(inputs.residual[key]) for key, segment in inputs.segment.items() if segment["use"] == "training"]
     if not training:
         raise DataError("the campaign has no training leg, so there is nothing to fit", field="legs", remedy="Give a leg `use: training`.")
@@ -71,7 +78,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     ratios = [part.ratio for part in training if part.ratio is not None] if with_ratio else None
     motion = axis_excitation([part.nu for part in training], eta_ratio=ratios)
     cards = {
-        model.name: _card(declared, model, factor, training, motion, vehicle, params)
+        model.name: _card(declared, model, factor, training, motion, vehicle, prior, params)
         for declared, model in zip(models, fitted, strict=True)
     }
     document = {"terms": list(factor.columns), "samples": factor.n_samples, "factor": [[float(x) for x in row] for row in factor.R]}
@@ -114,16 +121,22 @@ def _card(
     training: list[Samples],
     motion: Mapping[str, VelocityExcitation],
     vehicle: Vehicle,
+    prior: Coefficients,
     params: Params,
 ) -> dict[str, Any]:
-    axes, solution, rank = {}, {}, 0
+    axes, solution, used, rank = {}, {}, {}, 0
     for index, axis in enumerate(AXES):
         fit = solve_axis(factor, axis, model.terms.get(axis, ()), trim=params.trim)
-        axes[axis] = _axis_entry(fit, _covariance(fit, training, index, params), motion, axis)
-        solution[axis] = {term: float(value) for term, value in zip(fit.terms, fit.solution, strict=True)}
+        covariance = _covariance(fit, training, index, params)
+        means = {term: value for term, value in prior.get(axis, {}).items() if term in fit.terms}
+        after, wide = posterior(factor, fit, covariance, means, relative_sd=params.prior_sd, trim=params.trim)
+        axes[axis] = _axis_entry(fit, covariance, after, wide, motion)
+        solution[axis] = {term: float(value) for term, value in zip(after.terms, after.solution, strict=True)}
+        if means:
+            used[axis] = means
         rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
     dropped = [f"{axis} {term}" for axis, terms in declared.terms.items() for term in terms if term not in model.terms.get(axis, ())]
-    return {
+    card = {
         "name": model.name,
         "title": model.title,
         "vehicle": vehicle.name,
@@ -139,6 +152,9 @@ def _card(
         "conditions": {name: {"rms": item.rms, "low": item.low, "high": item.high} for name, item in motion.items()},
         "solution": solution,
     }
+    if used:
+        card["prior"] = {"source": params.prior, "relative_sd": params.prior_sd, "means": used}
+    return card
 
 
 def _covariance(fit: AxisFit, training: list[Samples], index: int, params: Params) -> Array:
@@ -163,9 +179,11 @@ def _pairs(fit: AxisFit, training: list[Samples], index: int) -> Iterator[tuple[
             yield basis_rows(part.nu[chosen].T, ratio, terms) if terms else np.zeros((0, len(force))), force
 
 
-def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityExcitation], axis: str) -> dict[str, Any]:
+def _axis_entry(fit: AxisFit, covariance: Array, after: AxisFit, wide: Array, motion: Mapping[str, VelocityExcitation]) -> dict[str, Any]:
+    """What the data say of every term, `fit` with `covariance`; numbers and errors are those with the prior, `after` with `wide`."""
+    axis = fit.axis
     verdicts, determined = judge_with_motion(fit, motion, covariance=covariance)
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
     summed = {term for item in determined for term in item.weights}
     terms = []
     for index, term in enumerate(fit.terms):
@@ -174,7 +192,7 @@ def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityEx
         entry: dict[str, Any] = {
             "term": term,
             "unit": coefficient_unit(axis, term),
-            "value": float(fit.coefficients[index]) if alone else None,
+            "value": float(after.solution[index]) if alone else None,
             "standard_error": float(errors[index]) if alone and np.isfinite(errors[index]) else None,
             "verdict": verdict.status,
         }
@@ -191,11 +209,11 @@ def _axis_entry(fit: AxisFit, covariance: Array, motion: Mapping[str, VelocityEx
         "rank": fit.rank,
         "condition": fit.condition if np.isfinite(fit.condition) else None,
         "j0": fit.j0,
-        "j": fit.rms,
+        "j": after.rms,
         "excitation": _excitation(motion[VELOCITY_OF_AXIS[axis]]),
         "terms": terms,
         "combinations": combinations,
-        "covariance": _covariance_entry(fit.terms, covariance),
+        "covariance": _covariance_entry(fit.terms, wide),
     }
 
 
@@ -233,11 +251,13 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
             verdict = f"inseparable from {', '.join(partners)}" if partners else item["verdict"]
             rows.append([axis, item["term"], item["value"], item["standard_error"], item["unit"], verdict])
     heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
-    title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}"
+    title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}" + (", with a prior" if "prior" in card else "")
     note = "Standard errors allow for coloured residuals (Newey-West)."
     if card["assumed"]:
         note += f" They take the {len(card['assumed'])} assumed figures of the vehicle as exact."
     blocks = [table(title, heads, rows, note=note)]
+    if "prior" in card:
+        blocks.append(_prior_remark(card))
     sums = [[axis, item["reading"], item["standard_error"]] for axis, part in card["axes"].items() for item in part["combinations"]]
     if sums:
         heads = ["axis", "combination of coefficients: value", "standard error"]
@@ -257,6 +277,18 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
         )
         blocks.append(remark(f"{words} Look at the thrust model, the mounting of the sensors and the load before the hull."))
     return blocks
+
+
+def _prior_remark(card: Document) -> dict[str, Any]:
+    """Which coefficients carry a prior, and which of them rest on it because the data leave them open."""
+    means, sd = card["prior"]["means"], card["prior"]["relative_sd"]
+    told = {(axis, item["term"]) for axis, part in card["axes"].items() for item in part["terms"] if item["verdict"] == IDENTIFIED}
+    resting = [f"{axis} {term}" for axis, terms in means.items() for term in terms if (axis, term) not in told]
+    words = (
+        f"{card['title']}: a prior was used, strip theory of the vehicle's geometry with a standard deviation of {100.0 * sd:g} % of each "
+        f"value, on {sum(map(len, means.values()))} coefficients. Verdicts are those of the data alone."
+    )
+    return remark(words + (f" On the prior rest: {', '.join(resting)}." if resting else ""))
 
 
 STAGE = Stage(

@@ -18,12 +18,11 @@ from data_schemas.errors import CampaignError, nearest
 from hydro.dynamics.arrays import Array, cross, matrix_product, read_only
 from hydro.dynamics.buoyancy_engine import BuoyancyEngine, buoyancy_engine_from_document
 from hydro.dynamics.coefficients import Coefficient, added_mass_matrix, control_matrix, term_of, unit_of, viscous_terms
-from hydro.dynamics.geometry import geometry_from_document
 from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
 from hydro.dynamics.quantities import Quantities
 from hydro.dynamics.restoring import restoring_force
 from hydro.dynamics.rigid_body import coriolis_force, rigid_body_matrix
-from hydro.dynamics.strip_theory import strip_theory
+from hydro.dynamics.strip_theory import strip_theory_of
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
 from hydro.dynamics.viscous_basis import basis
 from hydro.dynamics.viscous_models import Coefficients, IdentifiedModel
@@ -125,12 +124,6 @@ def parameter_coefficients(document: Mapping[str, Any], parameter_set: str) -> t
         given |= published_coefficients(document, "as_simulated")
     kept = tuple(item for item in computed if item.name not in given or item.kind in ("body_lift", "surface_lift"))
     return (*kept, *given.values())
-
-
-def strip_theory_of(document: Mapping[str, Any], *, corrected: bool = True) -> tuple[Coefficient, ...]:
-    """Strip theory of a vehicle document with `geometry`. Errors as `geometry_from_document`."""
-    density = Quantities(document).part("environment").number("water_density", "kg/m^3")
-    return strip_theory(geometry_from_document(document), water_density=density, corrected=corrected)
 
 
 def published_coefficients(document: Mapping[str, Any], key: str = "published") -> dict[str, Coefficient]:

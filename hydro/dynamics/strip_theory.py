@@ -7,15 +7,17 @@ hull's axis for b of (2.74), (2.79) and the hull radius for a: only that reprodu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from hydro.dynamics.added_mass import spheroid_added_mass
 from hydro.dynamics.arrays import Array
 from hydro.dynamics.coefficients import Coefficient, unit_of
-from hydro.dynamics.geometry import Geometry, Surface
+from hydro.dynamics.geometry import Geometry, Surface, geometry_from_document
 from hydro.dynamics.lift import body_lift, surface_lift
+from hydro.dynamics.quantities import Quantities
 
 SKIN_FRICTION = 3.397e-3
 """c_ss: Schoenherr's flat plate (2.83)."""
@@ -30,6 +32,12 @@ def strip_theory(geometry: Geometry, *, water_density: float, corrected: bool = 
         *body_lift(geometry, water_density=water_density, corrected=corrected),
         *surface_lift(geometry, water_density=water_density),
     )
+
+
+def strip_theory_of(document: Mapping[str, Any], *, corrected: bool = True) -> tuple[Coefficient, ...]:
+    """Strip theory of a vehicle document with `geometry`. Errors as `geometry_from_document`."""
+    density = Quantities(document).part("environment").number("water_density", "kg/m^3")
+    return strip_theory(geometry_from_document(document), water_density=density, corrected=corrected)
 
 
 def finned_circle(a: Array, b: float) -> Array:

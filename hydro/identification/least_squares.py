@@ -86,6 +86,11 @@ class TriangularFactor:
         R = _absorb(np.array(self.R, order="F"), np.array(other.R, order="F"))
         return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples + other.n_samples)
 
+    def with_rows(self, rows: ArrayLike) -> TriangularFactor:
+        """With further equations (r, m) over all columns that are no samples, for example a prior; `n_samples` stays."""
+        R = _absorb(np.array(self.R, order="F"), np.array(rows, dtype=np.float64, order="F"))
+        return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples)
+
     def _name_bad_column(self, basis: Array, force: Array) -> None:
         values = np.vstack([basis, np.ones(len(force)), force.T])
         bad = np.argwhere(~np.isfinite(values))

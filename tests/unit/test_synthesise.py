@@ -298,3 +298,26 @@ def test_section_shows_no_number_that_the_data_do_not_determine() -> None:
     assert {row[1] for row in quiet} >= {"p", "p*|p|", "v*p"}
     assert all(row[2] is None and row[3] is None for row in quiet)
     assert any(row[2] is not None for row in rows)
+
+
+def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
+    legs = noisy_legs()
+    plain = run(legs, models=("prestero",)).model_card["prestero"]
+    assert "prior" not in plain
+    found = run(legs, models=("prestero",), prior="strip_theory", prior_sd=0.2)
+    card = found.model_card["prestero"]
+    means = card["prior"]["means"]
+    assert (card["prior"]["source"], card["prior"]["relative_sd"]) == ("strip_theory", 0.2)
+    assert set(means["Y"]) == {"u*v", "u*r", "v*|v|", "r*|r|"}  # w*p and p*q are not in strip theory
+    for axis, terms in means.items():  # as a whole nearer to the prior than the data alone
+        near, far = (sum((one["solution"][axis][term] / mean - 1.0) ** 2 for term, mean in terms.items()) for one in (card, plain))
+        assert near < far
+    for axis in AXES:  # verdicts are those of the data alone
+        assert [item["verdict"] for item in card["axes"][axis]["terms"]] == [item["verdict"] for item in plain["axes"][axis]["terms"]]
+        assert card["axes"][axis]["j"] >= plain["axes"][axis]["j"]
+    assert any("a prior was used" in str(block.get("text", "")) for block in found.section["blocks"])
+
+
+def test_a_prior_needs_a_geometry() -> None:
+    with pytest.raises(CampaignError, match=r"no geometry.*block `geometry`"):
+        run(noisy_legs(with_ratio=False), vehicle="bluerov2_heavy", models=("fossen",), prior="strip_theory")
