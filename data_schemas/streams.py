@@ -12,7 +12,7 @@ import yaml
 
 from data_schemas.schemas import schema
 
-STREAMS = ("imu", "attitude", "depth", "velocity", "position", "actuators", "battery", "range", "mode", "events")
+STREAMS = ("imu", "attitude", "depth", "velocity", "position", "actuators", "battery", "range", "mode", "events", "water_velocity")
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
     "attitude": ("phi_rad", "theta_rad", "psi_rad"),
@@ -24,6 +24,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "range": ("range_m",),
     "mode": ("mode",),
     "events": ("text",),
+    "water_velocity": ("u_m_s", "v_m_s", "w_m_s"),
 }
 """Fields without which a row of the stream is no sample; of `actuators` any one field will do."""
 CONDITIONS: Mapping[str, str] = {

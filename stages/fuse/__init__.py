@@ -4,7 +4,9 @@ Method `kinematic`: velocity from the velocity sensor, rates from the gyro, dept
 Method `thesis`: McCarter section 2.5, velocity from the integrated accelerometer; with `as_published` the transport term omega x v stays
 in, as the thesis has it; otherwise it is removed and the initial velocity is fitted (corrections: accelerometer kinematics, bias inside
 the integral).
-Method `smoother`: Kalman filter and smoother over velocity, acceleration and accelerometer bias, each sensor at its own times.
+Method `smoother`: Kalman filter and smoother over velocity, acceleration and accelerometer bias, each sensor at its own times; with
+velocity through the water (water track) also the current. The state's u v w are then those through the water, which the forces see; pose
+and its rate stay those over ground.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import pyarrow as pa
 
 from data_schemas.errors import CampaignError, DataError
 from data_schemas.tables import make_table
+from hydro.dynamics.arrays import cross
 from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
 from hydro.dynamics.vehicle import vehicle_from_document
 from hydro.identification.bias import integrate
@@ -39,6 +42,7 @@ class Inputs:
     samples_imu: pa.Table | None = port("samples_imu", optional=True)
     samples_velocity: pa.Table | None = port("samples_velocity", optional=True)
     samples_depth: pa.Table | None = port("samples_depth", optional=True)
+    samples_water: pa.Table | None = port("samples_water", optional=True)
 
 
 @dataclass(frozen=True)
@@ -56,10 +60,14 @@ class Params:
     noise: Mapping[str, float] = param(
         "SI",
         {},
-        meaning="smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density tilt_error_rad tilt_time_s bias_m_s2",
+        meaning="smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density tilt_error_rad tilt_time_s bias_m_s2 "
+        "water_m_s current_walk_m_s",
     )
     estimate_dvl_arm: bool = param("1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment")
     estimate_dvl_mounting: bool = param("1", False, meaning="smoother only: find the velocity sensor's mounting angles from the segment")
+    estimate_current: bool = param(
+        "1", False, meaning="smoother only: find the water current from velocity through the water (water track)"
+    )
     edge_s: float | None = param(
         "s", None, meaning="width cut off at either end; null: what the low-pass needs, at least 0.5 s", low=0.0, high=60.0
     )
@@ -74,6 +82,11 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
+    if params.estimate_current and params.method != "smoother":
+        remedy = "Set method: smoother, or leave estimate_current out."
+        raise CampaignError(
+            "belongs to method smoother", field="stages.fuse.estimate_current", value=f"method {params.method}", remedy=remedy
+        )
     if params.as_published and params.method != "thesis":
         remedy = "Set method: thesis, or leave as_published out."
         raise CampaignError("belongs to method thesis", field="stages.fuse.as_published", value=f"method {params.method}", remedy=remedy)
@@ -95,24 +108,27 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             raise DataError("stage fuse needs the samples of the depth sensor (method smoother)")
         velocity, rate, found = smoother(
             motion,
-            SensorSamples(inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth),
+            SensorSamples(inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth, inputs.samples_water),
             vehicle,
             convention=convention,
             noise=params.noise,
             estimate_arm=params.estimate_dvl_arm,
             estimate_mounting=params.estimate_dvl_mounting,
+            estimate_current=params.estimate_current,
         )
-    nu, nu_dot = np.hstack([velocity, motion.omega]), np.hstack([rate, motion.omega_dot])
-    pose = _pose(motion, velocity)
+    over_ground, nu_dot = np.hstack([velocity, motion.omega]), np.hstack([rate, motion.omega_dot])
+    pose, drift = _pose(motion, velocity), np.zeros_like(over_ground)
+    if found.drift is not None:  # a steady current: nu_r = nu - R' c, and R' c turns against the body
+        drift[:, :3], nu_dot[:, :3] = found.drift, rate + cross(motion.omega, found.drift)
     if params.method == "smoother":
-        pose, nu, nu_dot = (low_pass(motion.t_s, values, params.cutoff_hz) for values in (pose, nu, nu_dot))
+        pose, over_ground, drift, nu_dot = (low_pass(motion.t_s, part, params.cutoff_hz) for part in (pose, over_ground, drift, nu_dot))
     edge_s = default_edge_s(params.cutoff_hz) if params.edge_s is None else params.edge_s
     keep = _inside_edges(motion.t_s, edge_s, inputs.segment)
     columns = {
         "t_s": motion.t_s,
         **named(POSE, pose),
-        **named(VELOCITY, nu),
-        **named(POSE_RATE, eta_dot(pose, nu)),
+        **named(VELOCITY, over_ground - drift),
+        **named(POSE_RATE, eta_dot(pose, over_ground)),
         **named(ACCELERATION, nu_dot),
         **_spread(found, inputs.segment, len(motion.t_s)),
     }
@@ -123,8 +139,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "cutoff_hz": params.cutoff_hz,
         "edge_s": edge_s,
     }
-    fusion = fusion_document(inputs.segment, settings, motion, sensed, nu, keep, found)
-    shown = fuse_section(inputs.segment, inputs.resampled, motion, sensed, nu, pose, keep, fusion)
+    fusion = fusion_document(inputs.segment, settings, motion, sensed, over_ground, keep, found)
+    shown = fuse_section(inputs.segment, inputs.resampled, motion, sensed, over_ground, pose, keep, fusion)
     return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views(fused))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from hydro.identification.bias import accelerometer_bias, fit_velocity, inertial
 from hydro.identification.installation import Installation, estimate_installation
 from hydro.identification.smoother import SmootherNoise, smooth_velocity
 from hydro.identification.splines import derivative
+from stages.fuse.current import current_document, drift, water_track, without_water_track
 from stages.fuse.motion import Found, Motion, low_pass, missing, vertical_arm
 from stages.signals import ACCELEROMETER, VELOCITY, Array, rms
 
@@ -89,11 +90,12 @@ def with_depth_rate(velocity: Array, euler: Array, depth_rate: Array) -> Array:
 
 @dataclass(frozen=True)
 class SensorSamples:
-    """Samples of one segment at their own times: accelerometer, velocity sensor, depth."""
+    """Samples of one segment at their own times: accelerometer, velocity sensor, depth, velocity through the water."""
 
     imu: pa.Table | None
     velocity: pa.Table | None
     depth: pa.Table
+    water: pa.Table | None = None
 
 
 def smoother(
@@ -105,8 +107,9 @@ def smoother(
     noise: Mapping[str, float],
     estimate_arm: bool,
     estimate_mounting: bool,
+    estimate_current: bool,
 ) -> tuple[Array, Array, Found]:
-    """Velocity and its rate (n, 3) by Kalman filter and smoother over the samples of every sensor at its own times.
+    """Velocity over ground and its rate (n, 3) by Kalman filter and smoother over the samples of every sensor at its own times.
 
     `motion` must not be filtered. Raises `DataError` when the accelerometer or the velocity sensor is missing.
     """
@@ -128,15 +131,20 @@ def smoother(
         gravity=vehicle.gravity,
     )
     times, sensed = column(samples.velocity, "t_s"), matrix(samples.velocity, VELOCITY[:3]) @ vehicle.dvl.rotation.T
-    arm, said = vehicle.dvl.arm_m, None
+    arm, said, turn = vehicle.dvl.arm_m, None, np.zeros(3)
     if estimate_arm or estimate_mounting:
         found = estimate_installation(t, force, euler, omega, times, sensed, arm=estimate_arm, mounting=estimate_mounting)
         said = _installation_document(found)
         if estimate_arm:
             arm = np.where(found.determined_arm, found.arm_m, arm)
         if estimate_mounting:
-            sensed = sensed + cross(np.where(found.determined_mounting, found.mounting_rad, 0.0)[None] * np.ones((len(sensed), 1)), sensed)
-    at_sensor = CubicSpline(motion.t_s, motion.omega)(np.clip(times, motion.t_s[0], motion.t_s[-1]))
+            turn = np.where(found.determined_mounting, found.mounting_rad, 0.0)
+
+    def at_origin(times: Array, sensed: Array) -> Array:
+        rates = CubicSpline(motion.t_s, motion.omega)(np.clip(times, motion.t_s[0], motion.t_s[-1]))
+        return lever_arm_velocity(sensed + cross(np.broadcast_to(turn, sensed.shape), sensed), rates, arm)
+
+    track = water_track(samples.water, (float(t[0]), float(t[-1]))) if estimate_current else None
     depth_times = column(samples.depth, "t_s")
     attitude = CubicSpline(motion.t_s, motion.euler)(np.clip(depth_times, motion.t_s[0], motion.t_s[-1]))
     smoothed = smooth_velocity(
@@ -145,26 +153,43 @@ def smoother(
         euler,
         omega,
         t_velocity=times,
-        velocity=lever_arm_velocity(sensed, at_sensor, arm),
+        velocity=at_origin(times, sensed),
         t_depth=depth_times,
         depth=column(samples.depth, "z_m") - vertical_arm(attitude, vehicle.depth_sensor.arm_m),
         noise=_noise(noise, vehicle.gravity),
+        t_water=None if track is None else track[0],
+        water=None if track is None else at_origin(track[0], track[1] @ vehicle.dvl.rotation.T),
     )
     on_clock = np.clip(motion.t_s, t[0], t[-1])
     velocity, rate = CubicSpline(t, smoothed.velocity)(on_clock), CubicSpline(t, smoothed.rate)(on_clock)
     spread = np.column_stack([np.interp(on_clock, t, smoothed.velocity_sd[:, axis]) for axis in range(3)])
     check = sway_check(velocity, velocity if motion.velocity is None else motion.velocity, convention)
-    return velocity, rate, Found(convention, smoothed.bias.mean(axis=0), velocity_sd=spread, installation=said, **check)
+    result = Found(convention, smoothed.bias.mean(axis=0), velocity_sd=spread, installation=said, **check)
+    if track is not None:
+        result = replace(result, current=current_document(smoothed), drift=drift(smoothed, on_clock, motion.euler))
+    elif estimate_current:
+        result = replace(result, current=without_water_track(samples.water))
+    return velocity, rate, result
 
 
 def _noise(given: Mapping[str, float], gravity: float) -> SmootherNoise:
-    known = {"accel_m_s2", "velocity_m_s", "depth_m", "jerk_density", "tilt_error_rad", "tilt_time_s", "bias_m_s2"}
+    known = {
+        "accel_m_s2",
+        "velocity_m_s",
+        "depth_m",
+        "jerk_density",
+        "tilt_error_rad",
+        "tilt_time_s",
+        "bias_m_s2",
+        "water_m_s",
+        "current_walk_m_s",
+    }
     for key, value in given.items():
         if key not in known:
             raise CampaignError("unknown noise", field=f"stages.fuse.noise.{key}", allowed=sorted(known), remedy=nearest(key, known))
         if not value > 0:
             raise CampaignError("a noise must be positive", field=f"stages.fuse.noise.{key}", value=value)
-    three = {key: np.full(3, given[key]) if key in given else None for key in ("accel_m_s2", "velocity_m_s", "jerk_density")}
+    three = {key: np.full(3, given[key]) if key in given else None for key in ("accel_m_s2", "velocity_m_s", "jerk_density", "water_m_s")}
     return SmootherNoise(
         accel=three["accel_m_s2"],
         velocity=three["velocity_m_s"],
@@ -174,6 +199,8 @@ def _noise(given: Mapping[str, float], gravity: float) -> SmootherNoise:
         tilt_time_s=given.get("tilt_time_s", SmootherNoise.tilt_time_s),
         bias=given.get("bias_m_s2", SmootherNoise.bias),
         gravity=gravity,
+        water=three["water_m_s"],
+        current_walk=given.get("current_walk_m_s", SmootherNoise.current_walk),
     )
 
 

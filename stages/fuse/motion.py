@@ -25,12 +25,14 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Found:
-    """What a method found on the way."""
+    """What a method found on the way. `drift` (n, 3): the water's velocity in body axes, None where it is not known."""
 
     convention: str | None = None
     accel_bias: Array | None = None
     velocity_sd: Array | None = None
     installation: Mapping[str, Any] | None = None
+    current: Mapping[str, Any] | None = None
+    drift: Array | None = None
     sway_rms: float | None = None
     warnings: tuple[str, ...] = ()
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from data_schemas.tables import has_columns, matrix
 from stages.base import Document
+from stages.fuse.current import current_blocks
 from stages.fuse.motion import Found, Mask, Motion
 from stages.sections import Block, panel, plot, remark, section, series, table
 from stages.signals import ATTITUDE, VELOCITY, Array, rms
@@ -26,6 +27,7 @@ def fusion_document(
         "accel_bias_m_s2": None if found.accel_bias is None else [float(value) for value in found.accel_bias],
         "integrated_sway_rms_m_s": found.sway_rms,
         "installation": found.installation,
+        "current": found.current,
         "rms": spread,
         "warnings": list(found.warnings),
     }
@@ -49,6 +51,7 @@ def fuse_section(
     biases = [["gyro " + axis, value, "rad/s"] for axis, value in zip("xyz", fusion["gyro_bias_rad_s"] or [], strict=False)]
     biases += [["accelerometer " + axis, value, "m/s^2"] for axis, value in zip("xyz", fusion["accel_bias_m_s2"] or [], strict=False)]
     blocks = [remark(words, "warning") for words in fusion["warnings"]]
+    blocks += current_blocks(fusion["current"])
     blocks += uneven_bandwidth(segment["smoothing"], fusion["cutoff_hz"])
     blocks += [
         plot(

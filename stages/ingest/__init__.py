@@ -55,6 +55,7 @@ class Outputs:
     range: pa.Table | None = port("range", optional=True)
     mode: pa.Table | None = port("mode", optional=True)
     events: pa.Table | None = port("events", optional=True)
+    water_velocity: pa.Table | None = port("water_velocity", optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:

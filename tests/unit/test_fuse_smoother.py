@@ -10,9 +10,11 @@ import pytest
 
 from data_schemas.documents import check_document
 from data_schemas.errors import CampaignError, DataError
-from data_schemas.tables import column, has_columns, matrix
+from data_schemas.tables import column, has_columns, make_table, matrix
+from hydro.dynamics.kinematics import rotation_body_to_ned
+from hydro.dynamics.vehicle import vehicle_from_document
 from stages import fuse, resample
-from stages.signals import ACCELERATION, VELOCITY
+from stages.signals import ACCELERATION, POSE_RATE, VELOCITY, named
 from tests.support.motions import ODD, RATE_HZ, Motion, Sensors, log_document, mounted_vehicle, resampled_table, rich_motion
 from tests.unit.test_fuse import sampled
 
@@ -88,3 +90,57 @@ def test_unknown_noise_is_refused_with_the_nearest_name(motion: Motion) -> None:
         run(inputs(motion, ODD), noise={"velocity_m": 0.01})
     with pytest.raises(CampaignError, match="positive"):
         run(inputs(motion, ODD), noise={"velocity_m_s": 0.0})
+
+
+CURRENT = np.array([0.25, -0.15, 0.0])
+
+
+def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)) -> fuse.Inputs:
+    """As `inputs`, in water that moves with `CURRENT` north, east, down, with water track from the same sensor (`samples` of it)."""
+    given = inputs(motion, sensors)
+    track = given.samples_velocity
+    assert track is not None
+    t_s = column(track, "t_s")
+    rows = np.searchsorted(motion.t_s, t_s + float(given.segment["leg_start_s"]) - 1e-9)
+    drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
+    mounting = vehicle_from_document(given.vehicle).dvl.rotation
+    through = matrix(track, VELOCITY[:3]) - drift @ mounting
+    water = make_table("samples_water", {"t_s": t_s[samples], **named(VELOCITY[:3], through[samples])})
+    return replace(given, samples_water=water)
+
+
+def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: Motion) -> None:
+    """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate are over ground."""
+    found = run(in_current(motion, ODD), estimate_current=True)
+    told = found.fusion["current"]
+    assert told["verdict"] == "observable"
+    np.testing.assert_allclose(told["ned_m_s"], CURRENT, rtol=0.0, atol=3e-3)
+    t_s = column(found.fused, "t_s")
+    rows = np.searchsorted(motion.t_s, t_s - 1e-9)
+    drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
+    velocity = matrix(found.fused, VELOCITY[:3]) - (motion.nu[rows, :3] - drift)
+    rate = matrix(found.fused, ACCELERATION[:3]) - (motion.nu_dot[rows, :3] + np.cross(motion.nu[rows, 3:], drift))
+    assert np.sqrt(np.mean(velocity**2)) < 4e-3
+    assert np.sqrt(np.mean(rate**2)) < 2e-2
+    still = run(inputs(motion, ODD))
+    np.testing.assert_allclose(matrix(found.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3)
+    assert next(block["title"] for block in found.section["blocks"] if block["kind"] == "table") == "Water current"
+
+
+@pytest.mark.parametrize("samples", [None, slice(0, 3)])
+def test_current_without_water_track_is_not_observable(motion: Motion, samples: slice | None) -> None:
+    """Nothing is invented: verdict, reason and a warning, and the state is that over ground."""
+    given = inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
+    found, plain = run(given, estimate_current=True), run(given)
+    assert found.fusion["current"]["verdict"] == "not observable"
+    assert "stream water_velocity" in found.fusion["current"]["reason"]
+    assert found.fusion["current"]["ned_m_s"] is None
+    assert found.fused.equals(plain.fused)
+    warned = [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
+    assert any(words.startswith("Water current: not observable, because ") for words in warned)
+    assert plain.fusion["current"] is None
+
+
+def test_current_belongs_to_the_smoother(motion: Motion) -> None:
+    with pytest.raises(CampaignError, match="belongs to method smoother"):
+        run(inputs(motion, ODD), method="kinematic", estimate_current=True)
