@@ -150,8 +150,8 @@ def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integer
     at = stop[order] - whole
     state, mixed = np.zeros((2, order.size), dtype=np.uint16)
     reached = [*np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(), *[0] * _BLOCK_WORDS]  # frames with so many words or more
-    running, left = 0, int(words[0]) if words.size else 0
-    for left in range(-(-left // _BLOCK_WORDS) * _BLOCK_WORDS, 0, -_BLOCK_WORDS):
+    running, most = 0, int(whole[0]) // 2 if words.size else 0
+    for left in range(most, 0, -_BLOCK_WORDS):
         active = reached[left - _BLOCK_WORDS + 1]
         content = blocks[at[:active]].view(np.uint64).reshape(active, _BLOCK_BYTES // 8)
         for number, masks in enumerate(_PART_MASKS):

@@ -29,6 +29,7 @@ DEFINITION_TYPES = b"BFIMPQAR"
 
 FLAG_BITS_BYTES = 40
 DATA_APPENDED = 1  # bit of the first incompatible flag byte
+MAX_RIVALS = 4
 MAX_DEPTH = 16  # of nested formats; PX4 uses two
 
 FIELD_DTYPES: Mapping[str, str] = {
@@ -106,16 +107,25 @@ class Layout:
 
 @dataclass
 class Formats:
-    """The formats of a file by name. The first declaration of a name holds."""
+    """The formats of a file by name. The first declaration of a name holds, until `replace` puts one of its `rivals` in force."""
 
     by_name: dict[str, Format] = field(default_factory=dict)
+    rivals: dict[str, list[Format]] = field(default_factory=dict)
     _sizes: dict[str, int] = field(default_factory=dict)
     _layouts: dict[str, Layout] = field(default_factory=dict)
 
-    def add(self, declared: Format) -> bool:
-        """Whether the declaration is new or repeats the one that holds."""
+    def add(self, declared: Format) -> None:
+        """Take a declaration; one that differs from that in force is kept as its rival, as one of the two must be damaged."""
         known = self.by_name.setdefault(declared.name, declared)
-        return known is declared or known == declared
+        rivals = self.rivals.get(declared.name, [])
+        if known != declared and declared not in rivals and len(rivals) < MAX_RIVALS:
+            self.rivals[declared.name] = [*rivals, declared]
+
+    def replace(self, chosen: Format) -> None:
+        """Put one of several declarations of a name in force."""
+        self.by_name[chosen.name] = chosen
+        self._sizes.clear()
+        self._layouts.clear()
 
     def size(self, name: str, depth: int = 0) -> int:
         """Bytes of one `name`, padding included; 0 if it cannot be: an unknown or circular type, or too large for a message."""

@@ -24,6 +24,8 @@ NUMBER = r"^\s*[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|(?i:nan|inf|i
 TRUTH = r"^(?i:true|false|0|1)$"
 ISO_8601 = r"^\s*\d{4}-\d\d-\d\d([T ]\d\d(:\d\d(:\d\d(\.\d{1,9})?)?)?(Z|[-+]\d\d(:?\d\d)?)?)?\s*$"
 ISO_TIME = pa.timestamp("us")  # stands for a column of ISO 8601 texts, which is read as text
+PLACEHOLDER = "If this text stands for an empty cell, list it under 'missing' in the column map."
+DECIMAL = 'If the numbers have a decimal comma, add decimal: "," to the column map.'
 PATTERNS = {
     pa.float64(): (NUMBER, "not a number"),
     pa.bool_(): (TRUTH, "neither true nor false"),
@@ -163,7 +165,7 @@ def _unreadable(texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, d
                 row=int(rows[index]),
                 field=name,
                 value=texts[name][int(index)].as_py(),
-                remedy="If this text stands for an empty cell, list it under 'missing' in the column map.",
+                remedy=DECIMAL if decimal == "." and re.fullmatch(r"[-+]?\d*,\d+", str(texts[name][int(index)])) else PLACEHOLDER,
             )
             for index in bad
         ]

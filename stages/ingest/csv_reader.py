@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,6 +34,8 @@ EXAMPLE = """
 HEADER_BYTES = 1 << 16
 BLOCK = 1 << 20
 NEWLINE = 10
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
+TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
 NO_VALUE = "no value in the row"
 REPEATED = "held value repeated"
 Rows = npt.NDArray[np.int64]
@@ -56,7 +59,7 @@ class CsvReader:
     def recognises(self, head: bytes) -> bool:
         """True for text whose first line has separated columns."""
         first = head.split(b"\n", 1)[0]
-        return b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t"))
+        return head.startswith(UTF_16) or (b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t")))
 
     def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
         """The streams that the column map names; `wanted` limits them. Raises as `read_csv`."""
@@ -86,6 +89,7 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
             remedy="Write a YAML file that says what the columns are, and name it in the manifest (columns: FILE):"
             + EXAMPLE % (head.names[0], head.names[-1]),
         )
+    _check_separator(head, file.name)
     mapping = column_map(raw, head.names, file=file.name)
     columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
     found = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
@@ -126,10 +130,12 @@ def _seconds_lost(found: SoundRows, time_us: npt.NDArray[np.float64]) -> float:
 
 
 def header(file: RawFile, delimiter: str | None) -> Head:
-    """Column names of the first line. Raises `LogError` for an empty file."""
+    """Column names of the first line. Raises `LogError` for an empty file and for a first line that names no columns."""
     start = file.buffer[:HEADER_BYTES].tobytes()
     if not start.strip():
         raise LogError("the file is empty", file=file.name)
+    if start.startswith(UTF_16):
+        raise LogError("the file is UTF-16 text", file=file.name, allowed="UTF-8 or Latin-1", remedy=TO_UTF_8 % (file.name, file.name))
     encoding = "utf-8"
     line = start.split(b"\n", 1)[0]
     try:
@@ -138,8 +144,22 @@ def header(file: RawFile, delimiter: str | None) -> Head:
         encoding, text = "latin-1", line.decode("latin-1")
     if delimiter is None:
         delimiter = max(",;\t", key=text.count)
-    names = tuple(next(csv.reader(io.StringIO(text.rstrip("\r")), delimiter=delimiter)))
+    try:
+        names = tuple(next(csv.reader(io.StringIO(text.rstrip("\r")), delimiter=delimiter)))
+    except csv.Error:
+        what = "the first line has a stray carriage return or quotation mark in it"
+        raise LogError(what, file=file.name, row=1, remedy="Mend the line that names the columns; lines end in LF or CR LF.") from None
     return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
+
+
+def _check_separator(head: Head, file: str) -> None:
+    """Raises `LogError` for a single column whose name holds what separates columns in other files."""
+    other = next((mark for mark in ";\t," if mark in head.names[0]), None) if len(head.names) == 1 else None
+    if other is not None:
+        shown = {"\t": "a tab", ";": "a semicolon", ",": "a comma"}[other]
+        remedy = f"The columns are separated by {shown}: add delimiter: {json.dumps(other)} to the column map, "
+        remedy += 'and decimal: "," if the numbers have a decimal comma.'
+        raise LogError(f"the first line has no {head.delimiter!r} in it", file=file, row=1, value=head.names[0], remedy=remedy)
 
 
 def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str) -> SoundRows:

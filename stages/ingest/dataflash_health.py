@@ -105,15 +105,17 @@ def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> floa
         offset, times_us: places and time stamps of the records that have one, in file order.
         starts: ascending offsets where something is missing.
 
-    Medians over five records on either side keep one damaged time stamp from counting; a stretch over which the clock leaps by more
-    than a day, or goes back, is left out.
+    The stretch is that between the neighbours, or, where one of these has a damaged time stamp and it would be longer, between medians over
+    five records on either side; a stretch over which the clock leaps by more than a day, or goes back, is left out.
     """
     lost, covered = 0, -1
     for place in np.searchsorted(offset, starts).tolist():
         if place == 0 or place == offset.size:
             continue
-        start = max(middle(times_us[max(0, place - 5) : place].tolist()), covered)
-        stop = middle(times_us[place : place + 5].tolist())
+        start, stop = middle(times_us[max(0, place - 5) : place].tolist()), middle(times_us[place : place + 5].tolist())
+        if 0 < times_us[place] - times_us[place - 1] < stop - start:
+            start, stop = int(times_us[place - 1]), int(times_us[place])
+        start = max(start, covered)
         if 0 < stop - start < LEAP_US:
             lost += stop - start
             covered = stop

@@ -10,7 +10,7 @@ from __future__ import annotations
 import mmap
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -112,8 +112,7 @@ class DataFlashTextReader:
         buffer = np.ascontiguousarray(file.buffer, np.uint8).reshape(-1)
         if buffer.size == 0:
             raise LogError("the file is empty", file=file.name, remedy="Copy the log from the vehicle again.")
-        log = _decode(buffer, wanted) if buffer.size > NAME_BYTES else None
-        if log is None or not log.counts:
+        if buffer.size <= NAME_BYTES or not (log := _decode(buffer, wanted)).counts:
             raise LogError("no line declares a message format", file=file.name, allowed="a log with FMT lines")
         return log
 
@@ -211,9 +210,13 @@ def _members(data: Sliced, lines: Lines, losses: Losses) -> dict[str, Ints]:
 
 
 def _declare(data: Sliced, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
-    """The layouts of each message name with the line numbers from which they hold, and the lines of FMT that are sound."""
+    """The layouts of each message name with the line numbers from which they hold, and the lines of FMT that are sound.
+
+    Within one log no type is declared with other field names: a declaration that differs in nothing else is a damaged repetition.
+    """
     declared: dict[str, Declared] = {"FMT": [(0, layout.FMT)]}
     sound = []
+    begin = 0  # line with which the present log begins: the FMT of FMT
     for i in index.tolist():
         parts = [part.strip().decode("ascii", "backslashreplace") for part in data[lines.start[i] : lines.stop[i]].split(b",", 5)]
         if len(parts) < 6 or not (parts[1].isdigit() and parts[2].isdigit()):
@@ -227,9 +230,19 @@ def _declare(data: Sliced, lines: Lines, index: Ints, losses: Losses) -> tuple[d
             continue
         sound.append(i)
         definition = layout.Definition(id, length, name, formats, columns)
-        if name != "FMT" and (name not in declared or declared[name][-1][1] != definition):
+        line, known = declared.get(name, [(-1, None)])[-1]
+        if name == "FMT":
+            begin = i
+        elif known is not None and line > begin and replace(known, columns=columns) == definition:
+            if not _named(known) and _named(definition):
+                declared[name][-1] = (line, definition)
+        elif known != definition:
             declared.setdefault(name, []).append((i, definition))
     return declared, np.array(sound, np.int64)
+
+
+def _named(definition: layout.Definition) -> bool:
+    return not any(column[0].isdigit() for column in definition.columns)  # as cells do, which a damaged line takes for names
 
 
 def _by_layout(declared: Declared, index: Ints) -> list[tuple[layout.Definition, Ints]]:

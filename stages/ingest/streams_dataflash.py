@@ -152,6 +152,8 @@ def modes(messages: Messages, log: DecodedLog) -> Columns:
     number = messages.columns["ModeNum" if "ModeNum" in messages.columns else "Mode"]
     time_us = clock(messages, log)
     assert time_us is not None
+    if number.dtype.kind == "f":  # of several layouts, of which one lacks the field
+        time_us, number = time_us[~np.isnan(number)], number[~np.isnan(number)]
     return merge_modes(time_us, [mode_name(_mode_number(item)) for item in number], *_arming(log))
 
 

@@ -95,10 +95,11 @@ def places(buffer: Bytes, first: int, last: int) -> Integers:
     """Offsets from first to last - 1 of everything that looks like a time stamp before 2100 followed by a magic byte."""
     part = buffer[first : last + mavlink.STAMP_BYTES]
     number = max(part.size - mavlink.STAMP_BYTES, 0)
-    at = np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1) if number else np.zeros(0, np.int64)
+    at: Integers = np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1) if number else np.zeros(0, np.int64)
     at = at[part[at] == 0]
     at = at[part[at + 1] <= _LATEST_YEAR_BYTE]
-    return at + first
+    at += first
+    return at
 
 
 def frames_at(buffer: Bytes, start: Integers) -> Frames:

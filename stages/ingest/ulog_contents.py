@@ -18,6 +18,7 @@ NO_SUBSCRIPTION = "data without a subscription of their number"
 WRONG_SIZE = "data whose size does not fit their format"
 UNKNOWN_TYPE = "message of an unknown type"
 UNREADABLE = "message whose content cannot be read"
+TAIL_BYTES, PARTS_BACK = 4, 8
 UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 
 Ints = npt.NDArray[np.int64]
@@ -60,6 +61,28 @@ class Contents:
     texts: list[tuple[int, str]] = field(default_factory=list)
     dropouts_ms: list[int] = field(default_factory=list)
     unknown_flags: bool = False
+
+    def add_gap(self, buffer: npt.NDArray[np.uint8], start: int, stop: int, reason: str = DAMAGED) -> None:
+        """Account for `start:stop`, damaged unless said; zeros are named as such."""
+        if start >= stop:
+            return
+        if reason == DAMAGED and not buffer[start:stop].any():
+            reason = BLANK_END if stop == buffer.size else BLANK
+        self.gaps.append(Gap(start, stop, reason))
+
+    def drop_last(self) -> None:
+        """Take the last data message away again."""
+        offset, stream = self.data.pop()
+        self.data.append((offset[:-1], stream[:-1]))
+
+    def ends_as_before(self, buffer: npt.NDArray[np.uint8], last: int, stop: int) -> bool:
+        """Whether the last data message, `last:stop`, ends in the same bytes as the one of its stream before it: so it has all of them."""
+        for offset, stream in reversed(self.data[-PARTS_BACK:]):
+            earlier = offset[(stream == self.data[-1][1][-1]) & (offset < last)]
+            if earlier.size:
+                end = int(earlier[-1]) + stop - last
+                return bool((buffer[stop - TAIL_BYTES : stop] == buffer[end - TAIL_BYTES : end]).all())
+        return False
 
 
 class Numbers:

@@ -19,10 +19,8 @@ import numpy.typing as npt
 from data_schemas.formats import ulog as layout
 
 from . import ulog_messages as messages
-from .ulog_blocks import Block, data_headers
+from .ulog_blocks import Block, choose_format, data_headers
 from .ulog_contents import (
-    BLANK,
-    BLANK_END,
     CUT_BY_APPENDED,
     CUT_OFF,
     DAMAGED,
@@ -31,7 +29,6 @@ from .ulog_contents import (
     UNREADABLE,
     WRONG_SIZE_STREAM,
     Contents,
-    Gap,
     Numbers,
     Stream,
 )
@@ -39,6 +36,7 @@ from .ulog_contents import (
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
+MOST_CHOICES = 16  # between formats, each of which looks through the whole file
 FRAMES_TO_FOLLOW = 5
 FRAMES_TO_BELIEVE = 3
 LOOSE_TYPES = b"IMLC"
@@ -70,6 +68,7 @@ class Scan:
         self.block: Block | None = None
         self.block_version = -1
         self.block_bytes = FIRST_BLOCK
+        self.choices = MOST_CHOICES
         self.chained = -1  # offset of the data message that ends at the present place, -1 if none does
 
     def run(self) -> Contents:
@@ -158,9 +157,9 @@ class Scan:
 
     def _format(self, content: bytes, apply: bool) -> bool:
         declared = layout.parse_format(content)
-        if declared is None:
-            return False
-        return self.out.formats.add(declared) if apply else True
+        if declared is not None and apply:
+            self.out.formats.add(declared)
+        return declared is not None
 
     def _parameter(self, content: bytes, apply: bool) -> bool:
         found = messages.parameter(content)
@@ -180,6 +179,9 @@ class Scan:
 
     def _subscribe(self, content: bytes, apply: bool) -> bool:
         found = messages.subscription(content)
+        if apply and found is not None and found.topic in self.out.formats.rivals and self.choices:
+            self.choices -= 1
+            choose_format(self.buffer, self.words, self.out.formats, found)
         sizes = None if found is None else self.out.formats.layout(found.topic)
         if found is None or sizes is None:
             return False
@@ -219,6 +221,11 @@ class Scan:
             self.block_bytes = min(2 * self.block_bytes, LAST_BLOCK)
         at = int(block.offset.searchsorted(place))
         last = int(block.breaks[block.breaks.searchsorted(at)])
+        if block.is_filled(last):  # by whole messages: what began there was torn, and they only happen to end where it would
+            self.out.data.append((block.offset[at:last], block.stream[at:last]))
+            self.out.add_gap(self.buffer, int(block.offset[last]), int(block.offset[last + 1]))
+            self.chained = -1
+            return int(block.offset[last + 1])
         self.out.data.append((block.offset[at : last + 1], block.stream[at : last + 1]))
         self.chained = int(block.offset[last])
         return int(block.end[last])
@@ -231,24 +238,28 @@ class Scan:
         self.chained = -1
         resume = self._search(before + 1 if before >= 0 else place + 1)
         if resume < place:  # a message begins inside the one before: that one lost bytes
-            self._drop_last()
-            self._gap(before, resume)
+            self.out.drop_last()
+            self.out.add_gap(self.buffer, before, resume)
             return resume
         framed = self._framed(place, resume)
         if framed > place:
             return framed
         if resume == self.limit and self._cut_off(place):
-            self._gap(place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED)
+            self.out.add_gap(self.buffer, place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED)
             return self._pass_boundary(place, resume)
         behind = self._behind_misread_header(place)
         if place < behind <= resume:
-            self._gap(place, behind)
+            self.out.add_gap(self.buffer, place, behind)
             return behind
-        if before >= 0 and not self._blank_behind(place, resume) and not self._damage_starts_behind(place):
-            self._drop_last()
+        if (
+            before >= 0
+            and not self._blank_behind(place, resume)
+            and not (self._damage_starts_behind(place) or self.out.ends_as_before(self.buffer, before, place))
+        ):
+            self.out.drop_last()
             cut = resume == self.size and not self.buffer[place:].any()
-            self._gap(before, place, CUT_OFF if cut else DAMAGED)
-        self._gap(place, resume)
+            self.out.add_gap(self.buffer, before, place, CUT_OFF if cut else DAMAGED)
+        self.out.add_gap(self.buffer, place, resume)
         return resume
 
     def _blank_behind(self, place: int, resume: int) -> bool:
@@ -256,8 +267,8 @@ class Scan:
         return bool(self.buffer[place - 1]) and not self.buffer[place : min(resume, place + BLANK_BYTES)].any()
 
     def _damage_starts_behind(self, place: int) -> bool:
-        """Whether the first bytes at `place` are those of a header, so that the message before has all of its bytes: one with small
-        numbers, a size that data have, or the low byte of a size behind which the chain goes on."""
+        """Whether the message before `place` has all of its bytes: the first ones at `place` are those of a header (one with small
+        numbers, a size that data have, or the low byte of a size behind which the chain goes on)."""
         if place + layout.DATA_HEADER_BYTES > self.limit:
             return False
         size, kind, id = struct.unpack_from("<HBH", self.bytes, place)
@@ -275,17 +286,6 @@ class Scan:
             return boundary
         self.out.gaps.pop()
         return place
-
-    def _drop_last(self) -> None:
-        offset, stream = self.out.data.pop()
-        self.out.data.append((offset[:-1], stream[:-1]))
-
-    def _gap(self, start: int, stop: int, reason: str = DAMAGED) -> None:
-        if start >= stop:
-            return
-        if reason == DAMAGED and not self.buffer[start:stop].any():
-            reason = BLANK_END if stop == self.size else BLANK
-        self.out.gaps.append(Gap(start, stop, reason))
 
     def _cut_off(self, place: int) -> bool:
         """Whether what stands at `place` is the beginning of a message that the limit cuts."""
@@ -330,7 +330,7 @@ class Scan:
                     self.numbers.put(2, id, size, stream)
                 self.out.data.append((np.array([start]), np.array([stream], np.int32)))
             else:
-                self._gap(start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE)
+                self.out.add_gap(self.buffer, start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE)
         return frames[-1][1]
 
     def _frames(self, place: int, resume: int) -> Iterator[tuple[int, int, int]]:
