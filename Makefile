@@ -18,7 +18,7 @@ help:
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
 	@echo "make twin                 fly the VT 690 twin, write its logs, run the chain, compare with the truth"
-	@echo "make fuzz                 damage logs of every format in every way (long)"
+	@echo "make fuzz                 damage logs of every format in every way (long); READER=tlog: of one"
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
@@ -70,7 +70,7 @@ twin: $(STAMP)
 
 # Damage to small logs of every format, an hour on two cores; a failing case is kept under tests/data/fuzz.
 fuzz: $(STAMP)
-	python -m benchmarks.fuzz
+	python -m benchmarks.fuzz $(addprefix --reader ,$(READER))
 
 # Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
 regress: REGRESS = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),$(notdir $(wildcard tests/golden/*)))

@@ -1,6 +1,6 @@
 """Damage the small log of every reader in every way, and hold what is read against the whole log.
 
-    make fuzz    or    python -m benchmarks.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
+    make fuzz [READER=NAME]    or    python -m benchmarks.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
 
 Binary formats: every single bit flip and every cut point of a 20 kB log. All readers: seeded mutations (flips, overwritten bytes, cuts,
 zeros, repeats, splices, hostile values). No crash, hang, wrong account, invented record or wrong value; at least 99.9 % of the whole
@@ -45,6 +45,7 @@ CLEAN_FACTOR = 3
 KEPT_FILES = 20
 LARGE_SEEDS = 12
 LARGE_BYTES = 2_000_000
+TABLE_WIDTH = 150
 LARGE = {
     "dataflash": DATA / "bluerov2_ugps_small" / "small.BIN",
     "tlog": DATA / "bluerov2_ugps_small" / "small.tlog",
@@ -182,7 +183,7 @@ def main() -> int:
     work = list(chunks(names, given.mutations, given.every))
     tallies = {(name, kind): Tally() for name in names for kind in KINDS}
     seconds = dict.fromkeys(names, 0.0)
-    console, begin = Console(), time.perf_counter()
+    console, begin = Console(width=None if sys.stdout.isatty() else TABLE_WIDTH), time.perf_counter()
     os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # the others reserve address space that would count as used
     with multiprocessing.get_context("spawn").Pool(given.jobs, _start_worker) as pool, Progress(console=console) as progress:
         bars = {name: progress.add_task(name, total=sum(len(part[2]) for part in work if part[0] == name)) for name in names}
