@@ -13,8 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 Block = dict[str, Any]
+Figure = dict[str, Any]
 Array = npt.NDArray[np.float64]
 SHOWN_POINTS = 1200
+Z95 = 1.959964
+"""Standard errors from the middle to the ends of a 95 % interval."""
 AXES = ("X", "Y", "Z", "K", "M", "N")
 
 
@@ -66,6 +69,36 @@ def plot(
         "panels": list(panels),
         "group": group,
         "look_for": look_for,
+    }
+
+
+def figure(
+    quantity: str,
+    value: float | None,
+    unit: str,
+    error: float | None = None,
+    *,
+    interval: tuple[float, float] | None = None,
+    verdict: str | None = None,
+    note: str | None = None,
+    headline: bool = False,
+) -> Figure:
+    """One row of a `results` document; no number stands where there is none or it is not finite. interval: 95 %, else from the error."""
+    number = float(value) if value is not None and np.isfinite(value) else None
+    spread = float(error) if number is not None and error is not None and np.isfinite(error) else None
+    low, high = (None, None)
+    if number is not None and spread is not None:
+        low, high = interval if interval is not None else (number - Z95 * spread, number + Z95 * spread)
+    return {
+        "quantity": quantity,
+        "value": number,
+        "unit": unit,
+        "standard_error": spread,
+        "low": None if low is None else float(low),
+        "high": None if high is None else float(high),
+        "verdict": verdict,
+        "note": note,
+        "headline": headline,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,12 +29,13 @@ NEUTRAL_AFTER_S = 1e-9
 
 @dataclass(frozen=True)
 class LegRun:
-    """The run, its channel, whether the force is a command without unit, the times of its grid in the log, and what is to be said."""
+    """The run, its channel, whether its force is a command without unit, what was `measured` with its values `signal` (n,), what to say."""
 
     data: ChannelRun
     channel: str
     normalised: bool
     measured: str
+    signal: Array
     said: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -56,16 +57,18 @@ class Streams:
         return samples_within(table, names, start_us=self.start_us, lag_s=lag_s, window=self.window)
 
 
-def run_of_leg(channel: str, streams: Streams, *, constant: bool, max_gap_s: float, commands: bool, leg: str) -> LegRun:
+def run_of_leg(
+    channel: str, streams: Streams, *, constant: bool, max_gap_s: float, commands: bool, leg: str, said: Sequence[str] = ()
+) -> LegRun:
     """The run of a leg. Raises `DataError` when a stream that the channel needs is missing, too short, or nothing says what drove it."""
     index = CHANNELS.index(channel)
-    said: list[str] = []
+    words = list(said)
     warnings: list[str] = []
     rate, position, measured = _measured(channel, streams, leg)
     kept = _longest(rate if rate is not None else position, max_gap_s, leg, warnings)
     rate = None if rate is None else rate.between(*kept)
     position = None if position is None else position.between(*kept)
-    drive = _drive(index, streams, kept, commands, leg, said)
+    drive = _drive(index, streams, kept, commands, leg, words)
     signal = rate if rate is not None else position
     assert signal is not None
     first, last = max(signal.t_s[0], drive.t_s[0]), min(signal.t_s[-1], drive.end_s + max_gap_s)
@@ -73,9 +76,7 @@ def run_of_leg(channel: str, streams: Streams, *, constant: bool, max_gap_s: flo
     position = None if position is None else position.between(first, last)
     signal = rate if rate is not None else position
     if signal is None or signal.t_s.size < FEWEST:
-        raise DataError(
-            f"too few samples of {measured} in leg '{leg}'", value=0 if signal is None else signal.t_s.size, allowed=f"at least {FEWEST}"
-        )
+        raise _too_few(signal, leg)
     if position is not None and position.t_s.size < 2:
         position = None
     first, last = signal.t_s[0], signal.t_s[-1]
@@ -83,9 +84,9 @@ def run_of_leg(channel: str, streams: Streams, *, constant: bool, max_gap_s: flo
     grid = np.unique(np.concatenate([signal.t_s, changes, [] if position is None else position.t_s]))
     x = _velocity(signal, grid, rate is not None)
     left, right = drive.over(grid, x, streams.vehicle, index)
-    restoring = _restoring(channel, streams.vehicle, said)
+    restoring = _restoring(channel, streams.vehicle, words)
     if channel == "pitch":
-        coupling = _munk(streams, grid, said, leg)
+        coupling = _munk(streams, grid, words, leg)
         left, right = left + coupling[:-1], right + coupling[1:]
     none, empty = np.zeros(0, dtype=np.intp), np.zeros(0)
     run = SingleRun(
@@ -106,7 +107,7 @@ def run_of_leg(channel: str, streams: Streams, *, constant: bool, max_gap_s: flo
         rate_bias=rate is not None and index > 2,
         noise=THRESHOLDS["uvwpqr"[index]],
     )
-    return LegRun(data, channel, drive.normalised, measured, tuple(said), tuple(warnings))
+    return LegRun(data, channel, drive.normalised, measured, signal.values[:, 0], tuple(words), tuple(warnings))
 
 
 @dataclass(frozen=True)
@@ -150,9 +151,7 @@ def _measured(channel: str, streams: Streams, leg: str) -> tuple[Samples | None,
         depth = streams.samples("depth", ("depth_m",), vehicle.depth_sensor.lag_s) if channel == "heave" else None
         if depth is None or not depth.t_s.size:
             more = " or 'depth'" if channel == "heave" else ""
-            raise DataError(
-                f"leg '{leg}' needs the stream 'velocity'{more} for {channel}", remedy=f"It can come from: {supply_text('velocity')}."
-            )
+            raise _missing("velocity", leg, f"{more} for {channel}")
         return None, depth, "depth"
     angle = streams.samples("attitude", (ATTITUDE[index - 3],))
     if angle is not None and channel == "yaw":
@@ -160,16 +159,22 @@ def _measured(channel: str, streams: Streams, leg: str) -> tuple[Samples | None,
     if gyro is not None:
         gyro = Samples(gyro.t_s, gyro.values[:, index - 3 : index - 2])
     if gyro is None and angle is None:
-        raise DataError(
-            f"leg '{leg}' needs the stream 'imu' or 'attitude' for {channel}", remedy=f"It can come from: {supply_text('imu')}."
-        )
+        raise _missing("imu", leg, f" or 'attitude' for {channel}")
     return gyro, angle, f"rate {'pqr'[index - 3]}" if gyro is not None else f"angle {('phi', 'theta', 'psi')[index - 3]}"
+
+
+def _missing(stream: str, leg: str, more: str) -> DataError:
+    return DataError(f"leg '{leg}' needs the stream '{stream}'{more}", remedy=f"It can come from: {supply_text(stream)}.")
+
+
+def _too_few(signal: Samples | None, leg: str) -> DataError:
+    return DataError(f"too few samples in leg '{leg}'", value=0 if signal is None else signal.t_s.size, allowed=f"at least {FEWEST}")
 
 
 def _longest(signal: Samples | None, max_gap_s: float, leg: str, warnings: list[str]) -> tuple[float, float]:
     """The longest part of a signal without a gap; what is left out is said."""
     if signal is None or signal.t_s.size < FEWEST:
-        raise DataError(f"too few samples in leg '{leg}'", value=0 if signal is None else signal.t_s.size, allowed=f"at least {FEWEST}")
+        raise _too_few(signal, leg)
     parts = [(float(signal.t_s[a]), float(signal.t_s[b - 1])) for a, b in gaps(signal.t_s, max_gap_s)]
     best = max(parts, key=lambda part: part[1] - part[0])
     if len(parts) > 1:
@@ -185,7 +190,7 @@ def _drive(index: int, streams: Streams, kept: tuple[float, float], commands: bo
     """Force of thrusters and propeller, or the normalised command where the log has no more than that."""
     table, vehicle = streams.tables.get("actuators"), streams.vehicle
     if table is None:
-        raise DataError(f"leg '{leg}' needs the stream 'actuators'", remedy=f"It can come from: {supply_text('actuators')}.")
+        raise _missing("actuators", leg, "")
     t = (column(table, "time_us") - streams.start_us) / 1e6
     rows = np.arange(max(int(np.searchsorted(t, kept[0], side="right")) - 1, 0), int(np.searchsorted(t, kept[1], side="right")))
     command = f"command_{CHANNELS[index]}"
@@ -253,7 +258,7 @@ def _munk(streams: Streams, grid: Array, said: list[str], leg: str) -> Array:
     """-(Z_wdot - X_udot) u w on the grid (n,) [N m]: what drives pitch when surge and heave are driven, (64) corrected."""
     found = streams.samples("velocity", VELOCITY[:3], streams.vehicle.dvl.lag_s)
     if found is None or found.t_s.size < 2:
-        raise DataError(f"leg '{leg}' needs the stream 'velocity' for pitch", remedy=f"It can come from: {supply_text('velocity')}.")
+        raise _missing("velocity", leg, " for pitch")
     body = found.values @ streams.vehicle.dvl.rotation.T
     u, w = (np.interp(grid, found.t_s, body[:, axis]) for axis in (0, 2))
     difference = float(streams.vehicle.added_mass[2, 2] - streams.vehicle.added_mass[0, 0])

@@ -1,0 +1,127 @@
+"""Added mass and damping of single channels by recursive least squares and output error: Alberti 2015, chapters III and V."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.tables import make_table
+from hydro.dynamics.logged_directions import with_logged_directions
+from hydro.dynamics.vehicle import vehicle_from_document
+from hydro.identification.channel import DAMPING, ChannelEstimate, estimate_channel, unexcited
+from stages.base import Document, Stage, param, port
+from stages.signals import leg_window
+
+from .figures import channel_results, nothing_found
+from .run_of_leg import LegRun, Streams, run_of_leg
+from .shown import channel_section, channel_views, still_section
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """One leg, its log, the vehicle, and the raw streams of the log."""
+
+    leg: Document = port("leg")
+    log_info: Document = port("log_info")
+    vehicle: Document = port("vehicle")
+    velocity: pa.Table | None = port("velocity", optional=True)
+    imu: pa.Table | None = port("imu", optional=True)
+    attitude: pa.Table | None = port("attitude", optional=True)
+    depth: pa.Table | None = port("depth", optional=True)
+    actuators: pa.Table | None = port("actuators", optional=True)
+    battery: pa.Table | None = port("battery", optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    """Filter, estimator, and what is taken for the force."""
+
+    filter_rate_rad_s: float = param("rad/s", 1.0, meaning="rate a of the regression filter (44)", low=1e-3, high=1e3)
+    prior_spread: float = param("1", 1e6, meaning="initial covariance gamma_0 of every coefficient of (62)", low=1e-9, high=1e15)
+    memory_s: float = param("s", 0.0, meaning="time constant of exponential forgetting; 0: none", low=0.0)
+    lowest_trace: float = param("1", 0.0, meaning="lower limit of the trace of the covariance; 0: none", low=0.0)
+    highest_trace: float = param("1", 1e12, meaning="upper limit of the trace of the covariance under forgetting", low=1e-9)
+    constant_force: tuple[str, ...] = param("1", ("heave",), meaning="channels in which a constant force is found too (net buoyancy)")
+    use_commands: bool = param("1", False, meaning="take normalised commands for the force even where pulses are logged")
+    max_gap_s: float = param("s", 1.0, meaning="a longer pause of the measured signal splits the leg", low=0.01)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Nothing for a leg without a channel."""
+
+    results: dict[str, Any] | None = port("results", optional=True)
+    channel_run: pa.Table | None = port("channel_run", optional=True)
+    channel_history: pa.Table | None = port("channel_history", optional=True)
+    section: dict[str, Any] | None = port("section", optional=True)
+    views: dict[str, Any] | None = port("views", optional=True)
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """One leg. Raises `DataError` when a stream that its channel needs is missing or too short."""
+    channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
+    if channel is None:
+        return Outputs()
+    vehicle, said = with_logged_directions(vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"])
+    start_us = int(inputs.log_info["start_us"])
+    names = ("velocity", "imu", "attitude", "depth", "actuators", "battery")
+    tables = {name: getattr(inputs, name) for name in names}
+    streams = Streams(tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info["end_us"])), vehicle)
+    constant = channel in params.constant_force
+    found = run_of_leg(
+        channel, streams, constant=constant, max_gap_s=params.max_gap_s, commands=params.use_commands, leg=leg, said=[said] if said else []
+    )
+    reason = unexcited(found.data)
+    if reason:
+        return Outputs(results=nothing_found(leg, found, reason), section=still_section(leg, found, reason))
+    estimate = estimate_channel(
+        found.data,
+        filter_rate=params.filter_rate_rad_s,
+        prior_spread=params.prior_spread,
+        memory_s=params.memory_s or None,
+        limits=(params.lowest_trace, params.highest_trace),
+    )
+    results = channel_results(leg, found, estimate, vehicle)
+    return Outputs(
+        results=results,
+        channel_run=_run_table(found, estimate),
+        channel_history=_history_table(estimate),
+        section=channel_section(leg, found, estimate, results, params.filter_rate_rad_s),
+        views=channel_views(leg, found, estimate),
+    )
+
+
+def _run_table(found: LegRun, estimate: ChannelEstimate) -> pa.Table:
+    """Measured and simulated signal at the samples of the run."""
+    run, at = found.data.run, found.data.samples
+    columns = {"t_s": run.grid_s[at], "measured": found.signal, "force": np.append(run.force_left, run.force_right[-1])[at]}
+    for name in DAMPING:
+        columns[name.replace(" ", "_")] = estimate.fits[name].simulated[at]
+    return make_table("channel_run", columns)
+
+
+def _history_table(estimate: ChannelEstimate) -> pa.Table:
+    """Recursive estimates of all damping models, one below the other."""
+    parts: dict[str, list[Any]] = {}
+    for name in DAMPING:
+        recursive, excited = estimate.recursive[name], estimate.excitation[name]
+        t = recursive.estimate.t_s
+        block: dict[str, Any] = {"damping": [name] * t.size, "t_s": t}
+        for index, quantity in enumerate(("mass", "linear", "quadratic")):
+            block[quantity] = recursive.values[:, index]
+            block[f"{quantity}_sd"] = recursive.spread[:, index]
+        block["smallest_eigenvalue"] = np.interp(t, excited.t_s, excited.smallest)
+        for key, values in block.items():
+            parts.setdefault(key, []).append(values)
+    return make_table("channel_history", {key: _joined(values) for key, values in parts.items()})
+
+
+def _joined(values: list[Any]) -> Any:
+    return list(chain.from_iterable(values)) if isinstance(values[0], list) else np.concatenate(values)
+
+
+STAGE = Stage("rlse", "Added mass and damping of single-channel legs, by recursive least squares", "leg", Inputs, Params, Outputs, run)

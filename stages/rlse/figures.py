@@ -1,0 +1,128 @@
+"""The figures of a single-channel run as results: masses and damping with intervals, verdicts, and what was compared.
+
+Names: `m - X_udot`, `X_udot`, `X_u`, `X_u|u|` are those of the chosen damping model by output error; in brackets behind them stands another
+damping model, and `recursive` for the recursive estimate: `X_udot (quadratic)`, `X_udot (quadratic, recursive)`. Where only commands are
+known: `X_u/(m - X_udot)`, `X_u|u|/(m - X_udot)`, `1/(m - X_udot)`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hydro.dynamics.vehicle import Vehicle
+from hydro.identification.channel import CHANNELS, DAMPING, ChannelEstimate, ChannelFit, RecursiveFit, symbols
+from hydro.identification.persistence import NOT_EXCITED, PERSISTENT
+from stages.sections import Figure, figure
+from stages.signals import Array
+
+from .run_of_leg import LegRun
+
+CLEAR = 2.0
+"""A figure is identified from this many standard errors on."""
+IDENTIFIED, WEAK = "identified", "weak"
+
+
+def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
+    """Results of a channel that was never excited: every figure by name, without a number."""
+    names = symbols(found.channel)
+    mass, one, two, _ = names.units
+    quantities = ((f"{names.mass} - {names.added}", mass), (names.added, mass), (names.linear, one), (names.quadratic, two))
+    rows = [figure(quantity, None, unit, verdict=NOT_EXCITED, note=reason, headline=True) for quantity, unit in quantities]
+    return {"title": f"{found.channel} of leg {leg}", "rows": rows}
+
+
+def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, vehicle: Vehicle) -> dict[str, Any]:
+    """All figures of a leg: the chosen damping model first, then every damping model by both methods, errors and excitation."""
+    dry = dry_mass(found.channel, vehicle)
+    rows: list[Figure] = []
+    for name in (None, *DAMPING):
+        fit = estimate.fits[name or estimate.chosen]
+        suffix, note = ("", f"{estimate.chosen} damping, output error") if name is None else (f" ({name})", None)
+        rows += _figures(found, fit, _status(estimate, name or estimate.chosen), dry, suffix, note, headline=name is None)
+    for name in DAMPING:
+        rows += _recursive_figures(found, estimate.recursive[name], estimate, name, dry)
+    signal = "m/s" if CHANNELS.index(found.channel) < 3 else "rad/s"
+    if not found.data.run.rate.size:
+        signal = "m" if found.channel == "heave" else "rad"
+    for name, fit in estimate.fits.items():
+        rows.append(figure(f"rmse ({name})", fit.rmse, signal))
+        rows.append(figure(f"rmse held out ({name})", fit.held_out, signal))
+    for name, excited in estimate.excitation.items():
+        rows.append(figure(f"smallest eigenvalue of C_n ({name})", float(excited.smallest[-1]), "1", verdict=excited.status))
+    return {"title": f"{found.channel} of leg {leg}", "rows": rows}
+
+
+def dry_mass(channel: str, vehicle: Vehicle) -> float:
+    """Mass [kg] or moment of inertia [kg m^2] of the vehicle file that is taken off for the added mass."""
+    index = CHANNELS.index(channel)
+    return vehicle.mass_kg if index < 3 else float(vehicle.inertia[index - 3, index - 3])
+
+
+def _status(estimate: ChannelEstimate, name: str) -> str:
+    return str(estimate.excitation[name].status)
+
+
+def _verdict(status: str, value: float, error: float) -> str:
+    if status != PERSISTENT:
+        return status
+    return IDENTIFIED if abs(value) >= CLEAR * error else WEAK
+
+
+def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
+    names = symbols(found.channel)
+    mass_unit, linear_unit, quadratic_unit, force_unit = names.units
+    values, errors = fit.values, fit.standard_errors
+    total = f"{names.mass} - {names.added}"
+    rows = []
+    if found.normalised:
+        theta, covariance = fit.normalised()
+        spread = np.sqrt(np.diag(covariance))
+        for index, (quantity, unit) in enumerate(
+            ((names.linear, "1/s"), (names.quadratic, per_length(found.channel)), ("1", per_command(found)))
+        ):
+            if theta[index] != 0.0:
+                verdict = _verdict(status, theta[index], spread[index])
+                quantity = f"{quantity}/({total}){suffix}"
+                rows.append(figure(quantity, theta[index], unit, spread[index], verdict=verdict, note=note, headline=headline))
+        return rows
+    low, high = fit.mass_interval
+    more: dict[str, Any] = {"note": note, "headline": headline}
+    verdict = _verdict(status, values[0], errors[0])
+    rows.append(figure(total + suffix, values[0], mass_unit, errors[0], interval=(low, high), verdict=verdict, **more))
+    added = figure(names.added + suffix, dry - values[0], mass_unit, errors[0], interval=(dry - high, dry - low), **more)
+    rows.append(added | {"verdict": _verdict(status, dry - values[0], errors[0])})
+    for quantity, unit, index in ((names.linear, linear_unit, 1), (names.quadratic, quadratic_unit, 2), ("constant force", force_unit, 3)):
+        if errors[index] > 0.0:
+            verdict = _verdict(status, values[index], errors[index])
+            rows.append(figure(quantity + suffix, values[index], unit, errors[index], verdict=verdict, **more))
+    return rows
+
+
+def _recursive_figures(found: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float) -> list[Figure]:
+    names, suffix = symbols(found.channel), f" ({name}, recursive)"
+    values, errors = fit.values[-1], fit.spread[-1]
+    total = f"{names.mass} - {names.added}"
+    if found.normalised:
+        theta, spread = fit.estimate.theta[-1], errors[0] / values[0] ** 2
+        return [figure(f"1/({total}){suffix}", 1.0 / values[0], per_command(found), spread)] if theta.size else []
+    rows = [
+        figure(total + suffix, values[0], names.units[0], errors[0]),
+        figure(names.added + suffix, dry - values[0], names.units[0], errors[0]),
+    ]
+    has: Array = np.array(DAMPING[name])
+    for quantity, unit, index in ((names.linear, names.units[1], 1), (names.quadratic, names.units[2], 2)):
+        if has[index - 1]:
+            rows.append(figure(quantity + suffix, values[index], unit, errors[index]))
+    return rows
+
+
+def per_length(channel: str) -> str:
+    """Unit of a quadratic damping over a mass."""
+    return "1/m" if CHANNELS.index(channel) < 3 else "1/rad"
+
+
+def per_command(found: LegRun) -> str:
+    """Unit of the acceleration that a whole command gives."""
+    return "m/s^2" if CHANNELS.index(found.channel) < 3 else "rad/s^2"
