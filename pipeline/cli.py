@@ -64,6 +64,8 @@ def report(
     campaign: CampaignName,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Make the report again from the artefacts.")] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+    compare: Annotated[bool, typer.Option("--compare", help="Make a copy with a section against the run before.")] = False,
+    against: Annotated[int | None, typer.Option(metavar="N", help="As --compare, against run N of auvid history.")] = None,
 ) -> None:
     """Say where the report of a campaign is, rebuild it, or open it."""
     from pipeline import engines, session
@@ -75,6 +77,10 @@ def report(
     page = session.places(opened).get("report")
     if page is None or not page.is_file():
         raise PipelineError("there is no report yet", value=opened.campaign.name, remedy=f"auvid run {opened.campaign.name}")
+    if compare or against is not None:
+        from pipeline import history_page
+
+        page = history_page.write_compared(opened, against)
     print(page)
     if open_it:
         typer.launch(page.resolve().as_uri())
@@ -113,7 +119,9 @@ def inspect(
 
 @app.command(epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd")
 def diff(
-    first: Annotated[str, typer.Argument(metavar="A", help="Campaign, run folder or golden folder; @MODEL or @STAGE.PARAMETER=VALUE.")],
+    first: Annotated[
+        str, typer.Argument(metavar="A", help="Campaign, run folder or golden folder; @MODEL, @RUN or @STAGE.PARAMETER=VALUE.")
+    ],
     second: Annotated[str, typer.Argument(metavar="B", help="What it is compared with, in the same words.")],
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording: both over one another, and the difference.")
@@ -132,6 +140,18 @@ def diff(
 
     if not comparing.diff(first, second, save=save, picture=screenshot, as_json=as_json, relative=relative):
         raise typer.Exit(FAILED)
+
+
+@app.command(epilog="Example: auvid history bluerov2_dvl --run 3")
+def history(
+    campaign: CampaignName,
+    number: Annotated[int | None, typer.Option("--run", metavar="N", help="Show this run in full.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all that is remembered as JSON.")] = False,
+) -> None:
+    """List the earlier runs of a campaign: what was changed, and how good the best model was."""
+    from pipeline import history_page
+
+    history_page.show(campaign, number=number, as_json=as_json)
 
 
 @app.command(epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"')

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from data_schemas.errors import DataError, PipelineError, nearest
-from pipeline import artefacts, engines, golden, inspection, session
+from pipeline import artefacts, engines, golden, history, inspection, session
 from pipeline.check_page import plain
 from pipeline.files import write_atomically
 from pipeline.golden import Departure, Tables
@@ -114,7 +114,8 @@ def difference(one: Loaded, two: Loaded, found: Sequence[Pair], alone: Sequence[
 
 
 def load(word: str) -> Loaded:
-    """A side of the command line: campaign, run folder or folder of golden tables, with `@MODEL` or `@STAGE.PARAMETER=VALUE` behind it.
+    """A side of the command line: campaign, run folder or folder of golden tables, with `@MODEL`, `@RUN` of the
+    history or `@STAGE.PARAMETER=VALUE` behind it.
 
     Raises `PipelineError` for what is none of these, has not been run, or has no such model or parameter.
     """
@@ -128,6 +129,8 @@ def load(word: str) -> Loaded:
         variant = VARIANT.fullmatch(narrow)
         if variant is not None:
             return _from_folder(word, _variant(run, *variant.groups()))
+        if narrow.isdigit():
+            return Loaded(Side(word), history.entry_of(run, int(narrow)).error_tables)
         loaded = _from_folder(what, run.folder)
     if not narrow:
         return loaded

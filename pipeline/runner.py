@@ -14,6 +14,7 @@ from typing import Any
 
 from data_schemas.errors import DataError, PipelineError, raise_faults
 from data_schemas.schemas import schema
+from pipeline import history
 from pipeline.campaign import Campaign
 from pipeline.engines import Engine
 from pipeline.files import prune, sweep, write_atomically
@@ -69,7 +70,10 @@ class Run:
         """
         with locked(self.folder):
             try:
-                return sum(self._stage(stage, engine, progress or Silent(), force) for stage in stages)
+                count = sum(self._stage(stage, engine, progress or Silent(), force) for stage in stages)
+                if count and any(stage.name == "report" for stage in stages):
+                    history.remember(self)
+                return count
             finally:
                 engine.close()
                 for stage in stages:

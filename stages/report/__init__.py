@@ -17,6 +17,8 @@ from stages.report.own_sections import legs_section, provenance_section, vehicle
 from stages.report.summary import Summary, summarise
 from stages.report.summary_results import summarise_results
 
+NO_MORE: Mapping[str, Document] = {}
+
 
 @dataclass(frozen=True)
 class Inputs:
@@ -59,14 +61,18 @@ class Told:
 
 def run(inputs: Inputs, params: Params) -> Outputs:
     told = tell(inputs)
+    return Outputs(report_html=page(inputs, told), recording=draw(inputs, params, told))
+
+
+def page(inputs: Inputs, told: Told) -> bytes:
+    """The report as HTML."""
     notes = str(inputs.campaign.get("notes") or "")
     log_of = {name: str(item["log"]) for name, item in told.segments.items()} if len(told.logs) > 1 else {}
-    page = render(told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of)
-    return Outputs(report_html=page, recording=draw(inputs, params, told))
+    return render(told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of)
 
 
-def tell(inputs: Inputs) -> Told:
-    """The first screen and the sections of all stages."""
+def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
+    """The first screen and the sections of all stages, and `more` sections."""
     sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
     cards, segments, logs = dict(inputs.model_card or {}), dict(inputs.segment or {}), dict(inputs.log_info or {})
     title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
@@ -77,7 +83,7 @@ def tell(inputs: Inputs) -> Told:
         summary = summarise_results(results, logs, sections, inputs.vehicle)
     else:
         summary = summarise(cards, inputs.error_table, segments, logs, sections, inputs.vehicle, inputs.free_run)
-    return Told(title, summary, sections, segments, logs)
+    return Told(title, summary, {**sections, **more}, segments, logs)
 
 
 def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False) -> bytes:
