@@ -1,0 +1,116 @@
+"""Partial derivatives of the parts of the equations of motion, for linearisation about a motion.
+
+They are analytic because the moduli in drag make complex steps wrong; at the kink of a modulus the derivative is that of its middle, 0.
+All functions take leading batch dimensions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hydro.dynamics.arrays import VELOCITIES, Array
+from hydro.dynamics.kinematics import euler_rate_matrix, rotation_body_to_ned, skew
+from hydro.dynamics.viscous_basis import BASIS_TERMS, MODULI, PROPULSION
+
+
+def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:
+    """d(C(nu) nu)/d(nu) of (2.23): M (..., 6, 6), nu (..., 6) -> (..., 6, 6)."""
+    nu, M = np.asarray(nu, dtype=np.float64), np.asarray(M, dtype=np.float64)
+    momentum = (M @ nu[..., None])[..., 0]
+    linear, angular = skew(momentum[..., :3]), skew(momentum[..., 3:])
+    velocity, rate = skew(nu[..., :3]), skew(nu[..., 3:])
+    out = np.empty((*np.broadcast_shapes(nu.shape[:-1], M.shape[:-2]), 6, 6))
+    out[..., :3, :] = rate @ M[..., :3, :]
+    out[..., 3:, :] = velocity @ M[..., :3, :] + rate @ M[..., 3:, :]
+    out[..., :3, 3:] -= linear
+    out[..., 3:, :3] -= linear
+    out[..., 3:, 3:] -= angular
+    return out
+
+
+def restoring_jacobian(eta: ArrayLike, *, weight: ArrayLike, buoyancy: ArrayLike, r_G: ArrayLike, r_B: ArrayLike) -> Array:
+    """d(tau_G)/d(eta) of (2.44): (..., 6) -> (..., 6, 6); only the columns of phi and theta are not 0."""
+    attitude = np.asarray(eta, dtype=np.float64)[..., 3:]
+    heavy, lift = np.asarray(weight, dtype=np.float64), np.asarray(buoyancy, dtype=np.float64)
+    net = heavy - lift
+    moment = np.asarray(r_G, dtype=np.float64) * heavy[..., None] - np.asarray(r_B, dtype=np.float64) * lift[..., None]
+    x, y, z = moment[..., 0], moment[..., 1], moment[..., 2]
+    sf, cf = np.sin(attitude[..., 0]), np.cos(attitude[..., 0])
+    st, ct = np.sin(attitude[..., 1]), np.cos(attitude[..., 1])
+    out = np.zeros((*np.broadcast_shapes(sf.shape, net.shape), 6, 6))
+    by_roll = (np.zeros_like(sf), net * ct * cf, -net * ct * sf, -y * ct * sf - z * ct * cf, x * ct * sf, x * ct * cf)
+    by_pitch = (-net * ct, -net * st * sf, -net * st * cf, -y * st * cf + z * st * sf, -z * ct + x * st * cf, -x * st * sf + y * ct)
+    for row in range(6):
+        out[..., row, 3], out[..., row, 4] = by_roll[row], by_pitch[row]
+    return out
+
+
+def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
+    """d(eta_dot)/d(nu) and d(eta_dot)/d(eta) of (2.11): (..., 6), (..., 6) -> (..., 6, 6) each. nan at singular pitch."""
+    eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
+    attitude, v, omega = eta[..., 3:], nu[..., :3], nu[..., 3:]
+    turn, rates = rotation_body_to_ned(attitude), euler_rate_matrix(attitude)
+    by_nu = np.zeros((*eta.shape[:-1], 6, 6))
+    by_nu[..., :3, :3], by_nu[..., 3:, 3:] = turn, rates
+    phi, theta = attitude[..., 0], attitude[..., 1]
+    sf, cf, ct, tt = np.sin(phi), np.cos(phi), np.cos(theta), np.tan(theta)
+    zero, one = np.zeros_like(sf), np.ones_like(sf)
+    pitch_axis = np.stack([zero, cf, -sf], axis=-1)
+    roll_axis = np.stack([one, zero, zero], axis=-1)
+    by_eta = np.zeros_like(by_nu)
+    for column, axis in ((3, roll_axis), (4, pitch_axis)):
+        by_eta[..., :3, column] = (turn @ np.cross(axis, v)[..., None])[..., 0]
+    ground = (turn @ v[..., None])[..., 0]
+    by_eta[..., 0, 5], by_eta[..., 1, 5] = -ground[..., 1], ground[..., 0]
+    q, r = omega[..., 1], omega[..., 2]
+    across, along = cf * q - sf * r, sf * q + cf * r
+    by_eta[..., 3, 3], by_eta[..., 4, 3], by_eta[..., 5, 3] = tt * across, -along, across / ct
+    by_eta[..., 3, 4], by_eta[..., 5, 4] = along / ct**2, along * tt / ct
+    return by_nu, by_eta
+
+
+def basis_jacobian(nu: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | None = None, minimum_speed: float = 0.05) -> Array:
+    """d(xi)/d(nu) of the basis terms: nu (..., 6) -> (..., n_terms, 6).
+
+    `ratio` (...) is the propulsion ratio eta = u_c / U of `viscous_basis.eta_ratio`, which falls with U above `minimum_speed`.
+    """
+    nu = np.asarray(nu, dtype=np.float64)
+    value, slope = _factors(nu, ratio, minimum_speed)
+    out = np.zeros((*nu.shape[:-1], len(terms), 6))
+    for row, name in enumerate(terms):
+        factors = BASIS_TERMS[name].factors
+        for i, factor in enumerate(factors):
+            others = np.ones(nu.shape[:-1])
+            for j, other in enumerate(factors):
+                if j != i:
+                    others = others * value[other]
+            out[..., row, :] += slope[factor] * others[..., None]
+    return out
+
+
+def _factors(nu: Array, ratio: ArrayLike | None, minimum_speed: float) -> tuple[dict[str, Array], dict[str, Array]]:
+    value: dict[str, Array] = {}
+    slope: dict[str, Array] = {}
+    for index, (name, modulus) in enumerate(zip(VELOCITIES, MODULI, strict=True)):
+        unit = np.zeros(6)
+        unit[index] = 1.0
+        value[name], slope[name] = nu[..., index], np.broadcast_to(unit, nu.shape)
+        value[modulus], slope[modulus] = np.abs(nu[..., index]), np.sign(nu[..., index])[..., None] * unit
+    across = np.hypot(nu[..., 1], nu[..., 2])
+    slope_V = np.zeros(nu.shape)
+    slope_V[..., 1:3] = nu[..., 1:3] / np.where(across > 0.0, across, 1.0)[..., None]
+    value["V"], slope["V"] = across, slope_V
+    for name, index in (("Vv", 1), ("Vw", 2)):
+        sign = np.sign(nu[..., index])
+        value[name], slope[name] = across * sign, slope_V * sign[..., None]
+    if ratio is not None:
+        eta = np.asarray(ratio, dtype=np.float64)
+        square = np.sum(nu[..., :3] ** 2, axis=-1)
+        falls = np.where(square > minimum_speed**2, -eta / np.maximum(square, minimum_speed**2), 0.0)
+        by_nu = np.zeros(nu.shape)
+        by_nu[..., :3] = falls[..., None] * nu[..., :3]
+        value[PROPULSION], slope[PROPULSION] = eta - 1.0, by_nu
+    return value, slope
