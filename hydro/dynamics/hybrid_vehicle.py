@@ -76,16 +76,19 @@ def hybrid_vehicle(document: Mapping[str, Any], parameter_set: str = "as_simulat
     """The vehicle of a document with `geometry`, `buoyancy_engine` and `propulsion`, under one of the PARAMETER_SETS.
 
     `as_printed`: published coefficients, lift by the printed formulas. `as_simulated`: the same with the values that the source's own
-    simulations need. `corrected`: strip theory with the errata applied. Raises `CampaignError` for other names and missing blocks.
+    simulations need. `corrected`: strip theory with the errata applied. Raises `CampaignError` for other names, for missing blocks, and
+    for a mass of the vehicle that its engine cannot hold.
     """
     vehicle = vehicle_from_document(document)
     chosen = parameter_coefficients(document, parameter_set)
     model = IdentifiedModel(parameter_set, viscous_terms(chosen))
     if vehicle.thrusters is None or vehicle.thrusters.curve.force_N[-1] <= 0.0:
         raise CampaignError("a hybrid vehicle needs a thruster", field="actuators.thrusters", value=vehicle.name)
+    engine = buoyancy_engine_from_document(document)
+    engine.check(vehicle.mass_kg, field="rigid_body.mass")
     return HybridVehicle(
         vehicle=vehicle,
-        engine=buoyancy_engine_from_document(document),
+        engine=engine,
         parameter_set=parameter_set,
         added_mass=read_only(added_mass_matrix(chosen)),
         terms=model.terms,

@@ -13,6 +13,7 @@ from data_schemas.documents import check_document
 from data_schemas.errors import CampaignError
 from hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, chi_dot, hybrid_vehicle, nu_dot, parameter_coefficients
 from hydro.dynamics.kinematics import rotation_body_to_ned
+from hydro.dynamics.viscous_basis import basis
 
 ROOT = Path(__file__).parents[2]
 HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
@@ -138,6 +139,24 @@ def test_a_steady_current_carries_the_vehicle_and_changes_nothing_else():
     np.testing.assert_allclose(moved[:, 3:], still[:, 3:], atol=1e-10)
 
 
+def test_port_and_starboard_are_alike():
+    """The motion seen in a mirror is a motion: v, p, r, y, phi, psi and the rudder change sign, the stern fins change places."""
+    chi, U, mass = states(8, 30)
+    flip = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    mirrored = nu_dot(SIMULATED, chi * np.tile(flip, 2), U[:, [0, 1, 3, 2]] * [1.0, -1.0, 1.0, 1.0], mass_kg=mass)
+    np.testing.assert_allclose(mirrored, flip * nu_dot(SIMULATED, chi, U, mass_kg=mass), rtol=1e-9, atol=1e-10)
+
+
+def test_drag_and_lift_of_the_corrected_set_take_energy_out():
+    """Moving along or about one axis at a time, the viscous force of the corrected set opposes the motion."""
+    hybrid = hybrid_vehicle(HAUV, "corrected")
+    for axis in range(6):
+        for speed in (-0.7, 0.7):
+            nu = np.zeros(6)
+            nu[axis] = speed
+            assert nu @ hybrid.viscous @ basis(nu, None, hybrid.terms) < 0.0
+
+
 def test_the_force_field_acts_at_the_centre_of_gravity():
     chi, U, mass = np.zeros(12), np.zeros(4), 73.5
     M = SIMULATED.mass_matrix(mass, 0.02)
@@ -185,6 +204,10 @@ def test_documents_that_cannot_be_are_refused():
         del broken[key]
         with pytest.raises(CampaignError, match=message):
             hybrid_vehicle(broken)
+    heavy = copy.deepcopy(HAUV)
+    heavy["rigid_body"]["mass"]["value"] = 80.0
+    with pytest.raises(CampaignError, match=r"rigid_body.mass.*71.5 .empty. to 73.5 kg"):
+        hybrid_vehicle(heavy)
     swapped = copy.deepcopy(HAUV)
     swapped["buoyancy_engine"]["mass_full"]["value"] = 70.0
     with pytest.raises(CampaignError, match="do not ascend"):
