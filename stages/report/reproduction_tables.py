@@ -123,14 +123,16 @@ def repeats(told: Told) -> Iterator[Block]:
         return
     seeds = {entry["id"]: entry.get("seed") for entry in told.document["plans"]}
     label = told.label(name)
-    columns = [(use, plan) for use in ("validation", "training") for plan in shown]
-    heads = ["model", *(f"J/J0 {use}, {'seed of the manifest' if seeds[plan] is None else f'seed {seeds[plan]}'}" for use, plan in columns)]
-    rows: list[Cells] = []
-    for model in _order(told, "validation", shown):
-        rows.append([model_title(told, model), *(shown[plan].scores[(use, model)].ratio for use, plan in columns)])
-    j0 = ", ".join(f"{shown[plan].j0[use]:.2f}" for use, plan in columns)
-    note = f"J0: {j0}. Models that differ by less than the draws of noise and unsteady force do are not told apart by the table."
-    yield table(f"{label} with other random numbers: J/J0", heads, rows, note=note)
+    heads = ["model", *(f"J/J0 {'seed of the manifest' if seeds[plan] is None else f'seed {seeds[plan]}'}" for plan in shown)]
+    for use in ("validation", "training"):
+        if not all(use in item.j0 for item in shown.values()):
+            continue
+        rows: list[Cells] = []
+        for model in _order(told, use, shown):
+            rows.append([model_title(told, model), *(item.scores[(use, model)].ratio for item in shown.values())])
+        j0 = ", ".join(f"{item.j0[use]:.2f}" for item in shown.values())
+        note = f"J0: {j0}. Models that differ by less than the draws of noise and unsteady force do are not told apart by the table."
+        yield table(f"{label} with other random numbers, {use}: J/J0", heads, rows, note=note)
 
 
 def _order(told: Told, use: str, shown: Mapping[str, Found]) -> list[str]:

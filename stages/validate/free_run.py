@@ -120,27 +120,23 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
         note += f" {left_out} rows without a bounded run are left out." if left_out else ""
         if rows:
             blocks.append(table(f"Free run on {segment}: error of the state", heads, rows, note=note))
-    gone = [_divergence(model, title, results) for model, title in titles.items()]
-    if any(gone):
-        words = "; ".join(item for item in gone if item)
-        blocks.insert(0, remark(f"Run freely, these models leave all bounds (10 m/s or 10 rad/s): {words}.", "warning"))
+    lost = [item for item in (_divergence(model, title, results) for model, title in titles.items()) if item]
+    if lost:
+        words = f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10 rad/s), first after: "
+        words += ", ".join(f"{title} {first_s:.1f} s" for title, first_s, _ in lost) + "."
+        for horizon in sorted({never for *_, never in lost if never is not None}):
+            names = [title for title, _, never in lost if never == horizon]
+            words += f" No run of {horizon:g} s held: {'all models' if len(names) == len(titles) > 1 else ', '.join(names)}."
+        blocks.insert(0, remark(words, "warning"))
     return blocks
 
 
-def _divergence(model: str, title: str, results: pa.Table) -> str:
-    """When a model first left the bounds, and the horizons that no run reached; empty for one that stayed."""
+def _divergence(model: str, title: str, results: pa.Table) -> tuple[str, float, float | None] | None:
+    """Title, when a model first left the bounds, and the shortest horizon that no run reached; None for a model that stayed."""
     rows = [row for row in results.to_pylist() if row["model"] == model]
-    gone = [row for row in rows if row["diverged"]]
-    if not gone:
-        return ""
-    first = min(gone, key=lambda row: float(row["first_divergence_s"]))
-    words = f"{title} first {first['first_divergence_s']:.1f} s after a start on {first['segment']}"
-    never = [
-        horizon
-        for horizon in dict.fromkeys(row["horizon_s"] for row in rows)
-        if all(row["diverged"] == row["starts"] for row in rows if row["horizon_s"] == horizon)
-    ]
-    return f"{words}, no run of {min(never):g} s held" if never else words
+    gone = [float(row["first_divergence_s"]) for row in rows if row["diverged"]]
+    horizons = {float(row["horizon_s"]) for row in rows} - {float(row["horizon_s"]) for row in rows if row["diverged"] < row["starts"]}
+    return (title, min(gone), min(horizons, default=None)) if gone else None
 
 
 def _units() -> list[tuple[str, str]]:

@@ -135,10 +135,12 @@ def test_inconsistent_row_and_number_of_terms_are_explained() -> None:
 
 
 def test_other_seeds_stand_beside_one_another() -> None:
-    (shown,) = repeats(told())
-    linear = next(row for row in shown["rows"] if row[0] == "Linear")
-    assert linear[1:3] == [0.25, 0.22]
-    assert [head["name"] for head in shown["columns"]][1:3] == ["J/J0 validation, seed of the manifest", "J/J0 validation, seed 1"]
+    validation, training = repeats(told())
+    for shown, use in ((validation, "validation"), (training, "training")):
+        assert shown["title"].endswith(f"with other random numbers, {use}: J/J0")
+        linear = next(row for row in shown["rows"] if row[0] == "Linear")
+        assert linear[1:3] == [0.25, 0.22]
+        assert [head["name"] for head in shown["columns"]][1:3] == ["J/J0 seed of the manifest", "J/J0 seed 1"]
 
 
 def test_first_screen_says_whether_the_table_came_out() -> None:

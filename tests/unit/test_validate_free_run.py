@@ -68,7 +68,8 @@ def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Tabl
     (told,) = (block for block in blocks if block["kind"] == "remark")
     words = told["text"]
     assert told["level"] == "warning"
-    assert "Wild first " in words
+    assert "1 of 2 models" in words
+    assert "Wild " in words
     assert "True" not in words
     first = min(value for value in column(results, "first_divergence_s") if np.isfinite(value))
     assert f"{first:.1f} s" in words
@@ -83,7 +84,7 @@ def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(flown: tuple[p
     assert len(shown["rows"]) == results.num_rows - lost
     assert all(value is not None for row in shown["rows"] for value in row)
     assert f"{lost} rows without a bounded run are left out" in shown["note"]
-    assert "no run of " in blocks[0]["text"]
+    assert "No run of " in blocks[0]["text"]
 
 
 def test_a_segment_shorter_than_every_horizon_gives_no_rows(flown: tuple[pa.Table, pa.Table]) -> None:
