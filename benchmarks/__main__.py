@@ -18,6 +18,7 @@ BENCHMARKS = {
     "decode_text": ["tests/data/bluerov2_ugps_small/small.BIN"],
     "decode_csv": ["campaigns/bluerov2_dvl_csv/logs/imu.csv", "campaigns/bluerov2_dvl_csv/columns/imu.yaml"],
     "simulation": [],
+    "recording": [],
     "synthesis": [],
     "chain": [],
 }
