@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import stat
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from data_schemas.errors import DataError, LogError, PipelineError
 from data_schemas.tables import column, matrix
 from hydro.identification.clock_offset import ClockOffset, clock_offset
 from pipeline.campaign import Campaign, LogFile, load_campaign
-from pipeline.files import readable, write_atomically
+from pipeline.files import contents, readable, write_atomically
 from pipeline.workspace import workspace_of
 from pipeline.yaml_files import load_yaml
 from stages import KINDS, ingest
@@ -32,6 +33,7 @@ from stages.simulate.csv_writer import column_maps
 FINE, REFUSED, LOSSES = 0, 1, 3
 FASTEST_NEEDED_HZ = 5.0
 LEAST_CORRELATION = 0.5
+LARGEST_STD_S = 1.0  # beyond it the records have a trend in common, as two dives of one kind have, and no moment
 SHARED: Mapping[str, tuple[str, ...]] = {"imu": GYRO, "depth": ("depth_m",)}
 """Signals that two logs of one dive share."""
 
@@ -162,7 +164,9 @@ def _page(name: str, log: str, files: Sequence[LogFile], *, campaign: Campaign |
     try:
         before = [_stamp(file) for file in files]
         reader = campaign.logs[log].get("reader") if campaign is not None else None
-        raw = RawLog(log, tuple(RawFile(file.name, _bytes(file), file.columns) for file in files), reader)
+        raw = RawLog(
+            log, tuple(RawFile(file.name, contents(file.path, file=file.path, what="the log"), file.columns) for file in files), reader
+        )
         seen = campaign.seen_by(log) if campaign is not None else None
         vehicle = campaign.vehicle if campaign is not None else None
         outputs = ingest.run(ingest.Inputs(raw, seen, vehicle), ingest.Params(max_dropped_share=1.0))
@@ -182,14 +186,6 @@ def _stamp(file: LogFile) -> tuple[int, int]:
     if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
         raise LogError("the log is no regular file", file=file.path, remedy="Copy what it delivers into a file first.")
     return status.st_size, status.st_mtime_ns
-
-
-def _bytes(file: LogFile) -> npt.NDArray[np.uint8]:
-    """The file in memory: a mapped file that shrinks while it is read would kill the process."""
-    with readable(file.path, file=file.path, what="the log"):
-        content = np.fromfile(file.path, dtype=np.uint8)
-    content.flags.writeable = False
-    return content
 
 
 def tables_of(outputs: ingest.Outputs) -> dict[str, Any]:
@@ -213,7 +209,7 @@ def alignment(first: Page, second: Page) -> Alignment:
     Raises `DataError` if they share no signal, or none that agrees.
     """
     found: list[Alignment] = []
-    best = 0.0
+    failed = "no signal in common"
     for stream, names in SHARED.items():
         one, two = (_signal(page, stream, names) for page in (first, second))
         if one is None or two is None:
@@ -223,15 +219,19 @@ def alignment(first: Page, second: Page) -> Alignment:
             offset = clock_offset(*one, *two, min_overlap_s=max(20.0, 0.2 * shorter))
         except DataError:
             continue
-        best = max(best, offset.correlation)
-        if offset.correlation >= LEAST_CORRELATION and np.isfinite(offset.std_s):
+        # Whether stamps are cut or rounded to their resolution is not known, so it is part of the uncertainty.
+        rounded = math.hypot(_resolution_s(one[0]), _resolution_s(two[0])) / math.sqrt(12.0)
+        offset = replace(offset, std_s=math.hypot(offset.std_s, rounded))
+        if offset.correlation < LEAST_CORRELATION or not offset.std_s <= LARGEST_STD_S:
+            failed = f"{stream}: correlation {offset.correlation:.2f}, standard deviation {offset.std_s:.2g} s"
+        else:
             found.append(Alignment(first.name, second.name, "angular rate" if stream == "imu" else "depth", offset))
     if not found:
         raise DataError(
             "the clocks of the two logs cannot be aligned: no signal that both hold agrees at any offset",
             file=f"{first.name} and {second.name}",
-            value=f"best correlation {best:.2f}",
-            allowed=f"at least {LEAST_CORRELATION:g}",
+            value=failed,
+            allowed=f"a correlation of at least {LEAST_CORRELATION:g} and a standard deviation of at most {LARGEST_STD_S:g} s",
             remedy="They must overlap by 20 s or more in which the vehicle turns or changes depth.",
         )
     return min(found, key=lambda item: item.offset.std_s)
@@ -246,6 +246,11 @@ def _signal(page: Page, stream: str, names: tuple[str, ...]) -> tuple[npt.NDArra
     if stream == "imu" and about["rate_hz"] < FASTEST_NEEDED_HZ:
         return None
     return column(table, "time_us") / 1e6, matrix(table, names)
+
+
+def _resolution_s(times_s: npt.NDArray[np.float64]) -> float:
+    """The step of which all time stamps are multiples: a microsecond, or coarser where the log rounds."""
+    return float(np.gcd.reduce(np.diff(np.rint(times_s * 1e6).astype(np.int64)))) / 1e6
 
 
 def _write_json(target: str, pages: Sequence[Page], aligned: Alignment | None) -> None:

@@ -46,9 +46,11 @@ def show_alignment(found: Alignment) -> None:
 def alignment_text(found: Alignment) -> str:
     """The offset between two clocks in one sentence."""
     offset = found.offset
+    digits = 4 if offset.std_s >= 1e-4 else 6
+    seconds = round(offset.offset_s, digits) + 0.0  # no minus before a zero
     return (
-        f"clock of {plain(found.second)} {offset.offset_s:+.4f} s = clock of {plain(found.first)} (standard deviation "
-        f"{offset.std_s:.4f} s; {found.signal}, correlation {offset.correlation:.2f} over {offset.overlap_s:.0f} s)"
+        f"clock of {plain(found.second)} {seconds:+.{digits}f} s = clock of {plain(found.first)} (standard deviation "
+        f"{offset.std_s:.{digits}f} s; {found.signal}, correlation {offset.correlation:.2f} over {offset.overlap_s:.0f} s)"
     )
 
 

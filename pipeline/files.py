@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 from data_schemas.errors import PipelineError
 
 TEMPORARY = ".part"
+NAMED_FILES = 5
+LARGEST_IN_MEMORY = 1 << 30
 REMEDIES = {
     errno.ENOSPC: "Free some space and run again: what was finished is kept.",
     errno.EDQUOT: "Free some space and run again: what was finished is kept.",
@@ -77,8 +83,34 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
             raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
         yield
     except FileNotFoundError as fault:
-        raise PipelineError(f"{what} is not there", file=file, value=str(path)) from fault
+        raise PipelineError(f"{what} is not there", file=file, value=str(path), remedy=_neighbours(path)) from fault
     except PermissionError as fault:
         raise PipelineError(f"{what} cannot be read: no permission", file=file, value=str(path)) from fault
     except OSError as fault:
         raise PipelineError(f"{what} cannot be read: {fault.strerror or fault}", file=file, value=str(path)) from fault
+
+
+def _neighbours(path: Path) -> str:
+    """What there is in place of a file that is not there."""
+    folder = next((parent for parent in path.absolute().parents if parent.is_dir()), Path("/"))
+    if folder != path.absolute().parent:
+        return f"There is no folder {path.absolute().parent}; there is {folder}."
+    names = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith("."))
+    close = difflib.get_close_matches(path.name, names, n=3, cutoff=0.5)
+    if close:
+        return f"Did you mean {' or '.join(close)}?"
+    more = f" and {len(names) - NAMED_FILES} more" if len(names) > NAMED_FILES else ""
+    return f"The folder holds {', '.join(names[:NAMED_FILES])}{more}." if names else "The folder is empty."
+
+
+def contents(path: Path, *, file: object, what: str) -> npt.NDArray[np.uint8]:
+    """The bytes of a file, read-only, n bytes in memory.
+
+    A file that is cut short while it is mapped would end the process (SIGBUS), so only what is larger than `LARGEST_IN_MEMORY` is mapped.
+    """
+    with readable(path, file=file, what=what):
+        if path.stat().st_size > LARGEST_IN_MEMORY:
+            return np.memmap(path, dtype=np.uint8, mode="r")
+        content = np.fromfile(path, dtype=np.uint8)
+    content.flags.writeable = False
+    return content

@@ -11,13 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from data_schemas.errors import DataError, LogError
 from pipeline import artefacts
 from pipeline.campaign import Campaign
-from pipeline.files import readable
+from pipeline.files import contents, readable
 from pipeline.fingerprints import FileHashes, hash_value
 from stages.base import Collection, RawLog
 from stages.ingest.decoded import RawFile
@@ -91,10 +88,7 @@ class LogPart:
 
 @dataclass(frozen=True)
 class Log:
-    """A raw log: its files are mapped into memory, and must be the same after reading as they were before.
-
-    Known limit: a file that is cut short while it is mapped ends the process, as the system gives no other sign (SIGBUS).
-    """
+    """A raw log: its files must be the same after reading as they were before."""
 
     id: str
     reader: str | None
@@ -107,7 +101,9 @@ class Log:
 
     def load(self) -> RawLog:
         self.check_unchanged()
-        return RawLog(self.id, tuple(RawFile(part.name, _map(part.path), part.columns) for part in self.parts), self.reader)
+        what = f"file of log '{self.id}'"
+        files = (RawFile(part.name, contents(part.path, file=part.name, what=what), part.columns) for part in self.parts)
+        return RawLog(self.id, tuple(files), self.reader)
 
     def check_unchanged(self) -> None:
         """Raises `LogError` if a file is not what it was when its hash was taken."""
@@ -145,11 +141,3 @@ def simulated_log(entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapp
         columns = maps[Path(item["columns"]).stem] if "columns" in item else None
         parts.append(LogPart(name, files[name].path, files[name].hash, status.st_size, status.st_mtime_ns, columns))
     return Log(entry["id"], None, tuple(parts))
-
-
-def _map(path: Path) -> npt.NDArray[np.uint8]:
-    if path.stat().st_size == 0:
-        empty = np.zeros(0, dtype=np.uint8)
-        empty.flags.writeable = False
-        return empty
-    return np.memmap(path, dtype=np.uint8, mode="r")

@@ -58,11 +58,13 @@ def _run(task: Task) -> Record:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         warnings.simplefilter("ignore", DeprecationWarning)
-        inputs = task.stage.inputs(**{name: source.load() for name, source in task.sources.items()})
-        results = task.stage.run(inputs, task.params)
-    for source in task.sources.values():
-        if isinstance(source, Log):
-            source.check_unchanged()
+        try:
+            inputs = task.stage.inputs(**{name: source.load() for name, source in task.sources.items()})
+            results = task.stage.run(inputs, task.params)
+        except PipelineError:
+            _check_unchanged(task)  # half a file gives strange faults
+            raise
+    _check_unchanged(task)
     contents = {port.name: _contents(port, getattr(results, port.name)) for port in task.outputs}
     return Record(
         key=task.key,
@@ -73,6 +75,12 @@ def _run(task: Task) -> Record:
         packages=package_versions(),
         warnings=dict(sorted(Counter(f"{item.category.__name__}: {item.message}" for item in caught).items())),
     )
+
+
+def _check_unchanged(task: Task) -> None:
+    for source in task.sources.values():
+        if isinstance(source, Log):
+            source.check_unchanged()
 
 
 def _contents(port: Port, result: Any) -> dict[str | None, bytes]:

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,9 @@ from data_schemas.documents import check_document
 from data_schemas.errors import PipelineError
 from pipeline import check as checking
 from pipeline import check_page, cli
+from stages import ingest
+from stages.base import RawLog
+from stages.ingest.decoded import RawFile
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "data"
@@ -351,6 +354,7 @@ def test_wrong_calls_are_errors_in_words(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 SHIFT_S = 37.25
+DEPTH_MAP = {"time": {"column": "t", "unit": "s"}, "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}]}
 
 
 def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -371,6 +375,37 @@ def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFi
     assert found["std_s"] < 0.001
     assert found["correlation"] > 0.999
     assert "angular rate" in capsys.readouterr().out
+
+
+def test_clocks_of_the_autopilot_log_and_the_telemetry_of_one_dive(capsys: pytest.CaptureFixture[str]) -> None:
+    """The telemetry was written from the log, with its boot clock: milliseconds for depth, microseconds for the angular rate."""
+    tlog = ROOT / "campaigns" / "bluerov2_dvl_tlog" / "logs" / "dive.tlog"
+    pages = [checking.pages_of(str(path), None)[0] for path in (DIVE, tlog)]
+    found = checking.alignment(*pages)
+    assert (found.first, found.second, found.signal) == (str(DIVE), str(tlog), "angular rate")
+    assert abs(found.offset.offset_s) < 3 * found.offset.std_s < 1e-3
+    by_depth = checking.alignment(*(replace(page, outputs=replace(page.outputs, imu=None)) for page in pages if page.outputs is not None))
+    assert by_depth.signal == "depth"
+    assert abs(by_depth.offset.offset_s) < by_depth.offset.std_s
+    assert by_depth.offset.std_s == pytest.approx(1e-3 / np.sqrt(12), rel=0.05)  # s: time stamps in ms
+    assert capsys.readouterr().out == ""
+
+
+def test_a_common_trend_is_no_alignment() -> None:
+    """Two dives go down and up once, each in its own time."""
+    t = np.arange(0.0, 300.0, 0.5)
+    outputs = []
+    for period in (70.0, 45.0):
+        depth = 5 * np.sin(np.pi * t / 300.0) ** 2 + 0.4 * np.sin(2 * np.pi * t / period)
+        text = "t,d\n" + "".join(f"{a:.3f},{b:.4f}\n" for a, b in zip(t, depth, strict=True))
+        outputs.append(text)
+    pages = []
+    for name, text in zip(("one", "two"), outputs, strict=True):
+        log = RawLog(name, (RawFile(f"{name}.csv", np.frombuffer(text.encode(), np.uint8), DEPTH_MAP),))
+        made = ingest.run(ingest.Inputs(log), ingest.Params())
+        pages.append(checking.Page(name, made.health, outputs=made))
+    with pytest.raises(PipelineError, match=r"cannot be aligned.*correlation 0.[89].*standard deviation"):
+        checking.alignment(*pages)
 
 
 def test_two_dives_cannot_be_aligned(capsys: pytest.CaptureFixture[str]) -> None:

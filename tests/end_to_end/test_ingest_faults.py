@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import signal
 import struct
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pipeline import cli, sources
@@ -33,6 +35,7 @@ TURN = "vehicle_attitude"
 ULOG_START = ulog_file.HEADER + ulog_file.declare(f"{TURN}:uint64_t timestamp;float[4] q;") + ulog_file.subscribe(0, TURN)
 LONG = fmt(99, "LONG", "ZZZ", "A,B,C") + b"\xa3\x95\x63" + bytes(20)
 HUGE = fmt(98, "HUGE", "ZZZ", "A,B,C", 255)
+CUT = [sys.executable, "-c", "import os, sys; os.truncate(sys.argv[1], int(sys.argv[2]))"]
 NO_UTF8 = b"\xff\xfe\x80"
 NOTE = fmt(71, "MSG", "QZ", "TimeUS,Message") + record(71, "QZ", 900_000, NO_UTF8)
 
@@ -207,7 +210,7 @@ def test_a_log_without_permission(auvid: Callable[..., tuple[int, str]], monkeyp
     assert "no permission" in said
 
 
-@pytest.mark.parametrize("change", ["grows", "is written anew", "disappears"])
+@pytest.mark.parametrize("change", ["grows", "is written anew", "disappears", "is cut short"])
 def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
     path = place(dive(50))
     load = sources.Log.load
@@ -220,6 +223,8 @@ def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., t
         elif change == "is written anew":
             path.with_suffix(".new").write_bytes(dive(40))
             path.with_suffix(".new").replace(path)
+        elif change == "is cut short":  # by another process, as a log on its way to this machine; memory that maps the file would be gone
+            subprocess.run([*CUT, str(path), "100"], check=True)
         else:
             path.unlink()
         return found
@@ -232,8 +237,6 @@ def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., t
 
 
 def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
-    import numpy as np
-
     from stages.base import RawLog
     from stages.ingest.decoded import RawFile
 
