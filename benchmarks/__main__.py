@@ -20,6 +20,7 @@ BENCHMARKS = {
     "simulation": [],
     "recording": [],
     "synthesis": [],
+    "bench_twin": [],
     "chain": [],
 }
 

@@ -48,6 +48,11 @@ class SimplifiedModel:
             matrix[1, 3] = matrix[3, 1] = -coupling
         return read_only(matrix)
 
+    @cached_property
+    def mass_matrix_inverse(self) -> Array:
+        """M^-1 (6, 6)."""
+        return read_only(np.linalg.inv(self.mass_matrix))
+
 
 def simplified_of(vehicle: Vehicle, *, linear: ArrayLike, quadratic: ArrayLike, keep_z_G: bool = False) -> SimplifiedModel:
     """(26) with the numbers of a vehicle and damping (6,) each; buoyancy is its weight, as the text assumes.
@@ -123,7 +128,7 @@ def propulsion(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, nu_dot: Ar
 def acceleration(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, tau: ArrayLike) -> Array:
     """nu_dot (..., 6) of (18) and (26) under propulsion `tau` (..., 6) [N, N m]: the inverse of `propulsion`."""
     total = np.asarray(tau, dtype=np.float64) - coriolis_terms(model, nu) + damping_force(model, nu) - restoring_terms(model, eta)
-    return np.asarray(np.linalg.solve(model.mass_matrix, total[..., None])[..., 0])
+    return np.asarray(total @ model.mass_matrix_inverse.T)
 
 
 def state_rate(model: SimplifiedModel, state: ArrayLike, tau: ArrayLike) -> Array:
