@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
-from data_schemas.errors import PipelineError
+from data_schemas.errors import PipelineError, UsageError
 
-FINE, FAILED, LOSSES, INTERRUPTED = 0, 1, 3, 130
+FINE, FAILED, WRONG_USE, LOSSES, INTERRUPTED = 0, 1, 2, 3, 130
 
 app = typer.Typer(
     name="auvid",
@@ -110,11 +110,12 @@ def inspect(
     save: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")] = None,
     screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    preview: Annotated[bool, typer.Option("--preview", help="Thin long series by minimum and maximum: small, and quick to draw.")] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
     from pipeline import inspection
 
-    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web)
+    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web, preview=preview)
 
 
 @app.command(epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd")
@@ -307,7 +308,7 @@ def main() -> None:
     try:
         app(standalone_mode=True)
     except PipelineError as fault:
-        sys.exit(_say(f"error: {fault}", FAILED))
+        sys.exit(_say(f"error: {fault}", WRONG_USE if isinstance(fault, UsageError) else FAILED))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)

@@ -32,13 +32,22 @@ class Subject:
 
 
 def inspect(
-    target: str, *, log: str | None = None, columns: Path | None = None, save: Path | None = None, picture: Path | None = None, web: bool
+    target: str,
+    *,
+    log: str | None = None,
+    columns: Path | None = None,
+    save: Path | None = None,
+    picture: Path | None = None,
+    web: bool = False,
+    preview: bool = False,
 ) -> None:
-    """Open the recording of a campaign, of one of its logs, of a log file, or a recording itself.
+    """Open the recording of a campaign, of one of its logs, of a log file, or a recording itself; a `preview` is thinned and quick to draw.
 
     Raises `PipelineError` where there is nothing to show, or nothing to show it with.
     """
     subject = find(target, log=log, columns=columns)
+    if preview:
+        subject = Subject(subject.name, subject.preview, subject.preview)
     if save is not None:
         wants(save, RECORDING, "--save")
         content = subject.content()

@@ -20,9 +20,9 @@ from data_schemas.schemas import schema
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from stages.report.blueprint import opened, path_view, spans_view, time_plot
-from stages.report.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct, ink
+from stages.report.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
 from stages.report.html import visible
-from stages.report.recording import line_ink
+from stages.report.recording import line_inks
 from stages.report.sending import Array, Recording
 
 Document = Mapping[str, Any]
@@ -92,7 +92,7 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
         if not good.size:
             continue
         entity = f"raw/{stream}/{unit.replace('/', '_').replace('^', '') or 'value'}"
-        inks = [line_ink(name, "raw", len(names) > 1) if len(names) <= 3 else ink(name) for name in names]
+        inks = line_inks(names, ["raw"] * len(names))
         out.static(entity, rr.SeriesLines(colors=[item.rgb for item in inks], names=names, widths=1.5, aggregation_policy="MinMax"))
         out.series(entity, clock, values, pause_s=LONG_PAUSE_S)
         plots.append(Plot(entity, stream, unit, float(good.min()), float(good.max()), len(names)))

@@ -201,11 +201,11 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
     """Names, colours and widths of the series of an entity; of many models only the preferred are drawn at first."""
     names, inks, opacity = [], [], []
     for group in bundle:
-        by_axis = len(set(group["roles"])) == 1 and len(group["roles"]) > 1
-        for name, role in zip(group["names"], group["roles"], strict=True):
+        drawn = line_inks([str(name) for name in group["names"]], [str(role) for role in group["roles"]])
+        for name, role, line in zip(group["names"], group["roles"], drawn, strict=True):
             lines = [f"{name} − 2 sd", f"{name} + 2 sd"] if group.get("spread") else [str(name)]
-            names += [str(visible(line)) for line in lines]
-            inks += [line_ink(str(name), str(role), by_axis)] * len(lines)
+            names += [str(visible(words)) for words in lines]
+            inks += [line] * len(lines)
             opacity += [OPACITY.get(str(role), 255)] * len(lines)
     return rr.SeriesLines(
         colors=[(*item.rgb, strength) for item, strength in zip(inks, opacity, strict=True)],
@@ -216,12 +216,14 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
     )
 
 
-def line_ink(name: str, role: str, many_of_one_role: bool) -> Ink:
-    """Three axes in one plot are told apart by axis; otherwise the role has its colour."""
-    axis = next((word for word in key(name).split("_") if word in AXES), None)
-    if many_of_one_role and axis is not None:
-        return Ink(AXES[axis].light, AXES[axis].dark, width=ink(role).width)
-    return ink(role)
+def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
+    """Lines of different roles have the colours of their roles; lines of one role are told apart by axis, or else by their order."""
+    if len(set(roles)) != 1 or len(names) == 1:
+        return [ink(role) for role in roles]
+    axes = [next((word for word in key(name).split("_") if word in AXES), None) for name in names]
+    known = len(set(axes)) == len(axes) and None not in axes
+    found = [AXES[str(axis)] for axis in axes] if known else list(distinct(names).values())
+    return [Ink(item.light, item.dark, width=ink(roles[0]).width) for item in found]
 
 
 def _send_messages(
