@@ -50,11 +50,15 @@ class Hanging:
 
 @dataclass(frozen=True)
 class Decay:
-    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it starts from, and its small-swing frequency [rad/s]."""
+    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it starts from, and its small-swing frequency [rad/s].
+
+    `known`: D_1/G and D_2/G of the pendulum without the vehicle, which the damping models leave in place: they are those of the vehicle.
+    """
 
     run: SingleRun
     start: Array
     frequency: float
+    known: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,8 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
     run = decay.run
     theta, theta_dot, times = _signals(decay)
     rate = FILTER_SHARE * decay.frequency
-    columns = np.column_stack([-np.sin(theta), theta_dot, theta_dot * np.abs(theta_dot), np.ones_like(theta)])
+    one, two = theta_dot, theta_dot * np.abs(theta_dot)
+    columns = np.column_stack([decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)])
     form = static_form(times, theta_dot, columns, rate=rate)
     output: dict[str, Ratios] = {}
     recursive: dict[str, Ratios] = {}
@@ -142,11 +147,11 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
         simulated[name] = simulate_run(run, fitted.coefficients, fitted.start)[1]
         measured[name] = measured_angle(run, fitted)
         held = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
-        values, covariance = _of_fit(fitted, used)
+        values, covariance = _totals(fitted.parameters, fitted.covariance, used, decay.known, logarithm=True)
         output[name] = Ratios(values, covariance, _rms(simulated[name] - measured[name]), _rms(held[late]))
         batched, gamma = batch_least_squares(part, prior_spread=PRIOR_SPREAD)
         for found, theta_hat, spread in ((recursive, recursion.theta[-1], recursion.gamma), (batch, batched, gamma)):
-            found[name] = _by_regression(run, fitted.start, measured[name], part, theta_hat, spread, used)
+            found[name] = _by_regression(decay, fitted.start, measured[name], part, theta_hat, spread, used)
     best = min(item.held_out_rad for item in output.values())
     chosen = min(
         (name for name, item in output.items() if item.held_out_rad <= SIMPLER_WITHIN * best),
@@ -160,7 +165,7 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
 def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None) -> Derivatives:
     """Added mass and damping at the arm from ratios and what was weighed: X_udot = -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3.
 
-    empty: those of the pendulum without the vehicle, which are taken off, with their covariance.
+    empty: those of the pendulum without the vehicle, which are taken off, with their covariance (where `Decay.known` was theirs).
     """
     k, one, two = ratios.values
     inertia = hung.stiffness / k
@@ -176,6 +181,17 @@ def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives
     if empty is None:
         return Derivatives(values, covariance)
     return Derivatives(values - empty.values, covariance + empty.covariance)
+
+
+def judge(decay: Decay, ratios: Ratios) -> float:
+    """RMS [rad] of simulated minus measured angle of another decay with given ratios; only its start and its sensors are fitted."""
+    k, one, two = ratios.values
+    coefficients = np.array([one, two, 0.0, -k, 0.0])
+    run = decay.run
+    gyro, attitude = bool(run.rate.size), bool(run.position.size)
+    nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
+    fitted = fit_output_error(run, lambda _: (coefficients, np.zeros((5, 0))), np.zeros(0), start=decay.start, nuisance=nuisance)
+    return _rms(simulate_run(run, coefficients, fitted.start)[1] - measured_angle(run, fitted))
 
 
 def measured_angle(run: SingleRun, fitted: OutputErrorFit | None = None, *, start: float = 0.0) -> Array:
@@ -208,15 +224,16 @@ def _signals(decay: Decay) -> tuple[Array, Array, Array]:
     return spline.evaluate(time), spline.evaluate(time, 1), time
 
 
-def _model(used: Sequence[int]) -> Model:
-    """Parameters (log k and the damping ratios used) -> coefficients of `SingleRun` and their derivatives."""
+def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
+    """Parameters (log k, then what the damping models add to the known ratios) -> coefficients of `SingleRun` and their derivatives."""
 
     def of(p: Array) -> tuple[Array, Array]:
         coefficients, by = np.zeros(5), np.zeros((5, len(p)))
-        coefficients[3] = -np.exp(p[0])
-        by[3, 0] = coefficients[3]
+        k = np.exp(p[0])
+        by[[0, 1, 3], 0] = k * known[0], k * known[1], -k
+        coefficients[:] = by[:, 0]
         for index, term in enumerate(used[1:], start=1):
-            coefficients[term - 1] = p[index]
+            coefficients[term - 1] += p[index]
             by[term - 1, index] = 1.0
         return coefficients, by
 
@@ -229,16 +246,21 @@ def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> Out
     first[1:] = np.minimum(first[1:], 0.0)
     gyro, attitude = bool(run.rate.size), bool(run.position.size)
     nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
-    return fit_output_error(run, _model(used), first, start=decay.start, nuisance=nuisance)
+    return fit_output_error(run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance)
 
 
-def _of_fit(fitted: OutputErrorFit, used: Sequence[int]) -> tuple[Array, Array]:
-    values, covariance = np.zeros(3), np.zeros((3, 3))
-    scale = np.ones(len(used))
-    scale[0] = np.exp(fitted.parameters[0])
-    values[list(used)] = np.concatenate([scale[:1], fitted.parameters[1:]])
-    covariance[np.ix_(used, used)] = fitted.covariance * np.outer(scale, scale)
-    return values, covariance
+def _totals(
+    parameters: Array, covariance: Array, used: Sequence[int], known: tuple[float, float], *, logarithm: bool
+) -> tuple[Array, Array]:
+    """k, D_1/I, D_2/I (3,) and covariance from parameters: k (or its logarithm) and what is added to the known ratios."""
+    values, by = np.zeros(3), np.zeros((3, len(used)))
+    k = float(np.exp(parameters[0])) if logarithm else float(parameters[0])
+    values[:] = k, k * known[0], k * known[1]
+    by[:, 0] = values if logarithm else values / k
+    for index, term in enumerate(used[1:], start=1):
+        values[term] += parameters[index]
+        by[term, index] = 1.0
+    return values, by @ covariance @ by.T
 
 
 def _constant_rate(run: SingleRun) -> float:
@@ -251,19 +273,17 @@ def _constant_rate(run: SingleRun) -> float:
 
 
 def _by_regression(
-    run: SingleRun, start: Array, measured: Array, form: StaticRegression, theta: Array, gamma: Array, used: Sequence[int]
+    decay: Decay, start: Array, measured: Array, form: StaticRegression, theta: Array, gamma: Array, used: Sequence[int]
 ) -> Ratios:
     """Ratios of a regression with white standard errors, and the error of their simulation from the fitted start.
 
     The last column of the regression, the constant of the angle's zero, is no ratio.
     """
-    values, covariance = np.zeros(3), np.zeros((3, 3))
-    values[list(used)] = theta[:-1]
     residual = form.z - form.regressor @ theta
     step = float(np.median(np.diff(form.t_s)))
-    covariance[np.ix_(used, used)] = gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
-    coefficients = np.array([values[1], values[2], 0.0, -values[0], 0.0])
-    angle = simulate_run(run, coefficients, start)[1]
+    spread = gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
+    values, covariance = _totals(theta[:-1], spread, used, decay.known, logarithm=False)
+    angle = simulate_run(decay.run, np.array([values[1], values[2], 0.0, -values[0], 0.0]), start)[1]
     return Ratios(values, covariance, _rms(angle - measured))
 
 

@@ -43,6 +43,7 @@ class SwingFit:
 
     `swings`: how many full swings it made before it fell to a twentieth or the recording ended; `residual`: RMS of what is not explained,
     as a share of the first amplitude of the signal; `bias`: constant of the signal; `start_s`: where the fit begins.
+    `fitted` (n,): the swing at the samples `t_s` (n,) that were fitted.
     """
 
     period_s: float
@@ -53,6 +54,8 @@ class SwingFit:
     residual: float
     bias: float
     start_s: float
+    t_s: Array
+    fitted: Array
 
 
 def swing_axis(gyro: ArrayLike) -> SwingAxis:
@@ -173,4 +176,6 @@ def fit_swing(
         residual=float(np.sqrt(np.mean(error**2))) / amplitude,
         bias=float(p[4]),
         start_s=float(start),
+        t_s=t[rows],
+        fitted=y + error,
     )

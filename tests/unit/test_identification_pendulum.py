@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import DataError
 from hydro.dynamics.bench import PhysicalPendulum, Quadrifilar, free_decay, swing
 from hydro.identification.channel import DAMPING
-from hydro.identification.free_decay import Decay, DecayEstimate, Part, derivatives, estimate_decay, hanging
+from hydro.identification.free_decay import Decay, DecayEstimate, Derivatives, Part, derivatives, estimate_decay, hanging, judge
 from hydro.identification.output_error import SingleRun
 from hydro.identification.pendulum import angle_about, fit_swing, release_index, spectral_period, swing_axis
 from hydro.identification.quadrifilar import (
@@ -188,11 +189,32 @@ def decay_of(
     return Decay(run, np.array([rate[0], angle[0]]), float(np.sqrt(hung.stiffness / inertia)))
 
 
+def empty_pendulum() -> Derivatives:
+    found = estimate_decay(decay_of(POLE, POLE_TRUTH))
+    return derivatives(found.output_error["linear and quadratic"], hanging(POLE, G), arm=ARM)
+
+
 def best(found: DecayEstimate, method: str = "output_error") -> tuple[Array, Array]:
     hung = hanging([*POLE, VEHICLE], G)
-    empty = derivatives(getattr(estimate_decay(decay_of(POLE, POLE_TRUTH)), method)["linear and quadratic"], hanging(POLE, G), arm=ARM)
-    out = derivatives(getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty)
+    out = derivatives(getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum())
     return out.values, out.standard_errors
+
+
+def test_damping_models_are_those_of_the_vehicle() -> None:
+    """Linear damping of the vehicle on a pole whose own damping is linear and quadratic."""
+    hung, empty = hanging([*POLE, VEHICLE], G), empty_pendulum()
+    truth = TRUTH * [1.0, 1.0, 0.0]
+    decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
+    known = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
+    found = estimate_decay(replace(decay, known=known))
+    assert found.chosen == "linear"
+    for method, tolerance in (("output_error", 1e-6), ("recursive", 0.02), ("batch", 0.02)):
+        values = derivatives(getattr(found, method)["linear"], hung, arm=ARM, empty=empty).values
+        np.testing.assert_allclose(values, truth, rtol=tolerance, atol=1e-9)
+    other = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH, noise=1.0, seed=4)
+    # 1 mrad of noise per sample of the angle.
+    assert judge(other, found.output_error["linear"]) == pytest.approx(1e-3, rel=0.1)
+    assert judge(other, found.output_error["quadratic"]) > 2e-3
 
 
 def test_decay_gives_the_truth_and_prefers_the_true_damping() -> None:
