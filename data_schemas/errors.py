@@ -63,6 +63,10 @@ def _rebuild(kind: type[PipelineError], message: str, state: dict[str, object]) 
     return error
 
 
+class UsageError(PipelineError):
+    """A command was given what it does not take: a name that it does not know, or options that exclude each other."""
+
+
 class SchemaError(PipelineError):
     """A table or document does not agree with its schema."""
 

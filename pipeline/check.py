@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from data_schemas.documents import check_document
-from data_schemas.errors import DataError, LogError, PipelineError
+from data_schemas.errors import DataError, LogError, PipelineError, UsageError
 from data_schemas.tables import column, matrix
 from hydro.identification.clock_offset import ClockOffset, clock_offset
 from pipeline.campaign import Campaign, LogFile, load_campaign
@@ -91,7 +91,7 @@ def check(
 
     pages = [page for target in targets for page in pages_of(target, columns)]
     if align and len(pages) != 2:
-        raise PipelineError("--align needs exactly two logs", value=len(pages), remedy="auvid check dive.tlog dive.BIN --align")
+        raise UsageError("--align needs exactly two logs", value=len(pages), remedy="auvid check dive.tlog dive.BIN --align")
     aligned, apart = _aligned(pages) if align else (None, None)
     if json_file is not None:
         _write_json(json_file, pages, aligned)

@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Protocol
 
-from data_schemas.errors import PipelineError, nearest
+from data_schemas.errors import UsageError, nearest
 from pipeline.work import Outcome, Task, execute
 
 ENGINES = ("serial", "processes")
@@ -88,9 +88,9 @@ def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
     if name is None:
         name = "processes" if jobs is not None and jobs > 1 else "serial"
     if name not in ENGINES:
-        raise PipelineError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
+        raise UsageError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
     if jobs is not None and (jobs < 1 or (name == "serial" and jobs > 1)):
-        raise PipelineError("does not fit the engine", field="--jobs", value=jobs, allowed="1" if name == "serial" else "1 or more")
+        raise UsageError("does not fit the engine", field="--jobs", value=jobs, allowed="1" if name == "serial" else "1 or more")
     if name == "serial":
         return Serial()
     return Processes(jobs if jobs is not None else (os.cpu_count() or 1))

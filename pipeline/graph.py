@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from data_schemas.errors import PipelineError, nearest
+from data_schemas.errors import UsageError, nearest
 from data_schemas.schemas import schema
 from stages.base import Item, Stage, ports
 
@@ -85,12 +85,12 @@ class Graph:
         )
 
     def stage(self, name: str) -> AnyStage:
-        """The stage of a name. Raises `PipelineError` for an unknown one."""
+        """The stage of a name. Raises `UsageError` for an unknown one."""
         for stage in self.stages:
             if stage.name == name:
                 return stage
         known = [stage.name for stage in self.stages]
-        raise PipelineError("no such stage in this kind of campaign", value=name, allowed=known, remedy=nearest(name, known))
+        raise UsageError("no such stage in this kind of campaign", value=name, allowed=known, remedy=nearest(name, known))
 
     def producers(self, schema_name: str) -> tuple[Port, ...]:
         """Output ports of a schema; `table` stands for all tables."""
@@ -132,7 +132,7 @@ class Graph:
 def select(graph: Graph, *, only: str | None = None, until: str | None = None) -> tuple[AnyStage, ...]:
     """The stages to run: one, one with all that it needs, or all."""
     if only is not None and until is not None:
-        raise PipelineError("--only and --until exclude each other")
+        raise UsageError("--only and --until exclude each other")
     if only is not None:
         return (graph.stage(only),)
     if until is not None:

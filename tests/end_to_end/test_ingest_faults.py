@@ -245,3 +245,19 @@ def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
     assert outputs.attitude is not None
     assert set(np.round(outputs.attitude["phi_rad"].to_numpy(), 6)) == {0.1}
     assert any("system 7 component 1 (301 messages)" in note for note in outputs.log_info["notes"])
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--only", "ingesd"), "Did you mean 'ingest'?"),
+        (("--until", "ingesd"), "Did you mean 'ingest'?"),
+        (("--only", "ingest", "--until", "fuse"), "exclude each other"),
+        (("--engine", "threads"), "allowed: serial, processes"),
+        (("--engine", "serial", "--jobs", "2"), "does not fit the engine"),
+    ],
+)
+def test_wrong_use_has_an_exit_code_of_its_own(words: tuple[str, ...], told: str, auvid: Callable[..., tuple[int, str]]) -> None:
+    place(dive(5))
+    code, said = auvid("run", "bad", *words)
+    assert (code, told in said) == (2, True), said
