@@ -102,7 +102,7 @@ def constant_alone(seen: Mapping[str, Seen]) -> dict[str, dict[str, tuple[float,
 
 
 def verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, failed: float) -> list[dict[str, Any]]:
-    """One warning that names all models that fail on an axis, with their J/J0; a note per model that a constant force alone equals."""
+    """One warning that names all models that fail on an axis, with their J/J0; a note per model that a constant force equals."""
     found, failing = [], []
     alone = constant.get("validation", {})
     judged = {model: errors[("validation", ALL, model)] for model in cards if ("validation", ALL, model) in errors}
@@ -114,7 +114,7 @@ def verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, 
         idle = [
             f"{axis} ({ratio:.2f} against {alone[axis][1]:.2f})"
             for axis, ratio in ratios.items()
-            if cards[model]["trim"] and axis in alone and alone[axis][1] <= ratio <= failed
+            if cards[model]["trim"] and axis in alone and ratio >= alone[axis][1] and min(ratio, measures[TOTAL].normalised) <= failed
         ]
         if idle:
             found.append(remark(f"{title} predicts no better than a constant force alone in {', '.join(idle)}.", "note"))

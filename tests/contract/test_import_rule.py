@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "pipeline")
 MODULES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
-SHARED_IN_STAGES = {"base", "sections", "signals"}
+SHARED_IN_STAGES = {"base", "sections", "signals", "truth"}
 """Modules of stages/ that are no stage: the interface, and what stages share."""
 TOUCHES_THE_WORLD = {"subprocess", "multiprocessing", "socket", "shutil", "tempfile", "urllib", "requests", "http", "logging", "threading"}
 
