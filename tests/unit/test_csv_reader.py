@@ -71,6 +71,15 @@ def test_frame_flu_flips_left_and_up_and_sign_comes_on_top() -> None:
     assert [got[f"{f}_m_s"][0] for f in "uvw"] == [1.0, -2.0, 3.0]
 
 
+def test_velocity_through_the_water_is_a_stream_of_its_own() -> None:
+    columns = [
+        item(f"{name}{stream[0]}", stream, f"{name}_m_s", "m/s", frame="flu") for stream in ("velocity", "water_velocity") for name in "uvw"
+    ]
+    text = "t,uv,vv,wv,uw,vw,ww\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n"
+    assert [read_one(text, columns, "velocity")[f"{name}_m_s"][0] for name in "uvw"] == [1.0, -2.0, -3.0]
+    assert [read_one(text, columns, "water_velocity")[f"{name}_m_s"][0] for name in "uvw"] == [4.0, -5.0, -6.0]
+
+
 def test_attitude_against_east_north_up() -> None:
     # Facing east, nose up by 10 degrees: ENU yaw 0 and pitch -10 (positive nose down there) are NED yaw 90 and pitch 10.
     columns = [item(c, "attitude", f"{f}_rad", "deg", frame="enu") for c, f in zip("xyz", ("phi", "theta", "psi"), strict=True)]

@@ -255,3 +255,18 @@ def test_inputs_are_not_written_to() -> None:
     before = {name: table.to_pydict() for name, table in given.items() if table is not None}
     run()
     assert {name: table.to_pydict() for name, table in given.items() if table is not None} == before
+
+
+def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> None:
+    """Water track with a pause of 20 s: lag taken off as for the velocity sensor, one segment, no samples made up in the pause."""
+    stamps = times(4)
+    kept = stamps[(seconds(stamps) < 20.0) | (seconds(stamps) > 40.0)]
+    table = velocity(kept)
+    water = make_table("water_velocity", {name: table[name] for name in ("time_us", "u_m_s", "v_m_s", "w_m_s")})
+    found = run(water_velocity=water)
+    assert list(found.segment) == ["leg"]
+    assert found.samples_water is not None
+    t = column(found.samples_water["leg"], "t_s")
+    at = t + float(found.segment["leg"]["leg_start_s"])
+    assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
+    np.testing.assert_allclose(column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9)
