@@ -159,7 +159,7 @@ def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
             if item.unit and item.name != schema(stream).clock and item.name in tables[stream].column_names:
                 units.setdefault(item.unit, []).append(item.name)
         for unit, columns in units.items():
-            entity = f"raw/{stream}" if len(units) == 1 else f"raw/{stream}/{unit.replace('/', ' per ').replace('^', '')}"
+            entity = f"raw/{stream}" if len(units) == 1 else f"raw/{stream}/{unit.replace('/', '_').replace('^', '')}"
             groups.append(
                 {"entity": entity, "table": stream, "columns": columns, "names": columns, "roles": ["raw"] * len(columns)}
                 | {"tab": "Logs", "unit": unit}

@@ -22,7 +22,7 @@ Owned = tuple[str, Document]
 ANSWER, PATH, LOG, TABLES = "Answer", "Path", "Log", "Tables"
 EVER = rrb.TimeRangeBoundary.infinite()
 MARGIN = 0.06
-EYE = np.array([-0.75, -1.0, -0.9])
+EYE = np.array([-0.5, -0.7, -0.65])
 """Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
 NO_RANGE = (np.inf, -np.inf)
 
@@ -143,10 +143,15 @@ def _plots(groups: Sequence[Owned], seen: Seen) -> list[rrb.TimeSeriesView]:
         if not below[origin]:
             continue
         models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
-        name = origin.split("/")[-1]
+        name = next(part for part in reversed(origin.split("/")) if part != _slug(str(group["unit"])))
         title = f"{name} [{group['unit']}]" if group["unit"] else name
         plots.append(time_plot(origin, title, times, outer(item.values for item in below[origin]), legend=not plots or not models))
     return plots
+
+
+def _slug(unit: str) -> str:
+    """A unit as the last part of an entity that tells the units of one stream apart."""
+    return unit.replace("/", "_").replace("^", "")
 
 
 def with_room(span: tuple[float, float]) -> tuple[float, float]:

@@ -19,7 +19,7 @@ Document = Mapping[str, Any]
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 FORCE = ("tau_bar_X_N", "tau_bar_Y_N", "tau_bar_Z_N")
 BODY_HALF_SIZE_M = (0.4, 0.15, 0.15)
-ARROWS = 60
+ARROWS = 40
 LONGEST = 0.2
 """Length of the strongest force (its 95th percentile), in sizes of the path."""
 
@@ -77,8 +77,9 @@ def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array 
 
 
 def _send_forces(out: Recording, entity: str, times: Array, pose: Array, vectors: Array) -> None:
-    """The force at the vehicle at each time, and `ARROWS` of them along the path; vectors (n, 3) in body axes, in m."""
+    """The force at the vehicle at each time, and `ARROWS` of them at even distances along the path; vectors (n, 3) in body axes, in m."""
     out.stream.send_columns("path/vehicle/force", [rr.TimeColumn(TIMELINE, duration=times)], rr.Arrows3D.columns(vectors=vectors))
-    some = np.unique(np.linspace(0, times.size - 1, ARROWS).astype(int))
+    gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(pose[:, :3], axis=0), axis=1))])
+    some = np.unique(np.searchsorted(gone, np.linspace(0.0, gone[-1], ARROWS)).clip(0, times.size - 1))
     turned = np.einsum("nij,nj->ni", rotation_body_to_ned(pose[some, 3:]), vectors[some])
-    out.static(entity, rr.Arrows3D(origins=pose[some, :3], vectors=turned, colors=[ROLES["predicted"].rgb], radii=[0.01]))
+    out.static(entity, rr.Arrows3D(origins=pose[some, :3], vectors=turned, colors=[ROLES["measured"].rgb], radii=[0.006]))
