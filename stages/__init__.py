@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import compare, fuse, ingest, report, resample, residual, rlse, simulate, synthesise, trust, validate
+from stages import compare, fuse, ingest, pipendulum, report, resample, residual, rlse, simulate, synthesise, trust, validate
 from stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
@@ -16,6 +16,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     synthesise.STAGE,
     validate.STAGE,
     trust.STAGE,
+    pipendulum.STAGE,
     rlse.STAGE,
     compare.STAGE,
     report.STAGE,
@@ -24,7 +25,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
     "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "trust", "report"),
-    "bench": ("ingest", "rlse", "compare", "report"),
-    "bench_twin": ("simulate", "ingest", "rlse", "compare", "report"),
+    "bench": ("ingest", "pipendulum", "rlse", "compare", "report"),
+    "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "compare", "report"),
     "control": ("report",),
 }

@@ -86,6 +86,26 @@ def release_index(rate: ArrayLike) -> int:
     return int(np.argmax(size >= RELEASED * size.max()))
 
 
+def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
+    """Period [s] of a swing that dies within a few turns: twice the time from the release to the first turning point.
+
+    rate (n,) [rad/s] from the release on. Raises `DataError` when it never comes back with a twentieth of its first rate: overdamped.
+    """
+    t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    ahead = x * np.sign(x[np.argmax(np.abs(x) >= 0.5 * np.abs(x).max())])
+    back = np.flatnonzero(ahead < -GONE * np.abs(x).max())
+    back = back[back > np.argmax(ahead)]
+    if not back.size:
+        raise DataError(
+            "the pendulum does not swing back (overdamped, or the recording ends too early)",
+            value=f"rate after the first half swing below {100.0 * GONE:g} % of the largest",
+            remedy="Add weight or take a longer arm, so that it swings at least twice; record until it is at rest.",
+        )
+    turn = int(np.flatnonzero(ahead[: back[0]] > 0.0)[-1])
+    crossing = t[turn] + (t[turn + 1] - t[turn]) * ahead[turn] / (ahead[turn] - ahead[turn + 1])
+    return float(2.0 * (crossing - t[0]))
+
+
 def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
     """Period [s] of the strongest line of a signal (n,): Hann window, fourfold zero padding, parabola through the peak.
 

@@ -1,0 +1,125 @@
+"""Moments of inertia on a quadrifilar pendulum, added mass and damping by free decay: Alberti 2015, chapters IV and VI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.errors import DataError
+from data_schemas.tables import make_table
+from hydro.dynamics.vehicle import vehicle_from_document
+from hydro.identification.channel import DAMPING
+from stages.base import Collection, Document, Stage, port
+
+from .decays import Decayed, decay_figures, decays_of
+from .recordings import Logs, as_rows
+from .shown import bench_section, bench_views
+from .swings import Swung, inertia_document, swing_figures, swings_of
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What hung, the vehicle, and the gyros and attitudes of all logs."""
+
+    campaign: Document = port("campaign")
+    vehicle: Document = port("vehicle")
+    log_info: Collection[Document] = port("log_info", many=True)
+    apparatus: Document | None = port("apparatus", optional=True)
+    imu: Collection[pa.Table] | None = port("imu", many=True, optional=True)
+    attitude: Collection[pa.Table] | None = port("attitude", many=True, optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    """None: everything is in the apparatus."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Nothing for a campaign without an apparatus."""
+
+    results: dict[str, Any] | None = port("results", optional=True)
+    inertia: dict[str, Any] | None = port("inertia", optional=True)
+    swings: pa.Table | None = port("swings", optional=True)
+    decays: pa.Table | None = port("decays", optional=True)
+    decay_history: pa.Table | None = port("decay_history", optional=True)
+    section: dict[str, Any] | None = port("section", optional=True)
+    views: dict[str, Any] | None = port("views", optional=True)
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """All swings and decays. Raises `CampaignError` for a faulty apparatus, `DataError` for recordings that cannot give what is asked."""
+    apparatus = inputs.apparatus
+    if apparatus is None:
+        return Outputs()
+    vehicle = vehicle_from_document(inputs.vehicle)
+    legs = {str(leg["id"]): leg for leg in inputs.campaign["legs"]}
+    logs = Logs(legs, inputs.log_info, inputs.imu, inputs.attitude)
+    swings = swings_of(apparatus["quadrifilar"], logs, vehicle) if "quadrifilar" in apparatus else []
+    decays = decays_of(apparatus["free_decay"], logs, vehicle) if "free_decay" in apparatus else []
+    if not swings and not decays:
+        raise DataError("the apparatus holds no pendulum", field="apparatus", allowed="quadrifilar, free_decay")
+    rows = [*swing_figures(swings), *decay_figures(decays)]
+    return Outputs(
+        results={"title": str(apparatus["title"]), "rows": rows},
+        inertia=inertia_document(swings, vehicle.name, str(apparatus["source"])),
+        swings=_swing_table(swings),
+        decays=_decay_table(decays),
+        decay_history=_history_table(decays),
+        section=bench_section(apparatus, swings, decays),
+        views=bench_views(swings, decays),
+    )
+
+
+def _swing_table(found: list[Swung]) -> pa.Table | None:
+    parts = [
+        {
+            "recording": [recording.leg] * fit.t_s.size,
+            "t_s": fit.t_s,
+            "rate_measured_rad_s": recording.rate[np.searchsorted(recording.t_s, fit.t_s)],
+            "rate_fitted_rad_s": fit.fitted,
+        }
+        for item in found
+        for recording, fit in item.recordings
+    ]
+    return make_table("swings", as_rows(parts)) if parts else None
+
+
+def _decay_table(found: list[Decayed]) -> pa.Table | None:
+    parts = [
+        {
+            "recording": [item.recording.leg] * item.decay.run.grid_s.size,
+            "t_s": item.decay.run.grid_s,
+            "theta_measured_rad": item.estimate.measured,
+            **{f"theta_{name.replace(' ', '_')}_rad": item.estimate.simulated[name] for name in DAMPING},
+        }
+        for decayed in found
+        for item in decayed.fallen
+    ]
+    return make_table("decays", as_rows(parts)) if parts else None
+
+
+def _history_table(found: list[Decayed]) -> pa.Table | None:
+    parts = []
+    for decayed in found:
+        linear, quadratic = DAMPING[decayed.chosen]
+        for item in decayed.fallen:
+            history, excited = item.estimate.history[decayed.chosen], item.estimate.excitation
+            t = history.t_s
+            columns = dict(zip(["stiffness", *["linear"] * linear, *["quadratic"] * quadratic], history.theta.T[:-1], strict=True))
+            known = {
+                "linear": item.decay.known[0] * columns["stiffness"],
+                "quadratic": item.decay.known[1] * columns["stiffness"],
+            }
+            block = {"recording": [item.recording.leg] * t.size, "t_s": t, "stiffness": columns["stiffness"]}
+            block |= {name: known[name] + columns.get(name, np.zeros(t.size)) for name in known}
+            parts.append(block | {"smallest_eigenvalue": np.interp(t, excited.t_s, excited.smallest)})
+    return make_table("decay_history", as_rows(parts)) if parts else None
+
+
+STAGE = Stage(
+    "pipendulum", "Inertia on a quadrifilar pendulum; added mass and damping by free decay", "campaign", Inputs, Params, Outputs, run
+)

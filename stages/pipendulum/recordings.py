@@ -1,0 +1,152 @@
+"""From the raw streams of a log to one recorded swing: the axis it turned about, its rate and its angle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from data_schemas.errors import CampaignError, DataError, nearest
+from data_schemas.tables import has_columns
+from hydro.identification.pendulum import SwingAxis, angle_about, swing_axis
+from hydro.identification.signal_checks import flat_top
+from hydro.identification.splines import smoothing_spline
+from stages.base import Collection, Document
+from stages.signals import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
+
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+FEWEST = 50
+CLIPPED_SHARE = 0.002
+ASKEW_DEG = 5.0
+"""A recorder turned by more than this against the nearest of its axes is worth a word."""
+ONE_AXIS = 0.95
+"""Share of the rotation that must be about one axis; the rest is twist or sway of the pendulum."""
+UPRIGHT_DEG = 20.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recorded swing: rate (n,) about its axis at t_s (n,), which samples are not clipped, and the angle at its own times, if logged.
+
+    Times in s from the start of the log. `said` are notes, `warnings` what is doubtful.
+    """
+
+    leg: str
+    validation: bool
+    t_s: Array
+    rate: Array
+    usable: npt.NDArray[np.bool_]
+    angle: Samples | None
+    axis: SwingAxis
+    said: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Logs:
+    """The legs of a campaign and what its logs hold."""
+
+    legs: Mapping[str, Document]
+    log_info: Mapping[str, Document]
+    imu: Collection[pa.Table] | None
+    attitude: Collection[pa.Table] | None
+
+    def recording(self, leg_id: str, field: str, *, upright: bool) -> Recording:
+        """The swing of a leg; `upright`: its axis should stand upright (quadrifilar), else lie level (free decay).
+
+        Raises `CampaignError` for a leg that the manifest does not have, `DataError` where its log has neither gyro nor attitude.
+        """
+        if leg_id not in self.legs:
+            remedy = nearest(leg_id, self.legs)
+            raise CampaignError("no such leg in the manifest", field=field, value=leg_id, allowed=self.legs, remedy=remedy)
+        leg = self.legs[leg_id]
+        log = str(leg["log"])
+        info = self.log_info[log]
+        start_us = int(info["start_us"])
+        window = leg_window(leg, start_us, int(info["end_us"]))
+
+        def samples(tables: Collection[pa.Table] | None, names: tuple[str, ...]) -> Samples | None:
+            if tables is None or log not in tables:
+                return None
+            table = tables[log]
+            if not has_columns(table, names):
+                return None
+            found = samples_within(table, names, start_us=start_us, lag_s=0.0, window=window)
+            return found if found.t_s.size >= FEWEST else None
+
+        gyro, attitude = samples(self.imu, GYRO), samples(self.attitude, ATTITUDE)
+        if gyro is None and attitude is None:
+            raise DataError(
+                f"leg '{leg_id}' has neither gyro nor attitude of a pendulum",
+                allowed=f"at least {FEWEST} samples",
+                remedy="Log the IMU or the attitude of an autopilot on the pendulum; check start_s and end_s of the leg.",
+            )
+        return _recording(leg, gyro, attitude, samples(self.imu, ACCELEROMETER), upright)
+
+
+def _recording(leg: Document, gyro: Samples | None, attitude: Samples | None, accel: Samples | None, upright: bool) -> Recording:
+    said: list[str] = []
+    warnings: list[str] = []
+    if gyro is not None:
+        axis = swing_axis(gyro.values)
+        t, rate = gyro.t_s, gyro.values @ axis.axis
+        usable = _unclipped(rate, warnings)
+    else:
+        assert attitude is not None
+        rates = _rates(attitude)
+        axis = swing_axis(rates)
+        t, rate, usable = attitude.t_s, rates @ axis.axis, np.ones(attitude.t_s.size, dtype=np.bool_)
+        said.append("No gyro: the rate is the slope of the logged attitude.")
+    angle = None if attitude is None else Samples(attitude.t_s, angle_about(attitude.values, axis.axis)[:, None])
+    _judge_axis(axis, accel, upright, said, warnings)
+    return Recording(str(leg["id"]), leg.get("use") == "validation", t, rate, usable, angle, axis, tuple(said), tuple(warnings))
+
+
+def _rates(attitude: Samples) -> Array:
+    """Rotation rates (n, 3) about the recorder's axes from its attitude, turned by less than half a turn."""
+    turns = np.column_stack([angle_about(attitude.values, axis) for axis in np.eye(3)])
+    spline = smoothing_spline(attitude.t_s, turns)
+    return spline.evaluate(attitude.t_s, 1)
+
+
+def _unclipped(rate: Array, warnings: list[str]) -> npt.NDArray[np.bool_]:
+    """Samples that do not stand at the gyro's own limit."""
+    flat = flat_top(rate)
+    if flat <= CLIPPED_SHARE * rate.size:
+        return np.ones(rate.size, dtype=np.bool_)
+    warnings.append(f"The gyro is clipped in {flat} samples ({100.0 * flat / rate.size:.1f} %), which are left out: choose a larger range.")
+    return np.asarray((rate < rate.max()) & (rate > rate.min()))
+
+
+def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]) -> None:
+    askew = float(np.degrees(axis.misalignment_rad))
+    words = f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with {100.0 * axis.share:.1f} % of its rotation."
+    if askew > ASKEW_DEG:
+        warnings.append(f"{words} The recorder sits askew; this is allowed for.")
+    else:
+        said.append(words)
+    if axis.share < ONE_AXIS:
+        warnings.append("The pendulum also turned about other axes: it twisted or swayed, which the model does not have.")
+    if accel is None:
+        return
+    down = np.median(accel.values, axis=0)
+    length = float(np.linalg.norm(down))
+    if length < 5.0:  # gravity is not in it
+        return
+    tilt = float(np.degrees(np.arccos(min(1.0, abs(float(down @ axis.axis)) / length))))
+    if (upright and tilt > UPRIGHT_DEG) or (not upright and tilt < 90.0 - UPRIGHT_DEG):
+        wanted = "upright" if upright else "level"
+        warnings.append(f"The axis of the swing stands {tilt:.0f} degrees off the vertical, but should be {wanted}: is this the right leg?")
+
+
+def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """Blocks of columns, one below the other; text columns are lists."""
+    out: dict[str, Any] = {}
+    for name in parts[0]:
+        blocks = [part[name] for part in parts]
+        out[name] = [item for block in blocks for item in block] if isinstance(blocks[0], list) else np.concatenate(blocks)
+    return out

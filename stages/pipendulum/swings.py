@@ -1,0 +1,146 @@
+"""Moments of inertia from the swings of a quadrifilar pendulum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from data_schemas.errors import CampaignError
+from hydro.dynamics.quantities import Quantities
+from hydro.dynamics.vehicle import Vehicle
+from hydro.identification.pendulum import SwingFit, fit_swing
+from hydro.identification.quadrifilar import (
+    Estimate,
+    QuadrifilarGeometry,
+    combined,
+    counted_period,
+    equivalent_inertia,
+    hollow_cylinder,
+    object_inertia,
+    small_swing_period,
+    softening,
+    tray_inertia,
+)
+from stages.base import Document
+from stages.sections import Figure, figure
+
+from .recordings import Logs, Recording
+
+STOP_WATCH_SD_S = 0.2
+SIMPLE = 1.0 / 16.0
+
+
+@dataclass(frozen=True)
+class Swung:
+    """One swing of the apparatus: its entry, mass of the object [kg], period, inertia of what lay on the tray, and its recordings.
+
+    `cylinder`: the calculated inertia (58), None where it is no cylinder. `amplitude_deg` of the largest swing.
+    """
+
+    entry: Document
+    mass: float
+    period: Estimate
+    inertia: Estimate
+    recordings: tuple[tuple[Recording, SwingFit], ...]
+    cylinder: float | None
+    amplitude_deg: float
+
+
+def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
+    """All swings of part `quadrifilar` of an apparatus. Raises `CampaignError` for a faulty apparatus, `DataError` for bad recordings."""
+    read = Quantities(part, "quadrifilar")
+    geometry = QuadrifilarGeometry(
+        radius_ceiling=read.number("radius_ceiling", "m"),
+        radius_tray=read.number("radius_tray", "m"),
+        line=read.number("line_length", "m"),
+        tray_mass=read.number("tray_mass", "kg"),
+        gravity=vehicle.gravity,
+        length_sd=read.number("length_sd", "m", default=0.0),
+        mass_sd=read.number("mass_sd", "kg", default=0.0),
+    )
+    if min(geometry.radius_ceiling, geometry.radius_tray, geometry.line, geometry.tray_mass) <= 0.0:
+        raise CampaignError("a length or mass of the pendulum is not positive", field="quadrifilar", value=geometry)
+    trays = [index for index, entry in enumerate(part["swings"]) if entry["role"] == "empty_tray"]
+    if len(trays) != 1:
+        raise CampaignError("one swing of the empty tray is needed", field="quadrifilar.swings", value=len(trays), allowed=1)
+    order = [*trays, *(index for index in range(len(part["swings"])) if index not in trays)]
+    found: list[Swung] = []
+    for index in order:
+        found.append(_swing(part["swings"][index], f"quadrifilar.swings[{index}]", geometry, logs, found[0].period if found else None))
+    return found
+
+
+def _swing(entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None) -> Swung:
+    read = Quantities(entry, field)
+    mass = 0.0
+    if empty is not None:
+        if "mass" not in read:
+            raise CampaignError("an object on the tray needs its mass", field=f"{field}.mass", remedy="Weigh it, without the tray.")
+        mass = read.number("mass", "kg")
+    total = geometry.tray_mass + mass
+    soft = SIMPLE
+    recordings = [logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.get("legs") or ()]
+    periods: list[Estimate] = []
+    fits: list[SwingFit] = []
+    timed = [_timed(item) for item in entry.get("timed") or ()]
+    if not recordings and not timed:
+        raise CampaignError("a swing needs legs that recorded it, or timed oscillations", field=field, value=entry["id"])
+    for _ in range(2):  # how much a large swing is slowed depends a little on the inertia that comes out
+        fits = [fit_swing(item.t_s, item.rate, softening=soft, usable=item.usable) for item in recordings]
+        periods = [Estimate(fit.period_s, fit.standard_error_s) for fit in fits]
+        periods += [Estimate(small_swing_period(one.value, size, soft), one.standard_error) for one, size in timed]
+        period = combined(periods)
+        soft = softening(geometry, total, equivalent_inertia(geometry, total, period.value))
+    inertia = tray_inertia(geometry, period) if empty is None else object_inertia(geometry, mass, period, empty)
+    amplitude = max([np.degrees(fit.amplitude_rad) for fit in fits] + [np.degrees(size) for _, size in timed])
+    return Swung(entry, mass, period, inertia, tuple(zip(recordings, fits, strict=True)), _cylinder(read, mass), float(amplitude))
+
+
+def _timed(item: Document) -> tuple[Estimate, float]:
+    """Counted oscillations: period at the amplitude of the swing, and that amplitude [rad]."""
+    period = counted_period(int(item["oscillations"]), float(item["duration_s"]), float(item.get("duration_sd_s", STOP_WATCH_SD_S)))
+    return period, float(np.radians(item.get("amplitude_deg", 0.0)))
+
+
+def _cylinder(read: Quantities, mass: float) -> float | None:
+    if "cylinder" not in read:
+        return None
+    tube = read.part("cylinder")
+    return hollow_cylinder(mass, tube.number("length", "m"), tube.number("outer_radius", "m"), tube.number("inner_radius", "m"))
+
+
+def swing_figures(found: Sequence[Swung]) -> list[Figure]:
+    """Periods, inertias, and the check of the pendulum against a cylinder. Names: `T of tray`, `I of tube`, `I_x` ..."""
+    rows = []
+    for item in found:
+        name, axis = str(item.entry["id"]), item.entry.get("axis")
+        rows.append(figure(f"T of {name}", item.period.value, "s", item.period.standard_error))
+        note = f"swings of {item.amplitude_deg:.1f} degrees, corrected to small ones"
+        quantity = f"I_{axis}" if axis else f"I of {name}"
+        verdict = "identified" if item.inertia.value > 2.0 * item.inertia.standard_error else "weak"
+        empty = item is found[0]
+        rows.append(
+            figure(quantity, item.inertia.value, "kg*m^2", item.inertia.standard_error, verdict=verdict, note=note, headline=not empty)
+        )
+        if item.cylinder is not None:
+            rows.append(figure(f"I of {name} by (58)", item.cylinder, "kg*m^2", note="hollow cylinder, calculated"))
+            share = 100.0 * (item.inertia.value / item.cylinder - 1.0)
+            rows.append(figure(f"I of {name} against (58)", share, "%", 100.0 * item.inertia.standard_error / item.cylinder))
+    return rows
+
+
+def inertia_document(found: Sequence[Swung], vehicle: str, source: str) -> dict[str, Any] | None:
+    """Document `inertia` with the axes that were swung; None for none."""
+    axes = {
+        f"I_{item.entry['axis']}": {
+            "value": float(item.inertia.value),
+            "unit": "kg*m^2",
+            "source": f"quadrifilar pendulum, swing {item.entry['id']}, standard error {item.inertia.standard_error:.2g} kg m^2",
+        }
+        for item in found
+        if item.entry.get("axis")
+    }
+    return {"vehicle": vehicle, "source": source, **axes} if axes else None
