@@ -39,7 +39,7 @@ def bench_views(swings: Sequence[Swung], decays: Sequence[Decayed]) -> dict[str,
     """Swings, decays with each damping model, and recursive estimates, one entity per recording."""
     groups = [
         {
-            "entity": f"pendulum/{recording.leg}",
+            "entity": f"pendulum/{recording.leg}/swing/rate",
             "table": "swings",
             "columns": ["rate_measured_rad_s", "rate_fitted_rad_s"],
             "names": ["measured", "fitted"],
@@ -56,7 +56,7 @@ def bench_views(swings: Sequence[Swung], decays: Sequence[Decayed]) -> dict[str,
             leg = item.recording.leg
             groups.append(
                 {
-                    "entity": f"pendulum/{leg}",
+                    "entity": f"pendulum/{leg}/decay/angle",
                     "table": "decays",
                     "columns": ["theta_measured_rad", *(f"theta_{name.replace(' ', '_')}_rad" for name in DAMPING)],
                     "names": ["measured", *(f"{name} damping" for name in DAMPING)],
@@ -68,7 +68,7 @@ def bench_views(swings: Sequence[Swung], decays: Sequence[Decayed]) -> dict[str,
             )
             groups += [
                 {
-                    "entity": f"pendulum/{leg}_{column}",
+                    "entity": f"pendulum/{leg}/{column}/history",
                     "table": "decay_history",
                     "columns": [column],
                     "names": [f"{label}, recursive"],

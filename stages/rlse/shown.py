@@ -64,7 +64,7 @@ def channel_views(leg: str, found: LegRun, estimate: ChannelEstimate) -> dict[st
     }
     histories = [
         {
-            "entity": f"rlse/{leg}/{quantity}",
+            "entity": f"rlse/{leg}/{quantity}/history",
             "table": "channel_history",
             "columns": [quantity],
             "names": [f"{label}, recursive"],
@@ -77,7 +77,7 @@ def channel_views(leg: str, found: LegRun, estimate: ChannelEstimate) -> dict[st
         for quantity, label, unit in _quantities(found, estimate.chosen)
     ]
     excited = {
-        "entity": f"rlse/{leg}/excitation",
+        "entity": f"rlse/{leg}/excitation/history",
         "table": "channel_history",
         "columns": ["smallest_eigenvalue"],
         "names": ["smallest eigenvalue of C_n"],
