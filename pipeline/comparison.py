@@ -30,15 +30,16 @@ def print_comparison(run: Run) -> bool:
     """Print every printed value beside ours, and the bounds; returns whether all that is asked is met."""
     rows = comparison_rows(run)
     table = None
-    print(f"{'':<12}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}")
+    width = max([len(row["quantity"]) for row in rows], default=0) + 2
+    print(f"{'':<{width + 2}}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}")
     for row in rows:
         if row["table"] != table:
             table = row["table"]
             print(f"\n{table}")
-        error = f"{_percent(row['printed_error']):>13}{_percent(row['our_error']):>11}"
-        told = {True: "", False: "  MISSED", None: ""}[row["met"]]
-        asked = f"  {row['verdict']}" if row["asked_verdict"] else ""
-        print(f"  {row['quantity']:<10}{_cell(row['printed']):>12}{_cell(row['truth']):>13}{_cell(row['ours']):>12}{error}{asked}{told}")
+        values = f"{_cell(row['printed']):>12}{_cell(row['truth']):>13}{_cell(row['ours']):>12}"
+        errors = f"{_percent(row['printed_error']):>13}{_percent(row['our_error']):>11}"
+        told = f"  {row['verdict']}" if row["asked_verdict"] else ""
+        print(f"  {row['quantity']:<{width}}{values}{errors}{told}{'  MISSED' if row['met'] is False else ''}")
     asked_of = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked_of if not row["met"]]
     print(f"\nbounds: {len(asked_of) - len(missed)} of {len(asked_of)} met")
@@ -53,4 +54,4 @@ def _cell(value: float | None) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:+.2f} %"
+    return "-" if value is None else f"{100.0 * value:+.2g} %"

@@ -143,7 +143,7 @@ def _entry(entries: list[Document], name: str, field: str, key: str) -> Document
 
 def record_experiment(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, *, seed: int, text: str) -> Recorded:
     """The streams of a run's log, which begins `margin_s` before its leg; clocks tick in whole milliseconds."""
-    seen = plan.without_noise() if flown.experiment.exact else plan
+    seen = plan.with_noise(flown.experiment.noise)
     return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(flown, seen, vehicle, seed, text)
 
 

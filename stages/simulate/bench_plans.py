@@ -46,9 +46,9 @@ class Experiment:
         return float(self.entry["duration_s"])
 
     @property
-    def exact(self) -> bool:
-        """Whether its sensors have no noise."""
-        return bool(self.entry.get("exact", False))
+    def noise(self) -> float:
+        """Factor on the noise of its sensors."""
+        return float(self.entry.get("noise", 1.0))
 
 
 @dataclass(frozen=True)
@@ -69,13 +69,30 @@ class BenchPlan:
     pixhawk_arm_m: float
     pixhawk_mounting_rad: Array
 
-    def without_noise(self) -> BenchPlan:
-        """The same plan with exact sensors."""
-        return replace(self, ahrs=AhrsNoise(), pixhawk=AhrsNoise(), velocity_sd_m_s=0.0, depth_sd_m=0.0)
+    def with_noise(self, factor: float) -> BenchPlan:
+        """The same plan with all noise times a factor."""
+        return replace(
+            self,
+            ahrs=_scaled(self.ahrs, factor),
+            pixhawk=_scaled(self.pixhawk, factor),
+            velocity_sd_m_s=factor * self.velocity_sd_m_s,
+            depth_sd_m=factor * self.depth_sd_m,
+        )
 
     def model(self, truth: str, vehicle: Vehicle) -> SimplifiedModel:
         """The simplified model of a truth: the vehicle with the numbers that the truth replaces."""
         return model_of(self.truths[truth], vehicle, keep_z_G=self.keep_z_G)
+
+
+def _scaled(noise: AhrsNoise, factor: float) -> AhrsNoise:
+    return replace(
+        noise,
+        attitude_rad=factor * noise.attitude_rad,
+        gyro_rad_s=factor * noise.gyro_rad_s,
+        gyro_bias_rad_s=factor * noise.gyro_bias_rad_s,
+        accel_m_s2=factor * noise.accel_m_s2,
+        accel_bias_m_s2=factor * noise.accel_bias_m_s2,
+    )
 
 
 def bench_plan(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None) -> BenchPlan:

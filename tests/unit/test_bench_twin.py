@@ -207,12 +207,12 @@ def test_a_turned_pixhawk_reports_in_its_own_axes() -> None:
     np.testing.assert_allclose(rows["phi_rad"], straight["theta_rad"], atol=1e-12)
 
 
-def test_noise_is_what_the_plan_says_unless_a_run_is_exact() -> None:
+def test_noise_is_what_the_plan_says_times_the_factor_of_the_run() -> None:
     plan = copy.deepcopy(PLAN)
     plan["sensors"] = {"ahrs": {"rate_hz": 50, "gyro_sd_rad_s": 0.01}, "dvl": {"rate_hz": 20, "sd_m_s": 0.01}}
     plan["bench"]["decays"], plan["bench"]["swings"] = [], []
     noisy = np.genfromtxt(run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(), delimiter=",", names=True)
-    plan["bench"]["tank"][0]["exact"] = True
+    plan["bench"]["tank"][0]["noise"] = 0
     exact = np.genfromtxt(run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(), delimiter=",", names=True)
     assert np.std(noisy["u_m_s"] - exact["u_m_s"]) == pytest.approx(0.01, rel=0.15)  # 680 samples: 3 % standard error
     np.testing.assert_array_equal(exact["v_m_s"], 0.0)
