@@ -5,6 +5,7 @@ Nothing here decides: every function returns measured values, the thresholds sta
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,12 +166,51 @@ class RateAgreement:
     jump_at_s: float
 
 
+def attitude_jumps(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> tuple[Array, Array, Array]:
+    """Begin and end [s] of the intervals in which the attitude turned without the gyro, and by how much [rad]: three arrays (k,).
+
+    As in `rate_agreement`, but over every interval of a long record.
+    """
+    found = _turns(t_s, euler, t_gyro, gyro, most=None)
+    if found is None:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    t, rows, _, _, unexplained, jumped = found
+    return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
+
+
 def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> RateAgreement | None:
     """Compare the mean body rate between attitude samples (n, 3) [rad] with the mean of the gyro (m, 3) [rad/s] over the same interval.
 
     The mean body rate is the rotation vector between the two attitudes over their distance in time, exact for a steady turn and free of
     the singularity at a pitch of 90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals.
     """
+    found = _turns(t_s, euler, t_gyro, gyro, most=MOST_SAMPLES)
+    if found is None:
+        return None
+    t, rows, expected, mean_rate, unexplained, jumped = found
+    worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
+    jump, jump_at = (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
+    rows, expected = rows[~jumped], expected[~jumped]
+    centred = expected - expected.mean(axis=0)
+    energy = centred.std(axis=0)
+    lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
+    score = [float(np.sum(np.abs(np.diag(_correlation(centred, mean_rate(rows, lag)))) * energy**2)) for lag in lags]
+    lag = _peak(lags, np.asarray(score))
+    measured = mean_rate(rows, lag)
+    deviation = measured - measured.mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Total least squares in one dimension keeps noise in either record from pulling the ratio down.
+        scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
+    bias = np.median(measured - expected, axis=0)
+    return RateAgreement(
+        _correlation(centred, measured), scale, lag, energy, bias, int(rows.size), int(np.count_nonzero(jumped)), jump, jump_at
+    )
+
+
+def _turns(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike, *, most: int | None
+) -> tuple[Array, npt.NDArray[np.intp], Array, Callable[[npt.NDArray[np.intp], float], Array], Array, npt.NDArray[np.bool_]] | None:
+    """Intervals between attitudes: times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which are jumps."""
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
     if t.size < FEWEST or at.size < FEWEST:
@@ -183,39 +223,24 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     pauses = np.append(0, np.cumsum(np.diff(at) > LONGEST_INTERVAL_S))
     before, after = np.searchsorted(at, t[:-1]) - 1, np.searchsorted(at, t[1:])
     inside &= pauses[np.clip(before, 0, at.size - 1)] == pauses[np.clip(after, 0, at.size - 1)]
-    rows = thinned(np.flatnonzero(inside))
+    rows = np.flatnonzero(inside)
+    rows = rows if most is None else thinned(rows, most)
     if rows.size < FEWEST:
         return None
     turn = Rotation.from_euler("ZYX", angles[:, ::-1])
     expected = (turn[rows].inv() * turn[rows + 1]).as_rotvec() / width[rows, None]
     angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)])
 
-    def mean_rate(lag: float) -> Array:
-        ends = [np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1) for side in (rows, rows + 1)]
-        return np.asarray((ends[1] - ends[0]) / width[rows, None])
+    def mean_rate(of: npt.NDArray[np.intp], lag: float) -> Array:
+        ends = [np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1) for side in (of, of + 1)]
+        return np.asarray((ends[1] - ends[0]) / width[of, None])
 
-    unexplained = np.linalg.norm((expected - mean_rate(0.0)) * width[rows, None], axis=1)
+    unexplained = np.linalg.norm((expected - mean_rate(rows, 0.0)) * width[rows, None], axis=1)
     # A slow gyro may miss what it turned between its samples: by no more than its change over the interval.
     missed = np.linalg.norm(rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)], axis=1)
     missed *= np.maximum(width[rows], float(np.median(np.diff(at))))
     jumped = unexplained > np.maximum(max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed)
-    worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
-    jump, jump_at = (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
-    rows, expected = rows[~jumped], expected[~jumped]
-    centred = expected - expected.mean(axis=0)
-    energy = centred.std(axis=0)
-    lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
-    score = [float(np.sum(np.abs(np.diag(_correlation(centred, mean_rate(lag)))) * energy**2)) for lag in lags]
-    lag = _peak(lags, np.asarray(score))
-    measured = mean_rate(lag)
-    deviation = measured - measured.mean(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Total least squares in one dimension keeps noise in either record from pulling the ratio down.
-        scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
-    bias = np.median(measured - expected, axis=0)
-    return RateAgreement(
-        _correlation(centred, measured), scale, lag, energy, bias, int(rows.size), int(np.count_nonzero(jumped)), jump, jump_at
-    )
+    return t, rows, expected, mean_rate, unexplained, jumped
 
 
 def _correlation(first: Array, second: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Put the sensors of one leg on a uniform clock, with spline derivatives; gaps split the leg into segments.
+"""Put the sensors of one leg on a uniform clock, with spline derivatives; gaps, and jumps of the attitude, split the leg into segments.
 
 A smoothing spline stands for each channel; attitude is smoothed as a rotation. One smoothing parameter holds for a whole segment, so a
 signal whose character changes within it is smoothed for the mixture. Splines bend at the ends of a segment over about half a period of
@@ -23,9 +23,8 @@ from hydro.identification.splines import cutoff_from_lambda, lambda_from_cutoff,
 from stages.base import Document, Stage, param, port
 from stages.signals import ACCELEROMETER, ATTITUDE, Array, Span, leg_window, named
 
-from .segments import Signal, common_spans, gap_list, missing_stream, segment_ids, signal, too_short, trimmed
+from .segments import GYRO, Signal, common_spans, gap_list, missing_stream, segment_ids, signal, split_at_jumps, too_short, trimmed
 
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 RATE = ("p_rad_s", "q_rad_s", "r_rad_s")
 RATE_DOT = ("p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")
 LINEAR = ("u_m_s", "v_m_s", "w_m_s")
@@ -114,6 +113,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             raise missing_stream(stream, leg, logged=table is not None)
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
+    if "imu" in signals:
+        signals["attitude"], jumps = split_at_jumps(signals["attitude"], signals["imu"])
+        notes += jumps
     covering = [item for name, item in signals.items() if name in COVERING]
     all_spans = [trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)]
     spans = [span for span in all_spans if span[1] - span[0] >= params.min_segment_s]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,11 @@ from data_schemas.errors import DataError
 from data_schemas.streams import supply_text
 from data_schemas.tables import matrix
 from hydro.identification.resampling import gaps
-from stages.signals import Array, Span
+from hydro.identification.signal_checks import attitude_jumps
+from stages.signals import ATTITUDE, Array, Span
+
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+NAMED_JUMPS = 5
 
 FEWEST = 5  # samples; a spline needs as many
 
@@ -51,6 +56,27 @@ def signal(stream: str, table: pa.Table, *, start_us: int, lag_s: float, window:
     t, values = t[rows], matrix(table, names)[rows]
     spans = tuple((float(t[first]), float(t[last - 1])) for first, last in gaps(t, max_gap_s) if last - first >= FEWEST)
     return Signal(stream, t, names, values, spans)
+
+
+def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
+    """The attitude with its spans ended where it jumps without the gyro, and a sentence for each jump.
+
+    A spline through a jump would turn the vehicle in a motion that never was.
+    """
+    gyro = np.stack([imu.column(name) for name in GYRO], axis=1)
+    euler = np.stack([item.column(name) for name in ATTITUDE], axis=1)
+    jumps = list(zip(*(array.tolist() for array in attitude_jumps(item.t_s, euler, imu.t_s, gyro)), strict=True))
+    spans = list(item.spans)
+    for start, end, _ in jumps:
+        spans = [part for first, last in spans for part in ((first, min(last, start)), (max(first, end), last)) if part[0] < part[1]]
+    kept = tuple(span for span in spans if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= FEWEST)
+    notes = [
+        f"the attitude jumps by {math.degrees(size):.0f} degrees at {start:.2f} s without the gyro; the leg is split there"
+        for start, _, size in jumps[:NAMED_JUMPS]
+    ]
+    if len(jumps) > NAMED_JUMPS:
+        notes.append(f"the attitude jumps {len(jumps) - NAMED_JUMPS} times more, each splits the leg")
+    return (replace(item, spans=kept) if jumps else item), notes
 
 
 def common_spans(signals: Sequence[Signal]) -> list[Span]:

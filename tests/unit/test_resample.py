@@ -270,3 +270,28 @@ def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> No
     at = t + float(found.segment["leg"]["leg_start_s"])
     assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
     np.testing.assert_allclose(column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9)
+
+
+def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
+    """An attitude that is set anew turns no vehicle: no segment spans the jump, and the note says when and how far."""
+    time_us = times(10)
+    whole = attitude(time_us)
+    roll = np.where(seconds(time_us) > 30.05, np.radians(60.0), 0.02)
+    outputs = run(attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll)))
+    assert list(outputs.segment) == ["leg.1", "leg.2"]
+    assert outputs.segment["leg.1"]["leg_start_s"] + outputs.segment["leg.1"]["duration_s"] == pytest.approx(30.0, abs=0.03)
+    assert outputs.segment["leg.2"]["leg_start_s"] == pytest.approx(30.1, abs=1e-6)
+    for segment in outputs.segment.values():
+        check_document(segment, "segment")
+        assert segment["notes"] == ["the attitude jumps by 59 degrees at 30.00 s without the gyro; the leg is split there"]
+    for table in outputs.resampled.values():
+        assert np.abs(column(table, "phi_dot_rad_s")).max() < 0.01
+
+
+def test_many_jumps_are_counted() -> None:
+    time_us = times(10)
+    whole = attitude(time_us)
+    heading = column(whole, "psi_rad") + np.floor(seconds(time_us) / 6.0)
+    outputs = run(attitude=whole.set_column(whole.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))))
+    assert len(outputs.segment) == 10
+    assert outputs.segment["leg.1"]["notes"][-1] == "the attitude jumps 4 times more, each splits the leg"
