@@ -32,6 +32,7 @@ from stages.ingest.readers import READERS, reader_of
 from stages.ingest.tlog_account import BAD_STAMP, explain
 
 Column = npt.NDArray[np.generic]
+TABLE_WIDTH = 200
 BY_NAME = {reader.name: reader for reader in READERS}
 
 
@@ -266,7 +267,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     files = sorted(path for path in folder.rglob("*") if path.is_file())
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else TABLE_WIDTH)
     found = [compare(path, str(path.relative_to(folder))) for path in track(files, "comparing", console=Console(stderr=True))]
     results = [one for one in found if one is not None]
     console.print(table_of(results))

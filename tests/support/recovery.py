@@ -174,10 +174,22 @@ def _wrong_values(source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask
         there = offset[at] == moved[member[rows]]
         rows, at = rows[there], at[there]
         for key, column in clean.columns.items():
+            if key not in table.columns and _has_earlier_rival(source, name, damaged):
+                continue
             if key not in table.columns or not _equal(column[rows], table.columns[key][at]):
                 faults.append(f"values of {name}.{key}")
                 break
     return faults
+
+
+def _has_earlier_rival(source: SmallLog, name: str, damaged: bytes) -> bool:
+    """Whether damage has put a copy of the definition of a type, with other field names, before it: nothing in the file tells which is true."""
+    spans = source.places.needs[source.places.types.index(name)] if name in source.places.types else np.empty((0, 2), np.int64)
+    if source.name not in ("dataflash", "dataflash_text") or not len(spans):
+        return False
+    whole = source.data[int(spans[0, 0]) : int(spans[0, 1])]
+    head = whole[:25] if source.name == "dataflash" else whole[: whole.index(b"TimeUS")]
+    return 0 <= damaged.find(head) < damaged.find(whole)
 
 
 def _equal(first: npt.NDArray[np.generic], second: npt.NDArray[np.generic]) -> bool:
