@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from pipeline.terminal import plain
 from stages.ingest.checks_use import NO_FORCE, NO_STATE
 
 if TYPE_CHECKING:
@@ -21,14 +21,7 @@ if TYPE_CHECKING:
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
-ESCAPES = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|\x1b.")
-CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 AXES = ("u", "v", "w", "p", "q", "r")
-
-
-def plain(text: object) -> str:
-    """A text without terminal escapes, control characters and marks that turn the direction of writing."""
-    return CONTROLS.sub(" ", ESCAPES.sub("", str(text)))
 
 
 def show(pages: Sequence[Page]) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from data_schemas.errors import PipelineError, UsageError
+from pipeline.terminal import plain_lines
 
 FINE, FAILED, WRONG_USE, LOSSES, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -328,5 +329,5 @@ def _internal(crash: Exception) -> str:
 
 
 def _say(line: str, status: int) -> int:
-    print(line, file=sys.stderr)
+    print(plain_lines(line), file=sys.stderr)
     return status

@@ -15,13 +15,14 @@ import yaml
 
 from data_schemas.errors import DataError, PipelineError, nearest
 from pipeline import artefacts, engines, golden, history, inspection, session
-from pipeline.check_page import plain
 from pipeline.files import write_atomically
 from pipeline.golden import Departure, Tables
 from pipeline.runner import Run
+from pipeline.terminal import plain
 from stages.base import make_params
 from stages.report.difference import FigureChange, Pair, Side, SignalChange, coefficient_changes, differs, pairs, signal_changes
 from stages.report.recording_text import table_lines
+from stages.signals import AXES
 
 VARIANT = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)=(.+)")
 VARIANTS = ".variants"
@@ -205,7 +206,8 @@ def _tolerances(one: Loaded, two: Loaded, old: Tables, new: Tables) -> dict[str,
         if item.tolerances is not None and (item.tolerances / golden.TOLERANCES).is_file():
             return golden.read_tolerances(item.tolerances / golden.TOLERANCES, golden.columns_of(old, new))
     with resources.as_file(resources.files("pipeline") / "default_tolerances.yaml") as path:
-        return golden.read_tolerances(path, golden.columns_of(old, new))
+        known = golden.read_tolerances(path, (*golden.FIXED[1:], *AXES))
+    return {name: known.get(name, known["ratio"]) for name in golden.columns_of(old, new)}
 
 
 def lines(changed: Difference) -> list[str]:

@@ -14,11 +14,11 @@ from rich.table import Table
 
 from data_schemas.errors import DataError
 from pipeline import golden, session
-from pipeline.check_page import plain
 from pipeline.files import write_atomically
 from pipeline.graph import WHOLE
 from pipeline.history import Entry, best, changes, entry_of, read
 from pipeline.runner import Place, Run
+from pipeline.terminal import plain
 from stages import report
 from stages.sections import Block, section, table, text
 

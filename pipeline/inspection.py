@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from data_schemas.errors import CampaignError, LogError, PipelineError, nearest
+from data_schemas.errors import CampaignError, LogError, PipelineError, UsageError, nearest
 from pipeline import check, session, viewer
-from pipeline.check_page import plain
 from pipeline.files import write_atomically
 from pipeline.graph import WHOLE
 from pipeline.runner import Place, Run
+from pipeline.terminal import plain
 
 RECORDING = ".rrd"
 MEMORY_PER_BYTE = 6.0
@@ -151,9 +151,9 @@ def _fits(path: Path) -> None:
 
 
 def wants(path: Path, suffix: str, option: str) -> None:
-    """Raises `PipelineError` for a file name with another ending than what is written into it."""
+    """Raises `UsageError` for a file name with another ending than what is written into it."""
     if path.suffix != suffix:
-        raise PipelineError(f"the name does not end in {suffix}", field=option, value=str(path))
+        raise UsageError(f"the name does not end in {suffix}", field=option, value=str(path))
 
 
 def _kept(subject: Subject) -> Path:

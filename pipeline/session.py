@@ -12,6 +12,7 @@ from pipeline.graph import AnyStage, Graph, select, stages_of_kind
 from pipeline.progress import Bars, Lines, Progress
 from pipeline.runner import Run, write_code_files
 from pipeline.summary import bounds, error_rows, losses, places, shortened, truth_rows, warnings
+from pipeline.terminal import plain
 from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
 from stages import KINDS, STAGES
 
@@ -50,7 +51,7 @@ def print_summary(run: Run) -> None:
     for title, lines in (("lost", losses(run)), ("warnings", warnings(run))):
         if lines:
             print(f"\n{title} ({len(lines)}):")
-            print("\n".join(f"  {line}" for line in shortened(lines)))
+            print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
     rows = error_rows(run)
     if rows:
         print(f"\n{'model':<16}{'rank':>6}{'training':>12}{'validation':>12}   (J/J0; 1 explains nothing)")

@@ -40,6 +40,7 @@ VERDICTS = {
     "not applicable": "none",
 }
 RATIO = "J/J0"
+LONG_TEXT = 200
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NO_LOGS: Mapping[str, str] = {}
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
@@ -107,6 +108,7 @@ def render(
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
         heat=heat,
+        lead=lead,
         ink_of=lambda name: f"--ink-{key(name) or 'none'}",
         is_model=is_model,
     )
@@ -152,6 +154,12 @@ def visible(value: Any) -> Any:
 def _shown(character: str) -> str:
     code = ord(character)
     return chr(0x2400 + code) if code < 0x20 else "\ufffd"
+
+
+def lead(words: str) -> tuple[str, str]:
+    """A long text as its first sentence and the rest, which the page folds away; a short one whole."""
+    first, _, rest = words.partition(". ")
+    return (f"{first}.", rest) if rest and len(words) > LONG_TEXT else (words, "")
 
 
 def cells(block: Document) -> list[list[Cell]]:

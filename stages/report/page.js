@@ -8,6 +8,9 @@
   label();
 }
 
+// What is folded away on the screen is printed.
+addEventListener("beforeprint", () => { for (const item of document.querySelectorAll("main details")) item.open = true; });
+
 function sortBy(table, column, head) {
   const ascending = head.getAttribute("aria-sort") !== "ascending";
   for (const other of head.parentNode.children) other.removeAttribute("aria-sort");

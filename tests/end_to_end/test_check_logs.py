@@ -19,7 +19,7 @@ from data_schemas.checks import checks, documentation
 from data_schemas.documents import check_document
 from data_schemas.errors import PipelineError
 from pipeline import check as checking
-from pipeline import check_page, cli
+from pipeline import cli, terminal
 from stages import ingest
 from stages.base import RawLog
 from stages.ingest.decoded import RawFile
@@ -424,7 +424,7 @@ def test_the_documentation_holds_every_finding() -> None:
 
 
 def test_texts_lose_escapes_and_control_characters() -> None:
-    assert check_page.plain("\x1b[1;31mred\x1b[0m\x07 \x9b31m \x1b]8;;http://x\x1b\\link\u2066") == "red   31m link "
+    assert terminal.plain("\x1b[1;31mred\x1b[0m\x07 \x9b31m \x1b]8;;http://x\x1b\\link\u2066") == "red   31m link "
 
 
 def test_the_command_is_registered() -> None:

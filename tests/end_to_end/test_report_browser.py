@@ -73,9 +73,19 @@ def test_page_fits_its_window_and_is_not_empty(browser: Browser, report: Path, w
     assert browser.messages == []
 
 
-def test_answer_is_on_the_first_screen(page: Browser) -> None:
-    assert page.evaluate("document.querySelector('.answer').getBoundingClientRect().bottom") < 1000
-    assert page.evaluate("document.querySelector('#missing').getBoundingClientRect().top") < 1000
+def test_first_screen_says_what_was_identified_how_good_what_is_missing_and_which_model(browser: Browser, report: Path) -> None:
+    browser.messages.clear()
+    browser.open(report, width=1280, height=800)
+    for item, edge in ((".answer", "bottom"), (".facts", "bottom"), ("#missing + ul", "bottom"), (".matrix", "top")):
+        assert browser.evaluate(f"document.querySelector('{item}').getBoundingClientRect().{edge}") < 800, item
+    assert browser.messages == []
+
+
+def test_what_is_folded_away_is_printed(page: Browser) -> None:
+    page.evaluate("document.querySelector('#missing + ul').innerHTML += '<li><details><summary>short</summary>long</details></li>'")
+    assert page.evaluate("document.querySelector('.sides details').open") is False
+    page.pdf()
+    assert page.evaluate("document.querySelector('.sides details').open") is True
 
 
 def test_every_plot_draws_its_lines(page: Browser) -> None:

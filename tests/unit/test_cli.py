@@ -23,7 +23,8 @@ from stages.base import ports
 from tests.support import toy_stages
 from tests.support.toy_stages import write_campaign
 
-COMMANDS = ("coefficients", "run", "report", "check", "regress", "simulate", "reproduce", "stages", "models", "vehicles", "new")
+LOOKING = ("inspect", "diff", "history")
+COMMANDS = ("coefficients", "run", "report", *LOOKING, "check", "regress", "simulate", "reproduce", "stages", "models", "vehicles", "new")
 TEMPLATES = Path(cli.__file__).parent / "templates"
 
 

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import pytest
 
 from stages.report import Params, run
-from stages.report.html import Chapter, anchor, arrange, cells, heat, number, term, visible
+from stages.report.html import Chapter, anchor, arrange, cells, heat, lead, number, term, visible
 from stages.sections import remark, section, table, text
 from tests.support.example_run import ExampleRun, example_run
 
@@ -194,3 +194,9 @@ def test_campaign_without_models_still_has_a_page() -> None:
     out = run(made.inputs(), Params())
     assert b"No model was identified" in out.report_html
     assert out.recording.startswith(b"RRF")
+
+
+def test_long_text_is_folded_after_its_first_sentence() -> None:
+    assert lead("Short. Text.") == ("Short. Text.", "")
+    assert lead(f"First sentence. {'more ' * 50}") == ("First sentence.", "more " * 50)
+    assert lead("x" * 300) == ("x" * 300, "")
