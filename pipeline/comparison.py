@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pipeline import session
-from pipeline.graph import WHOLE
 from pipeline.reproduction import FILE
 from pipeline.runner import Run
+from pipeline.summary import comparison_rows
 
-PUBLISHED, TABLE = "published_values", "comparison"
+PUBLISHED = "published_values"
 
 
 def open_comparison(name: str) -> Run | None:
@@ -18,12 +16,6 @@ def open_comparison(name: str) -> Run | None:
     if PUBLISHED not in run.campaign.documents or (run.campaign.folder / FILE).is_file():
         return None
     return run
-
-
-def comparison_rows(run: Run) -> list[dict[str, Any]]:
-    """The rows of schema `comparison` that the run made."""
-    found = [artefact for port in run.graph.producers(TABLE) for artefact in run.artefacts_of(port, WHOLE).values()]
-    return [row for artefact in found for row in artefact.load().to_pylist()]
 
 
 def print_comparison(run: Run) -> bool:
@@ -54,4 +46,8 @@ def _cell(value: float | None) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:+.2g} %"
+    """Two decimals, or the order of magnitude of what is smaller."""
+    if value is None or value == 0.0:
+        return "-" if value is None else "0 %"
+    percent = 100.0 * value
+    return f"{percent:+.2f} %" if abs(percent) >= 0.01 else f"{percent:+.0e} %"

@@ -11,7 +11,7 @@ from pipeline.campaign import load_campaign
 from pipeline.graph import AnyStage, Graph, select, stages_of_kind
 from pipeline.progress import Bars, Lines, Progress
 from pipeline.runner import Run, write_code_files
-from pipeline.summary import bounds, error_rows, losses, places, shortened, truth_rows, warnings
+from pipeline.summary import bounds, comparison_rows, error_rows, losses, places, shortened, truth_rows, warnings
 from pipeline.terminal import plain
 from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
 from stages import KINDS, STAGES
@@ -58,6 +58,9 @@ def print_summary(run: Run) -> None:
         for model, rank, training, validation in rows:
             print(f"{model:<16}{rank:>6}{_ratio(training):>12}{_ratio(validation):>12}")
     _print_truth(run)
+    asked = [row["met"] for row in comparison_rows(run) if row["met"] is not None]
+    if asked:
+        print(f"\nprinted values: {sum(asked)} of {len(asked)} bounds met (auvid reproduce {run.campaign.name} prints them)")
     found = places(run)
     if found:
         print()

@@ -57,6 +57,11 @@ def bounds(run: Run) -> list[dict[str, Any]]:
     return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
 
 
+def comparison_rows(run: Run) -> list[dict[str, Any]]:
+    """Printed values beside those of the run, with what is asked of them (schema `comparison`)."""
+    return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
+
+
 def losses(run: Run) -> list[str]:
     """What of the logs did not reach the results, in words: damaged logs and rejected samples."""
     found = []
