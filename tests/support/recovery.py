@@ -183,7 +183,7 @@ def _wrong_values(source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask
 
 
 def _has_earlier_rival(source: SmallLog, name: str, damaged: bytes) -> bool:
-    """Whether damage has put a copy of the definition of a type, with other field names, before it: nothing in the file tells which is true."""
+    """Whether damage has put a copy of the definition of a type, with other field names, before it: nothing tells which is true."""
     spans = source.places.needs[source.places.types.index(name)] if name in source.places.types else np.empty((0, 2), np.int64)
     if source.name not in ("dataflash", "dataflash_text") or not len(spans):
         return False
