@@ -37,6 +37,7 @@ class Inputs:
     residual: Collection[pa.Table] = port("residual", many=True)
     predictions: Collection[pa.Table] = port("predictions", many=True)
     error_table: pa.Table = port("error_table")
+    model_card: Collection[Document] = port("model_card", many=True)
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         truth_errors=make_table("truth_errors", found.columns()),
         trust_checks=make_table("trust_checks", {name: [getattr(item, name) for item in held] for name in names}),
         true_motion=moved,
-        section=trust_section(found, held, plots),
+        section=trust_section(found, held, plots, {name: str(card["title"]) for name, card in inputs.model_card.items()}),
         views=trust_views(inputs.segment),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from stages.base import Document
@@ -14,8 +14,8 @@ from stages.trust.errors import Errors
 MODEL = "model "
 
 
-def trust_section(errors: Errors, held: Sequence[Check], plots: Sequence[Block]) -> dict[str, Any]:
-    """Bounds, error tables and plots."""
+def trust_section(errors: Errors, held: Sequence[Check], plots: Sequence[Block], titles: Mapping[str, str]) -> dict[str, Any]:
+    """Bounds, error tables and plots; `titles`: model -> name as printed."""
     missed = [item for item in held if not item.met]
     blocks: list[Block] = [
         remark(f"Against the truth of the twin: {item.figure} is {item.value:.3g}, the bound is {item.bound:.3g} {item.unit}.", "warning")
@@ -28,7 +28,7 @@ def trust_section(errors: Errors, held: Sequence[Check], plots: Sequence[Block])
     else:
         rows = [[item.figure, item.value, item.bound, item.unit, "met" if item.met else "missed"] for item in held]
         blocks.append(table("Bounds of this campaign", ["figure", "measured", "at most", "unit", ""], rows))
-    blocks += [*_states(errors), *_models(errors), *plots]
+    blocks += [*_states(errors), *_models(errors, titles), *plots]
     words = "The truth lies under the estimate; what is left is the error of sensors and method."
     return section("Estimate against truth", blocks, order=12, look_for=words)
 
@@ -49,7 +49,7 @@ def _states(errors: Errors) -> Iterable[Block]:
     )
 
 
-def _models(errors: Errors) -> Iterable[Block]:
+def _models(errors: Errors, titles: Mapping[str, str]) -> Iterable[Block]:
     models = list(dict.fromkeys(quantity for quantity, _ in errors.units() if quantity.startswith(MODEL)))
     rows = []
     for use in ("validation", "training"):
@@ -57,9 +57,11 @@ def _models(errors: Errors) -> Iterable[Block]:
             found = errors.whole(quantity, use=use)
             if found:
                 ratios = [_ratio(found[axis].rms, found[axis].rms_true) for axis in ("all", *AXES)]
-                rows.append([quantity.removeprefix(MODEL), use, found["all"].rms, *ratios])
+                rows.append([titles[quantity.removeprefix(MODEL)], use, found["all"].rms, *ratios])
     note = "J and J/J0 with the true force in place of the residual one: what a model gets wrong, without the errors of the sensors."
-    yield table("Models against the true force", ["model", "legs", ("J", "N, N m"), "J/J0", *AXES], rows, note=note)
+    yield table(
+        "Models against the true force", ["model", "legs", ("J", "N, N m"), "J/J0", *(f"J/J0 {axis}" for axis in AXES)], rows, note=note
+    )
 
 
 def _ratio(error: float, size: float) -> float | None:

@@ -68,6 +68,7 @@ def inputs(*, turn: float = 0.0, truths: dict[str, Any] | None = None, accel_bia
         residual=one(residual),
         predictions=one(predictions),
         error_table=table,
+        model_card=collection({"linear": {"title": "Linear"}}),
     )
 
 
@@ -99,6 +100,10 @@ def test_models_are_judged_on_the_true_force() -> None:
     for axis in ("X", "Y", "Z", "K", "M", "N", "all"):
         row = found[("model linear", axis)]
         assert row["rms_error"] / row["rms_true"] == pytest.approx(0.1)
+    blocks = trust.run(inputs(), trust.Params()).section["blocks"]
+    shown = next(block for block in blocks if block.get("title") == "Models against the true force")
+    assert shown["rows"][0][:2] == ["Linear", "validation"]
+    assert shown["rows"][0][3:] == pytest.approx([0.1] * 7)
 
 
 def test_true_motion_is_on_the_clock_of_the_segment() -> None:
