@@ -13,7 +13,7 @@ from data_schemas.errors import CampaignError, PipelineError, nearest, raise_fau
 from data_schemas.schemas import schema
 from data_schemas.tables import make_table
 from stages.base import Collection, Document, Stage, every, port
-from stages.sections import Block, remark, section, table, text
+from stages.sections import Block, figure, remark, section, table, text
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class Outputs:
     """One row per printed value; nothing for a campaign without printed tables."""
 
     comparison: pa.Table | None = port("comparison", optional=True)
+    bounds: dict[str, Any] | None = port("results", optional=True)
     section: dict[str, Any] | None = port("section", optional=True)
 
 
@@ -45,7 +46,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     raise_faults(list(_faults(inputs.published, figures)), file="the published values")
     rows = [compare_row(entry["id"], row, figures) for entry in inputs.published["tables"] for row in entry["rows"]]
     columns = {name: [row[name] for row in rows] for name in schema("comparison").columns}
-    return Outputs(make_table("comparison", columns), _section(inputs.published, rows))
+    return Outputs(make_table("comparison", columns), _bounds(inputs.published, rows), _section(inputs.published, rows))
+
+
+def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """How much of what is asked is met, by table, as results; None where nothing is asked."""
+    figures = []
+    for entry in published["tables"]:
+        asked = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
+        if asked:
+            met = sum(row["met"] for row in asked)
+            bounded = [row for row in asked if row["bound"] and row["our_error"] is not None]
+            worst = max(bounded, key=lambda row: abs(row["our_error"]), default=None)
+            note = "" if worst is None else f"largest error {100.0 * abs(worst['our_error']):.2g} % ({worst['quantity']})"
+            verdict = "met" if met == len(asked) else "missed"
+            title = f"{entry['id']}: bounds met of {len(asked)}"
+            figures.append(figure(title, float(met), "1", verdict=verdict, note=note or None, headline=True))
+    return {"title": str(published["title"]), "rows": figures} if figures else None
 
 
 def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
@@ -131,7 +148,7 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
         keys = ("id", "where", "printed", "corrected", "confidence", "shown")
         blocks.append(table("Errata of the source", heads, [[entry.get(key, "") for key in keys] for entry in errata]))
     return section(
-        "Printed tables beside ours", blocks, order=15, look_for="Every bound is met; an erratum explains where the print cannot be."
+        "Printed tables beside ours", blocks, order=2, look_for="Every bound is met; an erratum explains where the print cannot be."
     )
 
 
@@ -174,4 +191,5 @@ STAGE: Stage[Inputs, Params, Outputs] = Stage(
     params=Params,
     outputs=Outputs,
     run=run,
+    no_views="tables of single values have no series",
 )

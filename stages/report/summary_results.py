@@ -9,22 +9,29 @@ from typing import Any
 from stages.report.summary import Fact, Figure, Level, Summary, assumed_figures, plural, remarks
 
 Document = Mapping[str, Any]
-DETERMINED = ("identified", "met", "measured", "held", "stable")
+DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
+BOUNDS = ("met", "missed")
 SHOWN = 40
 
 
 def summarise_results(
     results: Mapping[str, Document], logs: Mapping[str, Document], sections: Mapping[str, Document], vehicle: Document
 ) -> Summary:
-    """The summary of documents of schema `results`, keyed `stage/item`."""
+    """The summary of documents of schema `results`, keyed `stage/item`: of their headlines, or of all figures where there is none.
+
+    Bounds come first; further figures (other damping models, other methods) stand in the sections of their stages.
+    """
     rows = [(str(document["title"]), row) for document in results.values() for row in document["rows"]]
-    shown = [(part, row) for part, row in rows if row.get("headline")] or rows
-    good = [row for _, row in rows if row.get("verdict") in DETERMINED and row["value"] is not None]
-    judged = [row for _, row in rows if row.get("verdict")]
-    doubtful = [(part, row) for part, row in rows if row.get("verdict") and row not in good]
+    shown = sorted(
+        [(part, row) for part, row in rows if row.get("headline")] or rows, key=lambda item: item[1].get("verdict") not in BOUNDS
+    )
+    good = [row for _, row in shown if row.get("verdict") in DETERMINED and row["value"] is not None]
+    judged = [row for _, row in shown if row.get("verdict")]
+    doubtful = [(part, row) for part, row in shown if row.get("verdict") and row not in good]
     warned = tuple(dict.fromkeys(remarks(sections, "warning")))
     level: Level = "good" if judged and not doubtful and not warned else "fair" if good or not judged else "poor"
-    found = tuple(dict.fromkeys(remarks(sections, "finding")))
+    in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
+    found = tuple(dict.fromkeys(remarks(in_order, "finding")))
     return Summary(
         level=level,
         headline=_headline(len(judged), len(good), len(rows)),

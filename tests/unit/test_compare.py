@@ -84,9 +84,21 @@ def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
     assert warned == ["0 of 1 bounds on the printed tables are met.", "Table 4, X_udot: off by 3.52 %, asked at most 3 %"]
 
 
+def test_what_is_met_stands_among_the_results() -> None:
+    rows = (row(most_relative_error=0.04), row(most_relative_error=0.03), row())
+    outputs = compare.run(compare.Inputs(collection(RESULTS), published(*rows)), compare.Params())
+    assert outputs.bounds is not None
+    check_document(outputs.bounds, "results")
+    (found,) = outputs.bounds["rows"]
+    assert (found["quantity"], found["value"], found["verdict"]) == ("Table 4: bounds met of 2", 1.0, "missed")
+    assert found["note"] == "largest error 3.5 % (X_udot)"
+    free = compare.run(compare.Inputs(collection(RESULTS), published(row())), compare.Params())
+    assert free.bounds is None
+
+
 def test_a_campaign_without_printed_tables_gives_nothing():
     outputs = compare.run(compare.Inputs(collection(RESULTS), None), compare.Params())
-    assert outputs == compare.Outputs(None, None)
+    assert outputs == compare.Outputs(None, None, None)
 
 
 def test_unknown_figures_and_errata_are_refused_together():

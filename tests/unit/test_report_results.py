@@ -41,6 +41,18 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
     assert summary.figures[1].value == "not determined"
 
 
+def test_headlines_are_judged_and_bounds_stand_first() -> None:
+    """A second damping model that is weak, or a value of C_n, does not make the answer doubtful."""
+    rows = [*RESULTS["rlse/surge"]["rows"], row("X_u (linear)", -1.0, verdict="weak"), row("C_n", 0.1, verdict="persistently exciting")]
+    bounds = {"title": "Printed", "rows": [row("Table 4", 8.0, verdict="met", headline=True)]}
+    summary = summarise_results({"rlse/surge": {"title": "Surge", "rows": rows}, "compare": bounds}, {}, {}, VEHICLE)
+    assert summary.level == "good"
+    assert [item.quantity for item in summary.figures] == ["Table 4", "m - X_udot"]
+    assert summary.headline == "Every figure that was asked for is determined"
+    missed = {"compare": {"title": "Printed", "rows": [row("Table 4", 7.0, verdict="missed", headline=True)]}}
+    assert "Printed: missed: Table 4." in summarise_results(missed, {}, {}, VEHICLE).missing
+
+
 def test_all_determined_and_no_warning_is_good() -> None:
     only = {"rlse/surge": RESULTS["rlse/surge"]}
     assert summarise_results(only, {}, {}, VEHICLE).level == "good"
