@@ -30,7 +30,7 @@ def main() -> None:
     found = {}
     for name, arguments in BENCHMARKS.items():
         print(f"{name} ...", file=sys.stderr, flush=True)
-        done = subprocess.run([sys.executable, f"benchmarks/{name}.py", *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE)
+        done = subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE)
         found[name] = json.loads(done.stdout)
     words = json.dumps(found, indent=2)
     (ROOT / "runs").mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Tables 3 and 4 of Alberti 2015 over many draws of the noise, through log files: python benchmarks/bench_twin.py [--seeds 50]
+"""Tables 3 and 4 of Alberti 2015 over many draws of the noise, through log files: python -m benchmarks.bench_twin [--seeds 50]
 
 The runs `step_*` and `steps_*` of campaigns/thaus_twin are flown once; for each seed their sensors are read anew, written as DataFlash
 logs, read back and identified by the stage rlse. Printed: the median and the largest relative error of each coefficient, the share of 95 %

@@ -1,6 +1,6 @@
 """The whole chain on the bundled dive: seconds, samples per second of the uniform clock, a second run that has nothing to do, peak memory.
 
-    python benchmarks/chain.py [CAMPAIGN]
+    python -m benchmarks.chain [CAMPAIGN]
 
 Each run is the command that a user gives, in a process of its own, on a copy of the campaign, so that results in `runs/` stay.
 """

@@ -1,6 +1,6 @@
 """CSV log to streams: a bare pyarrow.csv read of the same file against auvid's reader, on one real log repeated, in one run.
 
-    python benchmarks/decode_csv.py LOG.csv COLUMNS.yaml
+    python -m benchmarks.decode_csv LOG.csv COLUMNS.yaml
 
 The bare read makes float64 columns of every column of the file and nothing more. Both use one thread, as auvid reads (Arrow's threads can
 abort a process at its exit, apache/arrow#34314); they take turns.
@@ -11,9 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-import time
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +19,9 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import yaml
 
+from benchmarks.measuring import best, columns_bytes
 from stages.ingest.csv_reader import CSV
 from stages.ingest.decoded import RawFile
-
-RUNS = 7
 
 
 def repeated(data: bytes, megabytes: float) -> bytes:
@@ -44,17 +41,6 @@ def bare_read(path: Path) -> pa.Table:
     )
 
 
-def best(*runs: Callable[[], object]) -> list[float]:
-    """The shortest time of each, seconds; they take turns, so that a busy machine slows all of them alike."""
-    times: list[list[float]] = [[] for _ in runs]
-    for _ in range(RUNS):
-        for run, seconds in zip(runs, times, strict=True):
-            begin = time.perf_counter()
-            run()
-            seconds.append(time.perf_counter() - begin)
-    return [min(seconds) for seconds in times]
-
-
 def measure(log_path: str | Path, map_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
     """MB/s of both and ours over bare (times); peak memory over input plus columns, what pyarrow allocates included."""
     original = Path(log_path).read_bytes()
@@ -68,7 +54,7 @@ def measure(log_path: str | Path, map_path: str | Path, megabytes: float = 20.0)
     log = CSV.read(RawFile("repeated.csv", buffer, columns))
     peak = tracemalloc.get_traced_memory()[1] + (pa.default_memory_pool().max_memory() or 0)  # of this process so far
     tracemalloc.stop()
-    decoded = sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
+    decoded = columns_bytes(log)
     rows = max(log.counts.values())
     del log
     with tempfile.TemporaryDirectory() as folder:

@@ -1,6 +1,6 @@
 """DataFlash log to columns: pymavlink, auvid's reader and the floor, on one real log repeated, in one run.
 
-    python benchmarks/decode_dataflash.py LOG.BIN
+    python -m benchmarks.decode_dataflash LOG.BIN
 
 pymavlink's messages are collected into one array per field, as the reader returns them. The floor is what no reader of this kind can
 go below: read the file, look for headers, gather the records of each type (their places are given) and copy each field to a column.
@@ -16,20 +16,19 @@ import tempfile
 import time
 import tracemalloc
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.measuring import best, columns_bytes
 from data_schemas.formats import dataflash as layout
 from stages.ingest.dataflash import DATAFLASH, Index, build_index
 from stages.ingest.dataflash_columns import GATHER_BYTES
 from stages.ingest.dataflash_scan import candidates, read_times
-from stages.ingest.decoded import DecodedLog, RawFile
+from stages.ingest.decoded import RawFile
 
 PAUSE_US = 10_000
-RUNS = 7
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
@@ -90,22 +89,6 @@ def read_floor(path: str, index: Index) -> int:
                 column[start : start + step] = block[f"f{i}"]
         total += sum(column.nbytes for column in columns)
     return total
-
-
-def best(*runs: Callable[[], object]) -> list[float]:
-    """The shortest time of each, seconds; they take turns, so that a busy machine slows all of them alike."""
-    times: list[list[float]] = [[] for _ in runs]
-    for _ in range(RUNS):
-        for run, seconds in zip(runs, times, strict=True):
-            begin = time.perf_counter()
-            run()
-            seconds.append(time.perf_counter() - begin)
-    return [min(seconds) for seconds in times]
-
-
-def columns_bytes(log: DecodedLog) -> int:
-    """Bytes of all decoded columns."""
-    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:

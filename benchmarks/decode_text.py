@@ -1,6 +1,6 @@
 """DataFlash text log to columns: pymavlink against auvid's reader, on one real log printed as text and repeated, in one run.
 
-    python benchmarks/decode_text.py LOG.BIN
+    python -m benchmarks.decode_text LOG.BIN
 
 The binary log is printed as firmware prints text logs. pymavlink's messages are collected into one array per field.
 """

@@ -1,6 +1,6 @@
 """Telemetry log to columns: pymavlink against auvid's reader, on one real log repeated, in one run.
 
-    python benchmarks/decode_tlog.py LOG.tlog
+    python -m benchmarks.decode_tlog LOG.tlog
 
 pymavlink's messages are collected into one array per field, as the reader returns them. Peak memory is measured in a run of its own.
 """
@@ -13,19 +13,18 @@ import tempfile
 import time
 import tracemalloc
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.measuring import best, columns_bytes
 from data_schemas.formats import mavlink
-from stages.ingest.decoded import DecodedLog, RawFile
+from stages.ingest.decoded import RawFile
 from stages.ingest.tlog import TLOG
 from stages.ingest.tlog_account import explain
 
 PAUSE_US = 50_000
-RUNS = 7
 SMALL_BYTES = 20_000
 
 
@@ -64,21 +63,6 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
     return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
 
 
-def columns_bytes(log: DecodedLog) -> int:
-    """Bytes of all decoded columns."""
-    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
-
-
-def best(run: Callable[[], object]) -> float:
-    """The shortest time of several runs, seconds."""
-    times = []
-    for _ in range(RUNS):
-        begin = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
     """MB/s of both readers and their ratio (best of seven runs for ours), the time for a 20 kB log, and peak memory."""
     data = repeated(np.fromfile(log_path, dtype=np.uint8), megabytes)
@@ -90,9 +74,10 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
         begin = time.perf_counter()
         theirs = read_with_pymavlink(str(path))
         theirs_s = time.perf_counter() - begin
-        ours_s = best(lambda: TLOG.read(RawFile(path.name, np.memmap(path, dtype=np.uint8, mode="r"))))
-    small = data[:SMALL_BYTES]
-    small_s = best(lambda: TLOG.read(RawFile("small.tlog", small)))
+        ours_s, small_s = best(
+            lambda: TLOG.read(RawFile(path.name, np.memmap(path, dtype=np.uint8, mode="r"))),
+            lambda: TLOG.read(RawFile("small.tlog", data[:SMALL_BYTES])),
+        )
     their_messages = sum(next(iter(columns.values())).size for columns in theirs.values())
     del theirs
     tracemalloc.start()

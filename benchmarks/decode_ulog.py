@@ -1,6 +1,6 @@
 """ULog file to columns: pyulog against auvid's reader, on the data section of one real log repeated, in one run.
 
-    python benchmarks/decode_ulog.py LOG.ulg
+    python -m benchmarks.decode_ulog LOG.ulg
 
 Both give one array per field of every topic. Peak memory is measured in a run of its own.
 """
@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.measuring import columns_bytes
 from data_schemas.formats import ulog as layout
-from stages.ingest.decoded import DecodedLog, RawFile
+from stages.ingest.decoded import RawFile
 from stages.ingest.ulog import ULOG
 
 
@@ -43,11 +44,6 @@ def read_with_pyulog(data: npt.NDArray[np.uint8]) -> int:
 
     log = ULog(io.BytesIO(data.tobytes()))
     return sum(len(item.data["timestamp"]) for item in log.data_list)
-
-
-def columns_bytes(log: DecodedLog) -> int:
-    """Bytes of all decoded columns."""
-    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:

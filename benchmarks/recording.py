@@ -1,6 +1,6 @@
 """Size and speed of a recording: one hour at 50 Hz of 60 channels, whole and as the preview that pictures are taken of.
 
-    python benchmarks/recording.py [--keep FOLDER]
+    python -m benchmarks.recording [--keep FOLDER]
 
 The channels wander and carry noise, as sensors do; constant ones would pack better. Asked are at most 10 s and 120 MB. With --keep the
 recordings stay in FOLDER.

@@ -1,6 +1,6 @@
 """Simulated steps per second: one vehicle and a batch, compiled and numpy, beside an Euler step of PythonVehicleSimulator.
 
-    python benchmarks/simulation.py --peer FOLDER
+    python -m benchmarks.simulation --peer FOLDER
 
 FOLDER is a copy of PythonVehicleSimulator (github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one, there
 are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, physical viscous force), an

@@ -1,6 +1,6 @@
 """Least-squares fits of all eight viscous models: one triangular factor against numpy's lstsq, on the same samples, in one run.
 
-    python benchmarks/synthesis.py [SAMPLES]
+    python -m benchmarks.synthesis [SAMPLES]
 
 Both sides start from velocities, propulsion ratios and forces, and build the basis with the same function. numpy gets the whole basis once,
 kept in memory, and as few calls as give the models: one per model and distinct set of terms. One BLAS thread.

@@ -1,0 +1,26 @@
+"""What the benchmarks of readers share: the shortest of several times, and the size of decoded columns."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from stages.ingest.decoded import DecodedLog
+
+RUNS = 7
+
+
+def best(*runs: Callable[[], object]) -> list[float]:
+    """The shortest time of each, seconds; they take turns, so that a busy machine slows all of them alike."""
+    times: list[list[float]] = [[] for _ in runs]
+    for _ in range(RUNS):
+        for run, seconds in zip(runs, times, strict=True):
+            begin = time.perf_counter()
+            run()
+            seconds.append(time.perf_counter() - begin)
+    return [min(seconds) for seconds in times]
+
+
+def columns_bytes(log: DecodedLog) -> int:
+    """Bytes of all decoded columns."""
+    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
