@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schemas.errors import PipelineError
+from data_schemas.errors import LogError, PipelineError
 from stages.ingest.csv_lines import STRAY_QUOTE, UNREADABLE, WRONG_CELLS
 from stages.ingest.csv_reader import read_csv
 from stages.ingest.decoded import DecodedLog, RawFile
@@ -158,3 +158,25 @@ def test_a_damaged_iso_time_costs_its_row() -> None:
 
 def test_nothing_but_damaged_rows() -> None:
     assert "no row can be read" in message("t,d\n1\n2\n")
+
+
+SIMPLE: dict[str, object] = {
+    "time": {"column": "t", "unit": "s"},
+    "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}],
+}
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"t;d\n0,0;1,5\n", 'add delimiter: ";" to the column map, and decimal: ","'),
+        (b"t\td\n0\t1\n", 'add delimiter: "\\t" to the column map'),
+        ("t,d\n0,1\n".encode("utf-16"), "UTF-16"),
+        (b"t,d\r\r0,1\n", "stray carriage return"),
+        (b't,d\n0,"1,5"\n', 'add decimal: ","'),
+    ],
+)
+def test_what_a_spreadsheet_makes_of_a_log_is_refused_with_the_remedy(content: bytes, told: str) -> None:
+    with pytest.raises(LogError) as refused:
+        read_csv(RawFile("dive.csv", np.frombuffer(content, np.uint8), SIMPLE))
+    assert told in str(refused.value)
