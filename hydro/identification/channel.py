@@ -9,7 +9,7 @@ settle; and output error, started from it, which is free of the bias that noise 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,8 @@ DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic"
 """Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
 SIMPLER_WITHIN = 1.05
 """A damping model with fewer terms is taken when its held-out error is within 5 % of the best."""
+SOUND_WITHIN = 1.5
+"""A damping model that fits the run itself worse than the best by more than this is not chosen, whatever it predicts."""
 HELD_OUT = 1.0 / 3.0
 """Last part of a run, by which the damping model is chosen: it is predicted with figures from the first."""
 PARAMETERS = ("M", "D_1", "D_2", "C")
@@ -73,7 +75,8 @@ class ChannelFit:
     """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C with `covariance` (4, 4); 0 for what is left out.
 
     `rmse` of x (of s where only that is measured) over the run; `held_out`: over its last third with figures from the first two;
-    `simulated` (n,): that signal on the grid.
+    `simulated` (n,): that signal on the grid. `resolved`: False where the run answers its force faster than it was sampled: M is not
+    determined; it is then held where its time constant is half a sample, and D_1, D_2, C are those of the steady speeds.
     """
 
     values: Array
@@ -82,6 +85,7 @@ class ChannelFit:
     held_out: float
     simulated: Array
     fit: OutputErrorFit
+    resolved: bool = True
 
     @property
     def standard_errors(self) -> Array:
@@ -150,8 +154,10 @@ def estimate_channel(
         )
         recursive[name] = _recursive_fit(part, estimate, columns)
         fits[name] = _output_error(data, name, recursive[name].values[-1], float(end))
-    best = min(item.held_out for item in fits.values())
-    held = [name for name, item in fits.items() if item.held_out <= SIMPLER_WITHIN * best]
+    least = min(item.rmse for item in fits.values())
+    sound = {name: item for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
+    best = min(item.held_out for item in sound.values())
+    held = [name for name, item in sound.items() if item.held_out <= SIMPLER_WITHIN * best]
     chosen = min(held, key=lambda name: (sum(DAMPING[name]), fits[name].held_out))
     return ChannelEstimate(fits, recursive, excited, chosen)
 
@@ -217,18 +223,22 @@ def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns:
     return RecursiveFit(estimate, values, spread)
 
 
-def _model(name: str, data: ChannelRun) -> Model:
-    """Parameters (log M, then D_1, D_2, C where the damping model has them) -> coefficients of `SingleRun` and their derivatives."""
+def _model(name: str, data: ChannelRun, mass: float | None = None) -> Model:
+    """Parameters (log M, then D_1, D_2, C where the damping model has them) -> coefficients of `SingleRun` and their derivatives.
+
+    mass: M is held at this value and is no parameter.
+    """
     targets = [{0: 0, 1: 1, 3: 4}[column] for column in _columns(name, data) if column != 2]
 
     def of(p: Array) -> tuple[Array, Array]:
-        inverse = float(np.exp(-p[0]))
+        inverse = float(np.exp(-p[0])) if mass is None else 1.0 / mass
         coefficients, by = np.zeros(5), np.zeros((5, len(p)))
         coefficients[2], coefficients[3] = inverse, -data.restoring * inverse
-        for index, target in enumerate(targets, start=1):
+        for index, target in enumerate(targets, start=1 if mass is None else 0):
             coefficients[target] = p[index] * inverse
             by[target, index] = inverse
-        by[:, 0] = -coefficients
+        if mass is None:
+            by[:, 0] = -coefficients
         return coefficients, by
 
     return of
@@ -236,26 +246,34 @@ def _model(name: str, data: ChannelRun) -> Model:
 
 def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> ChannelFit:
     used = [0, *({0: 1, 1: 2, 3: 3}[column] for column in _columns(name, data) if column != 2)]
-    guess = first[used].copy()
-    positive = np.isfinite(guess[0]) and guess[0] > 0
-    guess = np.where(np.isfinite(guess), guess, 0.0) if positive else np.zeros(len(used))
-    guess[0] = np.log(first[0]) if positive else 0.0
+    guesses = [first[used]] if np.all(np.isfinite(first)) and first[0] > 0 else []
+    if not guesses or not data.run.rate.size:  # a slope of positions starts the regression badly
+        guesses.append(_steady_guess(data, used))
     model = _model(name, data)
     run = data.run
     nuisance = Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
     start = np.array([data.velocity[0], run.position[0] if run.position.size else 0.0])
-    fitted = fit_output_error(run, model, guess, start=start, nuisance=nuisance)
+    tried = [
+        fit_output_error(run, model, np.concatenate([[np.log(guess[0])], guess[1:]]), start=start, nuisance=nuisance) for guess in guesses
+    ]
+    fitted = min(tried, key=lambda item: float(np.sum(item.rate_error**2) + np.sum(item.position_error**2)))
+    held = _unresolved(data, fitted.coefficients)
+    if held is not None:
+        used, model = used[1:], _model(name, data, held)
+        fitted = fit_output_error(run, model, _steady_guess(data, [0, *used])[1:], start=start, nuisance=nuisance)
     early = fit_output_error(run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance)
     which = 0 if run.rate.size else 1
     at, seen = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
     states = simulate_run(run, early.coefficients, early.start)[which]
     error = states[at] + (early.bias[0] if run.rate.size else 0.0) - seen
     late = run.grid_s[at] > end_s
-    scale = np.ones(len(used))
-    scale[0] = np.exp(fitted.parameters[0])
     values, covariance = np.zeros(4), np.zeros((4, 4))
-    values[used] = np.concatenate([scale[:1], fitted.parameters[1:]])
-    covariance[np.ix_(used, used)] = fitted.covariance * np.outer(scale, scale)
+    values[used], covariance[np.ix_(used, used)] = fitted.parameters, fitted.covariance
+    if held is None:
+        values[0] = np.exp(values[0])
+        covariance[0], covariance[:, 0] = covariance[0] * values[0], covariance[:, 0] * values[0]
+    else:
+        values[0] = held
     return ChannelFit(
         values=values,
         covariance=covariance,
@@ -263,4 +281,28 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
         held_out=float(np.sqrt(np.mean(error[late] ** 2))) if late.any() else float("nan"),
         simulated=simulate_run(run, fitted.coefficients, fitted.start)[which],
         fit=fitted,
+        resolved=held is None,
     )
+
+
+def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
+    """M, then D_1, D_2, C as used, as if every speed were a steady one: force against damping; M such that a change takes five samples."""
+    x = data.velocity[data.samples]
+    force = np.append(data.run.force_left, data.run.force_right[-1])[data.samples]
+    columns = np.column_stack([np.ones_like(x), x, x * np.abs(x), np.ones_like(x)])[:, used[1:]]
+    drag = np.linalg.lstsq(columns, -force, rcond=None)[0]
+    values = np.zeros(4)
+    values[used[1:]] = drag
+    slope = abs(values[1] + 2.0 * values[2] * float(np.sqrt(np.mean(x**2)))) or 1.0
+    return np.concatenate([[5.0 * slope * float(np.median(np.diff(data.run.grid_s[data.samples])))], drag])
+
+
+def _unresolved(data: ChannelRun, coefficients: Array) -> float | None:
+    """The M whose time constant is half a sample, where the fitted one is shorter than a sample (a steady run); else None.
+
+    The time constant is that of small changes about the RMS speed, 1 / (c0 + 2 c1 |x|).
+    """
+    interval = float(np.median(np.diff(data.run.grid_s[data.samples])))
+    speed = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))
+    decay = -(coefficients[0] + 2.0 * coefficients[1] * speed)
+    return None if decay * interval < 1.0 else float(0.5 * decay * interval / coefficients[2])

@@ -7,18 +7,20 @@ known: `X_u/(m - X_udot)`, `X_u|u|/(m - X_udot)`, `1/(m - X_udot)`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import CHANNELS, DAMPING, ChannelEstimate, ChannelFit, RecursiveFit, symbols
+from hydro.identification.channel import CHANNELS, DAMPING, ChannelEstimate, ChannelFit, RecursiveFit, Symbols, symbols
 from hydro.identification.persistence import NOT_EXCITED, PERSISTENT
 from stages.sections import Figure, figure
 from stages.signals import Array
 
 from .run_of_leg import LegRun
 
+TOO_FAST = "the run answers its force faster than it was sampled: only steady speeds are seen"
 CLEAR = 2.0
 """A figure is identified from this many standard errors on."""
 IDENTIFIED, WEAK = "identified", "weak"
@@ -72,12 +74,15 @@ def _verdict(status: str, value: float, error: float) -> str:
 
 def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
     names = symbols(found.channel)
-    mass_unit, linear_unit, quadratic_unit, force_unit = names.units
+    mass_unit = names.units[0]
     values, errors = fit.values, fit.standard_errors
     total = f"{names.mass} - {names.added}"
     rows = []
     if found.normalised:
+        rows += _in_commands(found, fit, status, suffix, note, headline=headline)
         theta, covariance = fit.normalised()
+        if not fit.resolved:
+            return rows
         spread = np.sqrt(np.diag(covariance))
         for index, (quantity, unit) in enumerate(
             ((names.linear, "1/s"), (names.quadratic, per_length(found.channel)), ("1", per_command(found)))
@@ -89,14 +94,36 @@ def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: st
         return rows
     low, high = fit.mass_interval
     more: dict[str, Any] = {"note": note, "headline": headline}
+    if not fit.resolved:
+        rows += [
+            figure(name + suffix, None, mass_unit, verdict=NOT_EXCITED, note=TOO_FAST, headline=headline) for name in (total, names.added)
+        ]
+        return rows + _damping_figures(names, fit, status, suffix, more)
     verdict = _verdict(status, values[0], errors[0])
     rows.append(figure(total + suffix, values[0], mass_unit, errors[0], interval=(low, high), verdict=verdict, **more))
     added = figure(names.added + suffix, dry - values[0], mass_unit, errors[0], interval=(dry - high, dry - low), **more)
     rows.append(added | {"verdict": _verdict(status, dry - values[0], errors[0])})
-    for quantity, unit, index in ((names.linear, linear_unit, 1), (names.quadratic, quadratic_unit, 2), ("constant force", force_unit, 3)):
-        if errors[index] > 0.0:
-            verdict = _verdict(status, values[index], errors[index])
-            rows.append(figure(quantity + suffix, values[index], unit, errors[index], verdict=verdict, **more))
+    return rows + _damping_figures(names, fit, status, suffix, more)
+
+
+def _damping_figures(names: Symbols, fit: ChannelFit, status: str, suffix: str, more: Mapping[str, Any]) -> list[Figure]:
+    """Damping and constant force, as far as the damping model has them."""
+    heads = zip((names.linear, names.quadratic, "constant force"), names.units[1:], fit.values[1:], fit.standard_errors[1:], strict=True)
+    return [
+        figure(quantity + suffix, value, unit, error, verdict=_verdict(status, value, error), **more)
+        for quantity, unit, value, error in heads
+        if error > 0.0
+    ]
+
+
+def _in_commands(found: LegRun, fit: ChannelFit, status: str, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
+    """Damping and constant force in units of the whole command: what steady speeds tell even without masses."""
+    names, angle = symbols(found.channel), "m" if CHANNELS.index(found.channel) < 3 else "rad"
+    units = ("1", f"s/{angle}", f"s^2/{angle}^2", "1")
+    inside = Symbols(names.mass, names.added, f"{names.linear} in commands", f"{names.quadratic} in commands", units)
+    rows = _damping_figures(inside, fit, status, suffix, {"note": note, "headline": headline})
+    for item in rows:
+        item["quantity"] = str(item["quantity"]).replace("constant force", "constant force in commands")
     return rows
 
 

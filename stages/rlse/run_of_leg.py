@@ -60,15 +60,16 @@ class Streams:
 def run_of_leg(
     channel: str, streams: Streams, *, constant: bool, max_gap_s: float, commands: bool, leg: str, said: Sequence[str] = ()
 ) -> LegRun:
-    """The run of a leg. Raises `DataError` when a stream that the channel needs is missing, too short, or nothing says what drove it."""
+    """The run of a leg; `said` are notes on its thrusters. Raises `DataError` when a stream that the channel needs is missing, too short, or nothing says what drove it."""
     index = CHANNELS.index(channel)
-    words = list(said)
+    words: list[str] = []
     warnings: list[str] = []
     rate, position, measured = _measured(channel, streams, leg)
     kept = _longest(rate if rate is not None else position, max_gap_s, leg, warnings)
     rate = None if rate is None else rate.between(*kept)
     position = None if position is None else position.between(*kept)
     drive = _drive(index, streams, kept, commands, leg, words)
+    words += () if drive.normalised else said
     signal = rate if rate is not None else position
     assert signal is not None
     first, last = max(signal.t_s[0], drive.t_s[0]), min(signal.t_s[-1], drive.end_s + max_gap_s)

@@ -11,7 +11,7 @@ from hydro.identification.persistence import PERSISTENT, WINDOWS
 from stages.sections import Block, equation, panel, plot, remark, section, series, table, text
 from stages.signals import span_text
 
-from .figures import CLEAR
+from .figures import CLEAR, TOO_FAST
 from .run_of_leg import LegRun
 
 SETTLED_AFTER = 0.1
@@ -29,6 +29,10 @@ def channel_section(leg: str, found: LegRun, estimate: ChannelEstimate, results:
     excited = estimate.excitation[estimate.chosen]
     words = f"{leg}: {excited.words(_columns(found, estimate.chosen))}"
     blocks: list[Block] = [remark(words, "finding" if excited.status == PERSISTENT else "warning")]
+    if not estimate.fits[estimate.chosen].resolved:
+        blocks.append(
+            remark(f"{leg}: {TOO_FAST}. Masses, and ratios to them, are not determined; sample faster, and step the command.", "warning")
+        )
     blocks += [remark(f"{leg}: {item}", "warning") for item in (*found.warnings, *_unphysical(found, estimate))]
     blocks += [
         text(
@@ -161,7 +165,9 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
         m, one, two, _ = fit.values
         linear, quadratic = DAMPING[name]
         chosen = "chosen" if name == estimate.chosen else ""
-        rows.append([name, m, one if linear else None, two if quadratic else None, fit.rmse, fit.held_out, chosen])
+        rows.append(
+            [name, m if fit.resolved else None, one if linear else None, two if quadratic else None, fit.rmse, fit.held_out, chosen]
+        )
     heads: list[str | tuple[str, str]] = [
         "damping",
         f"{names.mass} - {names.added}",
@@ -192,7 +198,7 @@ def _history_plot(found: LegRun, estimate: ChannelEstimate, rate: float) -> Bloc
     rows = slice(int(SETTLED_AFTER * t.size), None)
     panels = []
     for index, (_, label, unit) in enumerate(_quantities(found, "linear and quadratic")):
-        if fit.standard_errors[index] == 0.0:
+        if fit.standard_errors[index] == 0.0:  # not in this damping model, or not determined
             continue
         value, spread = recursive.values[rows, index], 1.959964 * recursive.spread[rows, index]
         lines = [
