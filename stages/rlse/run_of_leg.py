@@ -60,7 +60,10 @@ class Streams:
 def run_of_leg(
     channel: str, streams: Streams, *, constant: bool, max_gap_s: float, commands: bool, leg: str, said: Sequence[str] = ()
 ) -> LegRun:
-    """The run of a leg; `said` are notes on its thrusters. Raises `DataError` when a stream that the channel needs is missing, too short, or nothing says what drove it."""
+    """The run of a leg; `said` are notes on its thrusters.
+
+    Raises `DataError` when a stream that the channel needs is missing or too short, or nothing says what drove it.
+    """
     index = CHANNELS.index(channel)
     words: list[str] = []
     warnings: list[str] = []
