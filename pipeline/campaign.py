@@ -57,11 +57,11 @@ class Campaign:
 
     @property
     def logs(self) -> dict[str, Mapping[str, Any]]:
-        return {log["id"]: log for log in self.document["logs"]}
+        return {log["id"]: log for log in self.document.get("logs", ())}
 
     @property
     def legs(self) -> dict[str, Mapping[str, Any]]:
-        return {leg["id"]: leg for leg in self.document["legs"]}
+        return {leg["id"]: leg for leg in self.document.get("legs", ())}
 
     def log_files(self, log: str) -> tuple[LogFile, ...]:
         """The files of a log. Raises `CampaignError` or `PipelineError` for what is missing, unreadable or outside the folder."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import compare, fuse, ingest, pipendulum, report, resample, residual, rlse, simulate, synthesise, trust, validate
+from stages import compare, control, fuse, ingest, pipendulum, report, resample, residual, rlse, simulate, synthesise, trust, validate
 from stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
@@ -18,6 +18,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     trust.STAGE,
     pipendulum.STAGE,
     rlse.STAGE,
+    control.STAGE,
     compare.STAGE,
     report.STAGE,
 )
@@ -27,5 +28,5 @@ KINDS: dict[str, tuple[str, ...]] = {
     "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "trust", "report"),
     "bench": ("ingest", "pipendulum", "rlse", "compare", "report"),
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "compare", "report"),
-    "control": ("report",),
+    "control": ("control", "compare", "report"),
 }

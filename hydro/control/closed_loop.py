@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import CampaignError
 from hydro.control.controllers import Schedule
+from hydro.control.equilibrium import Equilibrium
 from hydro.control.observer import D, N
 from hydro.control.plants import Inputs, Plant
 from hydro.control.reference import ModeSwitch, Reference, Waiting
@@ -142,20 +143,21 @@ def _advance(plant: Plant, chi: Array, U: Array, mass: ArrayLike, force: Array |
     return np.asarray(chi + h / 6.0 * (k1 + 2.0 * (k2 + k3) + rate(chi + h * k3)))
 
 
-def linear_response(schedule: Schedule, U: ArrayLike, *, start: ArrayLike) -> Array:
-    """chi (n, 12) of the linear model (3.18) under inputs U (n, m) from `start` (12,): the LTV system, exact over each tick's A and B."""
-    found = schedule.equilibrium
-    place = np.clip(np.searchsorted(schedule.design_s, found.t_s, side="right") - 1, 0, len(schedule.A) - 1)
-    h, m = found.step_s, schedule.B.shape[-1]
-    whole = np.zeros((len(schedule.A), N + m, N + m))
-    whole[:, :N, :N], whole[:, :N, N:] = schedule.A, schedule.B
-    flow = exponential(whole * h)
+def linear_response(found: Equilibrium, A: Array, B: Array, U: ArrayLike, *, start: ArrayLike) -> Array:
+    """chi (n, 12) of the linear model (3.18) along an equilibrium, A (n, 12, 12), B (n, 12, m), under inputs U (n, m) from `start` (12,).
+
+    Exact over each tick with A and B held. The equilibrium's own residual, which (3.18) leaves out, is left out here too.
+    """
+    m = B.shape[-1]
+    whole = np.zeros((len(A), N + m, N + m))
+    whole[:, :N, :N], whole[:, :N, N:] = A, B
+    flow = exponential(whole * found.step_s)[:, :N]
     out = np.empty(found.chi.shape)
     deviation = np.asarray(start, dtype=np.float64) - found.chi[0]
     moved = np.asarray(U, dtype=np.float64) - found.U
     for tick in range(len(out)):
         out[tick] = found.chi[tick] + deviation
-        deviation = flow[place[tick], :N, :N] @ deviation + flow[place[tick], :N, N:] @ moved[tick]
+        deviation = flow[tick, :, :N] @ deviation + flow[tick, :, N:] @ moved[tick]
     return out
 
 
@@ -181,11 +183,11 @@ class Performance:
 
 def performance(trajectory: Trajectory, flights: Flights, found_chi: Array, inputs: Inputs, *, after_s: float = 0.0) -> Performance:
     """What flights (..., n) achieved from `after_s` on. Effort is the RMS of an input. A member that diverged has nan."""
-    position = flights.chi[..., 6:9]
+    position, n = flights.chi[..., 6:9], len(flights.t_s)
     error = tracking_error(trajectory, position)
     kept = flights.t_s >= after_s
     late = flights.t_s >= flights.t_s[-1] - 0.2 * (flights.t_s[-1] - flights.t_s[0])
-    turned = flights.chi[..., 9:] - found_chi[:, 9:]
+    turned = flights.chi[..., 9:] - found_chi[:n, 9:]
     turned = np.arctan2(np.sin(turned), np.cos(turned))
     span = 1e-6 * (inputs.high - inputs.low)
     at_limit = (inputs.high - span <= flights.U) | (inputs.low + span >= flights.U)
@@ -204,8 +206,3 @@ def performance(trajectory: Trajectory, flights: Flights, found_chi: Array, inpu
         position_m=error.position_m,
         cross_track_m=error.cross_track_m,
     )
-
-
-def varied(values: Array, covariance_root: Array, draws: Sequence[float] | Array) -> Array:
-    """Coefficients (b, k) = values (k,) + draws (b, k) times the lower root (k, k) of their covariance."""
-    return np.asarray(values + np.asarray(draws, dtype=np.float64) @ np.asarray(covariance_root, dtype=np.float64).T)

@@ -1,0 +1,143 @@
+"""Controllers on a model of the vehicle, flown along trajectories with and without disturbance: Al Makdah 2016, chapters 3 to 5."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pyarrow as pa
+
+from data_schemas.errors import CampaignError, nearest
+from hydro.control.plants import HybridPlant
+from stages.base import Document, Stage, param, port
+from stages.control.cases import limits_of, trajectories_of, weights_of
+from stages.control.flying import Flown, Models, fly_case, models_of, monte_carlo, require_stable
+from stages.control.linear import linear_comparisons, linear_part
+from stages.control.open_loop import coefficients_part, open_loop_part
+from stages.control.shown import (
+    design_blocks,
+    figures,
+    flight_table,
+    gains_table,
+    monte_carlo_part,
+    tracking_blocks,
+    tracking_table,
+    views_of,
+)
+from stages.sections import Block, remark, section, text
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The cases are needed; a model card for every vehicle without a buoyancy engine."""
+
+    vehicle: Document = port("vehicle")
+    cases: Document | None = port("control_cases", optional=True)
+    model_card: Document | None = port("model_card", optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    members: int = param("1", 1000, meaning="vehicles of the Monte Carlo", low=0, high=100000)
+    seed: int = param("1", 1, meaning="seed of the drawn coefficients", low=0)
+    allow_unstable: bool = param("1", False, meaning="design a controller on an identified model that is unstable by itself")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """`flights` by `trajectory-flight`, those of the vehicle's own design; `gains` by trajectory; `tracking` of all designs."""
+
+    flights: Mapping[str, pa.Table] = port("closed_loop", many=True)
+    gains: Mapping[str, pa.Table] = port("gains", many=True)
+    tracking: pa.Table = port("tracking_errors")
+    results: Document = port("results")
+    section: Document = port("section")
+    views: Document = port("views")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """Raises `CampaignError` for cases that are missing or beyond the vehicle, `PipelineError` for a model that cannot be controlled."""
+    cases = inputs.cases
+    if cases is None:
+        raise CampaignError("a control campaign needs its cases", field="cases", remedy="Name the file in the manifest: cases: cases.yaml.")
+    limits, weights, trajectories = limits_of(cases), weights_of(cases), trajectories_of(cases)
+    if not trajectories:
+        raise CampaignError("there is no trajectory to fly", field="trajectories")
+    models = models_of(inputs.vehicle, inputs.model_card, cases, limits)
+    flown = [item for case in trajectories for item in fly_case(models, case, weights, limits, allow_unstable=params.allow_unstable)]
+    rows, blocks = figures(flown, models.plant.inputs), [text(_words(models)), *_unstable(models, flown)]
+    blocks += tracking_blocks(flown, models.plant.inputs) + design_blocks(flown)
+    for part in (_spread(inputs, params, models, flown), _hybrid(inputs, models, cases)):
+        blocks += part[0]
+        rows += part[1]
+    own = [item for item in flown if item.designed_on == flown[0].designed_on]
+    tables = {item.name: flight_table(models.plant, item) for item in own}
+    shown = section(
+        "Control",
+        blocks,
+        order=20,
+        look_for="Flown paths on the desired ones; inputs within their limits; errors with and without observer.",
+    )
+    return Outputs(
+        flights=tables,
+        gains={item.case.name: gains_table(item, models.plant.inputs) for item in own},
+        tracking=tracking_table(flown, models.plant.inputs),
+        results={"title": f"Control of {models.plant.title}", "rows": rows},
+        section=shown,
+        views=views_of(tables, models.plant.inputs),
+    )
+
+
+def _words(models: Models) -> str:
+    names = ", ".join(models.designs)
+    return f"The vehicle that flies: {models.plant.title}. Controllers designed on: {names}."
+
+
+def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
+    if isinstance(models.plant, HybridPlant):
+        return []
+    return [remark(words, "warning") for words in require_stable(models.plant, flown[0].schedule, allow=True)]
+
+
+def _spread(inputs: Inputs, params: Params, models: Models, flown: list[Flown]) -> tuple[list[Block], list[dict[str, Any]]]:
+    """The Monte Carlo of the cases, if they ask for one."""
+    asked = (inputs.cases or {}).get("monte_carlo")
+    if not asked or not params.members:
+        return [], []
+    chosen = {(item.case.name, item.flight.name): item for item in flown if item.designed_on == flown[0].designed_on}
+    key = (str(asked["trajectory"]), str(asked["flight"]))
+    if key not in chosen:
+        names = [" / ".join(pair) for pair in chosen]
+        raise CampaignError("no such flight", field="monte_carlo", value=" / ".join(key), remedy=nearest(" / ".join(key), names))
+    item = chosen[key]
+    if item.case.powered is not None:
+        raise CampaignError("the Monte Carlo flies trajectories with one controller", field="monte_carlo.trajectory", value=key[0])
+    duration, relative = float(asked["duration"]["value"]), float((asked.get("relative_sd") or {"value": 0.1})["value"])
+    hybrid = isinstance(models.plant, HybridPlant)
+    errors, track = monte_carlo(
+        models, inputs.model_card, item, duration_s=duration, relative_sd=relative, members=params.members, seed=params.seed
+    )
+    source = f"a relative standard deviation of {relative:g}" if hybrid else "the covariance of the model card"
+    return monte_carlo_part(item, errors, track, source, duration)
+
+
+def _hybrid(inputs: Inputs, models: Models, cases: Document) -> tuple[list[Block], list[dict[str, Any]]]:
+    """Open-loop manoeuvres, linear against nonlinear, and strip theory, for a hybrid vehicle with such cases."""
+    if not isinstance(models.plant, HybridPlant) or not cases.get("open_loop"):
+        return [], []
+    part, strips = open_loop_part(cases, inputs.vehicle), coefficients_part(inputs.vehicle)
+    own = [run for run in part.runs if run.parameter_set == models.plant.hybrid.parameter_set]
+    blocks, rows = linear_part(linear_comparisons(models.plant, own, cases.get("linear") or ()))
+    return [*part.blocks, *blocks, *strips.blocks], [*part.rows, *rows, *strips.rows]
+
+
+STAGE: Stage[Inputs, Params, Outputs] = Stage(
+    name="control",
+    summary="Controllers designed on a model and flown along trajectories",
+    maps_over="campaign",
+    inputs=Inputs,
+    params=Params,
+    outputs=Outputs,
+    run=run,
+)

@@ -1,0 +1,198 @@
+"""The cases document of a control campaign, read: trajectories with their controllers, flights, limits and weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.errors import CampaignError, nearest
+from hydro.control.controllers import Weights
+from hydro.control.dubins import Bounds, Pose, dubins_path
+from hydro.control.paths import Path, helix, saw_tooth
+from hydro.control.reference import ModeSwitch, Waiting
+from hydro.dynamics.quantities import Quantities
+from stages.base import Document
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FlightCase:
+    """One flight along a trajectory: a force field (`force_field`), a current (3,) or None, whether the observer's estimate is used."""
+
+    name: str
+    title: str
+    observer: bool
+    clock: bool
+    force: Mapping[str, Any]
+    current: Array | None
+    headline: bool
+    redesign: bool
+
+
+@dataclass(frozen=True)
+class Powered:
+    """The second speed of a glide."""
+
+    speed_m_s: float
+    weights: str
+    switch: ModeSwitch
+
+
+@dataclass(frozen=True)
+class TrajectoryCase:
+    """A trajectory with its controller and its flights."""
+
+    name: str
+    title: str
+    kind: str
+    path: Path
+    speed_m_s: float
+    step_s: float
+    duration_s: float | None
+    weights: str
+    riccati: str
+    observer: str
+    feed_forward: str
+    equilibrium: str
+    epsilon_rad: float
+    transient_s: float
+    waiting: Waiting | None
+    powered: Powered | None
+    flights: tuple[FlightCase, ...]
+    turn_s: float | None
+    """Time of one full turn, for helices."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the actuators and of the pitch of a trajectory."""
+
+    fins_rad: float
+    fin_rate_rad_s: float
+    thrust_rate_N_s: float
+    pitch_rad: float
+
+
+def limits_of(cases: Document) -> Limits:
+    """Key `limits`."""
+    read = Quantities(cases).part("limits")
+    return Limits(
+        read.number("fins", "rad"),
+        read.number("fin_rate", "rad/s"),
+        read.number("thrust_rate", "N/s", default=100.0),
+        read.number("pitch", "rad"),
+    )
+
+
+def weights_of(cases: Document) -> dict[str, Weights]:
+    """Key `weights`: name -> weights."""
+    read = Quantities(cases).part("weights")
+    return {name: Weights(*(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))) for name in cases["weights"]}
+
+
+def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
+    """Key `trajectories`.
+
+    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown weights, and a mode switch without waiting reference.
+    """
+    read = Quantities(cases).part("trajectories")
+    return tuple(_trajectory(name, entry, read.part(name), cases["weights"]) for name, entry in cases["trajectories"].items())
+
+
+def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[str, Any]) -> TrajectoryCase:
+    where = f"trajectories.{name}"
+    for key, value in ((f"{where}.weights", entry["weights"]), (f"{where}.powered.weights", (entry.get("powered") or {}).get("weights"))):
+        if value is not None and value not in weights:
+            raise CampaignError("no such weights", field=key, value=value, allowed=tuple(weights), remedy=nearest(str(value), weights))
+    waiting, powered = None, None
+    if entry.get("waiting"):
+        part = read.part("waiting")
+        waiting = Waiting(
+            part.number("lead", "m"), part.number("catch_up", "s", default=float("inf")), part.number("fastest", "1", default=1.3)
+        )
+    if entry.get("powered"):
+        part = read.part("powered")
+        rule = ModeSwitch(
+            part.number("on_distance", "m"), part.number("off_distance", "m"), part.number("on_force", "N"), part.number("off_force", "N")
+        )
+        powered = Powered(part.number("speed", "m/s"), str(entry["powered"].get("weights", entry["weights"])), rule)
+        if waiting is None:
+            raise CampaignError(
+                "a glide with a propeller needs a waiting reference", field=f"{where}.waiting", remedy="Give waiting: {lead}."
+            )
+    speed = read.number("speed", "m/s")
+    if speed <= 0.0:
+        raise CampaignError("must be positive", field=f"{where}.speed", value=speed)
+    path = _path(str(entry["kind"]), read.part("path"))
+    turn = None
+    if entry["kind"] == "helix":
+        turn = 2.0 * np.pi * read.part("path").number("radius", "m") / (speed * np.cos(path.start_pitch))
+    return TrajectoryCase(
+        name=name,
+        title=str(entry["title"]),
+        kind=str(entry["kind"]),
+        path=path,
+        speed_m_s=speed,
+        step_s=read.number("step", "s"),
+        duration_s=read.number("duration", "s") if "duration" in read else None,
+        weights=str(entry["weights"]),
+        riccati=str(entry.get("riccati", "backward")),
+        observer=str(entry.get("observer", "kalman")),
+        feed_forward=str(entry.get("feed_forward", "target")),
+        equilibrium=str(entry.get("equilibrium", "trimmed")),
+        epsilon_rad=read.number("mass_change_over", "rad", default=0.2),
+        transient_s=read.number("transient", "s", default=10.0),
+        waiting=waiting,
+        powered=powered,
+        flights=tuple(_flight(key, value, read.part("flights").part(key)) for key, value in entry["flights"].items()),
+        turn_s=turn,
+    )
+
+
+def _flight(name: str, entry: Document, read: Quantities) -> FlightCase:
+    force: dict[str, Any] = {}
+    if entry.get("force"):
+        part = read.part("force")
+        for key, unit, into in (
+            ("constant", "N", "constant_N"),
+            ("amplitude", "N", "amplitude_N"),
+            ("rate", "rad/s", "rate_rad_s"),
+            ("phase", "rad", "phase_rad"),
+        ):
+            force[into] = part.array(key, unit, shape=(3,), default=np.zeros(3))
+        force["start_s"] = part.number("start", "s", default=0.0)
+    current = read.array("current", "m/s", shape=(3,)) if "current" in read else None
+    flags = {key: bool(entry.get(key, False)) for key in ("observer", "clock", "headline", "redesign")}
+    return FlightCase(name=name, title=str(entry["title"]), force=force, current=current, **flags)
+
+
+def _path(kind: str, read: Quantities) -> Path:
+    ramp = read.number("ramp", "m", default=0.0)
+    start = read.array("start", "m", shape=(3,), default=np.zeros(3))
+    heading = read.number("heading", "rad", default=0.0)
+    if kind == "helix":
+        radius, turns = read.number("radius", "m"), read.number("turns", "1")
+        pitch, starboard = read.number("pitch", "rad"), not read.plain("port", False)
+        return helix(radius_m=radius, pitch_rad=pitch, turns=turns, starboard=starboard, ramp_m=ramp, start=start, heading_rad=heading)
+    if kind == "saw_tooth":
+        return saw_tooth(
+            leg_m=read.number("leg", "m"),
+            pitch_rad=read.number("pitch", "rad"),
+            tip_radius_m=read.number("tip_radius", "m"),
+            legs=round(read.number("legs", "1")),
+            ramp_m=ramp,
+            start=start,
+            heading_rad=heading,
+        )
+    bounds = Bounds(read.number("radius", "m"), read.number("pitch", "rad"), read.number("pitch_radius", "m"), ramp)
+    return dubins_path(_pose(read.part("first")), _pose(read.part("last")), bounds)
+
+
+def _pose(read: Quantities) -> Pose:
+    x, y, z = read.array("position", "m", shape=(3,))
+    return Pose(float(x), float(y), float(z), read.number("heading", "rad"), read.number("pitch", "rad"))

@@ -1,0 +1,105 @@
+"""Linear against nonlinear model along open-loop manoeuvres, by both ways to the equilibrium: Al Makdah 2016, section 4.2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from data_schemas.errors import CampaignError, nearest
+from hydro.control.closed_loop import linear_response
+from hydro.control.equilibrium import METHODS, equilibrium
+from hydro.control.open_loop import OpenLoopRun
+from hydro.control.plants import HybridPlant
+from hydro.control.trajectories import trajectory_through
+from stages.sections import Block, panel, plot, series, table
+
+Array = npt.NDArray[np.float64]
+FROM_S, FOR_S, STEP_S = 5.0, 60.0, 0.1
+"""The recording starts when the vehicle moves: a path at rest has no direction."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Nonlinear run and linear response (n, 12) at t_s (n,), from the same state under the same inputs, by the way to the equilibrium."""
+
+    run: OpenLoopRun
+    method: str
+    t_s: Array
+    nonlinear: Array
+    linear: Array
+
+    @property
+    def position_m(self) -> Array:
+        """Distance of the linear from the nonlinear vehicle (n,)."""
+        return np.asarray(np.sqrt(np.sum((self.linear[:, 6:9] - self.nonlinear[:, 6:9]) ** 2, axis=1)))
+
+
+def linear_comparisons(plant: HybridPlant, runs: Sequence[OpenLoopRun], names: Sequence[str]) -> list[Comparison]:
+    """The named open-loop runs against the linear model about their recorded paths (Algorithm 1).
+
+    Raises `CampaignError` for a name that is no open-loop case of this parameter set.
+    """
+    known = {run.case.name: run for run in runs}
+    found = []
+    for name in names:
+        if name not in known:
+            raise CampaignError("no such open-loop case", field="linear", value=name, allowed=tuple(known), remedy=nearest(name, known))
+        found += [_compared(plant, known[name], method) for method in METHODS]
+    return found
+
+
+def _compared(plant: HybridPlant, run: OpenLoopRun, method: str) -> Comparison:
+    t = np.arange(FROM_S, min(FROM_S + FOR_S, run.t_s[-1]) + 1e-9, STEP_S)
+    chi = np.column_stack([np.interp(t, run.t_s, column) for column in run.chi.T])
+    recorded = trajectory_through(t - t[0], chi[:, 6:9])
+    along = equilibrium(plant, recorded, method=method)
+    A, B = plant.linear(along.chi, along.U, mass_kg=along.mass_kg)
+    inputs = np.tile(run.case.U, (len(t), 1))
+    return Comparison(run, method, t, chi, linear_response(along, A, B, inputs, start=chi[0]))
+
+
+def linear_part(found: Sequence[Comparison]) -> tuple[list[Block], list[dict[str, Any]]]:
+    """Report blocks and rows of `results`."""
+    if not found:
+        return [], []
+    rows, figures, plots = [], [], []
+    for item in found:
+        pitch = float(np.degrees(np.abs(item.linear[:, 10] - item.nonlinear[:, 10]).max()))
+        yaw = float(np.degrees(np.abs(item.linear[:, 11] - item.nonlinear[:, 11]).max()))
+        travelled = float(np.sum(np.sqrt(np.sum(np.diff(item.nonlinear[:, 6:9], axis=0) ** 2, axis=1))))
+        largest = float(item.position_m.max())
+        name = item.run.case.name
+        rows.append([item.run.case.title, item.method, travelled, largest, pitch, yaw])
+        figures.append(
+            {
+                "quantity": f"linear against nonlinear, {name}, {item.method}, share of the way",
+                "value": largest / travelled,
+                "unit": "1",
+                "note": f"largest distance between both models in {FOR_S:g} s over the way travelled",
+            }
+        )
+        signals = ((7, "y", "m"), (8, "z", "m"), (10, "theta", "rad"), (11, "psi", "rad"))
+        lines = [
+            panel(label, unit, [series(word, item.t_s, chi[:, i], role) for word, chi, role in _lines(item)]) for i, label, unit in signals
+        ]
+        plots.append(plot(f"{item.run.case.title}: linear against nonlinear ({item.method})", lines, group=f"linear {name}"))
+    heads: list[str | tuple[str, str]] = [
+        "manoeuvre",
+        "equilibrium",
+        ("travelled", "m"),
+        ("apart", "m"),
+        ("pitch apart", "deg"),
+        ("yaw apart", "deg"),
+    ]
+    note = (
+        "Both from the same state under the same constant inputs; the linear model about the recorded path (section 4.2). Largest values."
+    )
+    return [table("Linear against nonlinear model", heads, rows, note=note), *plots], figures
+
+
+def _lines(item: Comparison) -> tuple[tuple[str, Array, str], ...]:
+    return ("nonlinear", item.nonlinear, "true"), ("linear", item.linear, "predicted")
