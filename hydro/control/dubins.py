@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from data_schemas.errors import CampaignError
-from hydro.control.paths import Path
+from hydro.control.paths import Curve
 from hydro.dynamics.arrays import Array
 
 SCAN = 181
@@ -60,7 +60,7 @@ class _Plan:
         return sum(_arc(angle, bounds) for angle in self.turned) + self.line_m
 
 
-def dubins_path(first: Pose, last: Pose, bounds: Bounds) -> Path:
+def dubins_path(first: Pose, last: Pose, bounds: Bounds) -> Curve:
     """The shortest path of the five segments from `first` to `last` within `bounds`.
 
     Raises `CampaignError` for poses steeper than the limit, bounds that are not positive, and pairs that no such path joins: with what is
@@ -197,7 +197,7 @@ def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float |
     return float(brentq(miss, low, high, xtol=1e-14))
 
 
-def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -> Path:
+def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -> Curve:
     """The path from piecewise linear rates: those of the heading and those of the pitch have knots of their own."""
     runs = (_arc(plan.turned[0], bounds), plan.line_m, _arc(plan.turned[1], bounds))
     ends = (runs[0], runs[0] + runs[1], sum(runs))
@@ -216,7 +216,7 @@ def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -
         ("helix of constant pitch", ends[1] + up),
     )
     columns = [_value(knots, run_m, side) for knots in (heading, pitching)]
-    return Path(
+    return Curve(
         np.array([first.x, first.y, first.z]), first.heading, first.pitch, run_m[1:-1], columns[0][1:-1], columns[1][1:-1], segments
     )
 

@@ -24,7 +24,7 @@ _NODE, _WEIGHT = (0.5 * (np.polynomial.legendre.leggauss(8)[0] + 1.0), 0.5 * np.
 
 
 @dataclass(frozen=True)
-class PathPoints:
+class CurvePoints:
     """A path at arc lengths `s_m` (n,): NED position (n, 3), heading and pitch of the tangent (n,) [rad], their rates per metre of arc."""
 
     s_m: Array
@@ -46,7 +46,7 @@ class PathPoints:
 
 
 @dataclass(frozen=True)
-class Path:
+class Curve:
     """A curve from `start` (3,) with rates at `run_m` (k,) of its knots: `heading_rate`, `pitch_rate` (k,) [rad per m of run].
 
     `segments`: names of parts and the run where each begins.
@@ -97,7 +97,7 @@ class Path:
         shape = np.stack([np.cos(heading), np.sin(heading), -np.tan(pitch)], axis=-1)
         return (weight / np.cos(pitch)).sum(axis=1), (weight[..., None] * shape).sum(axis=1)
 
-    def at(self, s_m: ArrayLike) -> PathPoints:
+    def at(self, s_m: ArrayLike) -> CurvePoints:
         """The curve at arc lengths (n,); beyond either end it goes straight on."""
         s = np.atleast_1d(np.asarray(s_m, dtype=np.float64))
         inside = np.clip(s, 0.0, self.length_m)
@@ -114,7 +114,7 @@ class Path:
         straight = outside == 0.0
         place = position[cell] + moved + outside[:, None] * _tangent(heading, pitch)
         cosine = np.cos(pitch)
-        return PathPoints(s, place, heading, pitch, turning * cosine * straight, pitching * cosine * straight)
+        return CurvePoints(s, place, heading, pitch, turning * cosine * straight, pitching * cosine * straight)
 
     def largest_curvature(self) -> float:
         """[1/m] at the edges and middles of all cells."""
@@ -135,7 +135,7 @@ def _tangent(heading: Array, pitch: Array) -> Array:
 
 def path_of_pieces(
     start: ArrayLike, heading: float, pitch: float, pieces: Sequence[tuple[str, float, float, float]], *, ramp_m: float = 0.0
-) -> Path:
+) -> Curve:
     """A path of pieces (name, run [m], heading rate, pitch rate [rad per m of run]).
 
     `ramp_m`: run over which a piece's rates rise from zero and fall to it again, so that the curvature is continuous; the piece becomes
@@ -157,7 +157,7 @@ def path_of_pieces(
         i for i in range(len(knots)) if i == 0 or (knots[i], turning[i], pitching[i]) != (knots[i - 1], turning[i - 1], pitching[i - 1])
     ]
     run_m, turns, climbs = (np.asarray(values, dtype=np.float64)[kept] for values in (knots, turning, pitching))
-    return Path(np.asarray(start, dtype=np.float64), heading, pitch, run_m, turns, climbs, tuple(names))
+    return Curve(np.asarray(start, dtype=np.float64), heading, pitch, run_m, turns, climbs, tuple(names))
 
 
 def helix(
@@ -169,7 +169,7 @@ def helix(
     ramp_m: float = 0.0,
     start: ArrayLike = (0.0, 0.0, 0.0),
     heading_rad: float = 0.0,
-) -> Path:
+) -> Curve:
     """A helix of horizontal radius `radius_m` and constant pitch. `ramp_m`: run over which its curvature grows from zero.
 
     Raises `CampaignError` unless the radius and the turns are positive and the pitch is below 80 degrees.
@@ -191,7 +191,7 @@ def saw_tooth(
     start: ArrayLike = (0.0, 0.0, 0.0),
     heading_rad: float = 0.0,
     dive_first: bool = True,
-) -> Path:
+) -> Curve:
     """Straight legs of arc length `leg_m` in a vertical plane at +-`pitch_rad`, joined by tips of at least `tip_radius_m`.
 
     Raises `CampaignError` for figures that are not positive.
@@ -209,7 +209,7 @@ def saw_tooth(
     return path_of_pieces(start, heading_rad, first, pieces, ramp_m=ramp_m)
 
 
-def frenet_frame(points: PathPoints) -> Array:
+def frenet_frame(points: CurvePoints) -> Array:
     """[T N B] as columns (n, 3, 3), robust: where the curve is straight N is that of the last bend (before the first bend: starboard).
 
     The principal normal is turned to the starboard half plane (3.8 uses arcsin, which loses this), so that its roll (`frame_roll`) stays

@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
 
 from data_schemas.errors import CampaignError
-from hydro.control.paths import Path, frame_roll, frenet_frame
+from hydro.control.paths import Curve, frame_roll, frenet_frame
 from hydro.dynamics.arrays import Array
 
 SLOWEST_M_S = 1e-6
@@ -48,7 +48,7 @@ class Trajectory:
         return float(self.t_s[1] - self.t_s[0])
 
 
-def fly_path(path: Path, *, speed_m_s: float, step_s: float, duration_s: float | None = None, frame: str = "level") -> Trajectory:
+def fly_path(path: Curve, *, speed_m_s: float, step_s: float, duration_s: float | None = None, frame: str = "level") -> Trajectory:
     """The path flown at a constant speed, to its end or for `duration_s` (beyond its end straight on).
 
     Raises `CampaignError` for a speed that is not positive, an unknown frame, or a path shorter than two steps.

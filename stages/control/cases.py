@@ -12,7 +12,7 @@ import numpy.typing as npt
 from data_schemas.errors import CampaignError, nearest
 from hydro.control.controllers import Weights
 from hydro.control.dubins import Bounds, Pose, dubins_path
-from hydro.control.paths import Path, helix, saw_tooth
+from hydro.control.paths import Curve, helix, saw_tooth
 from hydro.control.reference import ModeSwitch, Waiting
 from hydro.dynamics.quantities import Quantities
 from stages.base import Document
@@ -50,7 +50,7 @@ class TrajectoryCase:
     name: str
     title: str
     kind: str
-    path: Path
+    path: Curve
     speed_m_s: float
     step_s: float
     duration_s: float | None
@@ -171,7 +171,7 @@ def _flight(name: str, entry: Document, read: Quantities) -> FlightCase:
     return FlightCase(name=name, title=str(entry["title"]), force=force, current=current, **flags)
 
 
-def _path(kind: str, read: Quantities) -> Path:
+def _path(kind: str, read: Quantities) -> Curve:
     ramp = read.number("ramp", "m", default=0.0)
     start = read.array("start", "m", shape=(3,), default=np.zeros(3))
     heading = read.number("heading", "rad", default=0.0)

@@ -7,7 +7,7 @@ import pytest
 
 from data_schemas.errors import CampaignError
 from hydro.control.dubins import Bounds, Pose, dubins_path
-from hydro.control.paths import Path, frame_roll, frenet_frame, helix, path_of_pieces, saw_tooth
+from hydro.control.paths import Curve, frame_roll, frenet_frame, helix, path_of_pieces, saw_tooth
 from hydro.control.trajectories import fly_path, tracking_error, trajectory_through
 
 POSES = [
@@ -30,7 +30,7 @@ def test_helix_has_its_radius_pitch_length_and_curvature() -> None:
 @pytest.mark.parametrize(
     "path", [helix(radius_m=9.0, pitch_rad=-0.2, turns=1.0, ramp_m=4.0), dubins_path(*POSES[0], Bounds(12.0, 0.35, 30.0))]
 )
-def test_arc_length_and_tangent_agree_with_the_positions(path: Path) -> None:
+def test_arc_length_and_tangent_agree_with_the_positions(path: Curve) -> None:
     s = np.linspace(0.0, path.length_m, 20001)
     points = path.at(s)
     chord = np.linalg.norm(np.diff(points.position, axis=0), axis=1)
