@@ -72,7 +72,8 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
     verify(recording)
     target = recording.with_name(f".{recording.stem}.{os.getpid()}.png")
     size_words = f"{size[0]}x{size[1]}"
-    screen = f"-screen 0 {2 * size[0] + 200}x{2 * size[1] + 200}x24"  # its pointer rests in the middle, which is outside the window
+    # the pointer rests in the middle of the screen: outside the window, which has two pixels a point
+    screen = f"-screen 0 {4 * size[0] + 400}x{4 * size[1] + 400}x24"
     command = ["xvfb-run", "-a", "-s", screen, str(program()), str(recording)]
     command += ["--screenshot-to", str(target), "--window-size", size_words, "--port", "auto", "--bind", "127.0.0.1"]
     try:

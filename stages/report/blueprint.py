@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +22,7 @@ Owned = tuple[str, Document]
 ANSWER, PATH, LOG, TABLES = "Answer", "Path", "Log", "Tables"
 EVER = rrb.TimeRangeBoundary.infinite()
 MARGIN = 0.06
+MOST_PLOTS = 10
 EYE = np.array([-0.5, -0.7, -0.65])
 """Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
 NO_RANGE = (np.inf, -np.inf)
@@ -68,11 +69,11 @@ def whole_view(groups: Sequence[Owned], seen: Seen) -> rrb.Blueprint:
     for owner, group in groups:
         tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []), seen)
-    pages: list[Any] = [rrb.Horizontal(rrb.Grid(*answer, grid_columns=2), words, column_shares=[7, 3], name=ANSWER) if answer else words]
+    answer = _plots(tabs.pop(ANSWER, []), groups, seen)
+    pages: list[Any] = [rrb.Horizontal(_pages(answer, None, 2), words, column_shares=[7, 3], name=ANSWER) if answer else words]
     pages += [path_view(seen.corners)] if seen.corners is not None else []
-    plots = {name: _plots(items, seen) for name, items in tabs.items()}
-    pages += [rrb.Grid(*views, grid_columns=1 if len(views) < 3 else 2, name=name) for name, views in plots.items() if views]
+    plots = {name: _plots(items, groups, seen) for name, items in tabs.items()}
+    pages += [_pages(views, name, 2) for name, views in plots.items() if views]
     texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
@@ -126,27 +127,66 @@ def time_plot(
     )
 
 
-def _plots(groups: Sequence[Owned], seen: Seen) -> list[rrb.TimeSeriesView]:
-    """One plot per parent entity whose groups share a unit, else one per group; all plots of a tab over the same time."""
-    units: dict[str, set[str]] = defaultdict(set)
-    for _, group in groups:
-        units[parent(group)].add(str(group["unit"]))
-    parents = {parent(group) for _, group in groups}
+def _plots(groups: Sequence[Owned], every: Sequence[Owned], seen: Seen) -> dict[str, rrb.TimeSeriesView]:
+    """One plot per parent entity below which all is of one unit and tab, else one per group; all plots of a tab over the same time.
+
+    `groups`: those of the tab; `every`: those of all tabs. A legend that stands beside an earlier plot is not repeated.
+    """
+    below_of = {parent(group) for _, group in every}
+    kinds = {
+        above: {(group["tab"], group["unit"]) for _, group in every if f"{visible(group['entity'])}/".startswith(f"{above}/")}
+        for above in below_of
+    }
     chosen: dict[str, Document] = {}
+    shown: dict[str, list[str]] = defaultdict(list)
     for _, group in groups:
-        together = len(units[parent(group)]) == 1 and parent(group) and str(visible(group["entity"])) not in parents
-        chosen.setdefault(parent(group) if together else str(visible(group["entity"])), group)
+        above, entity = parent(group), str(visible(group["entity"]))
+        origin = above if above and len(kinds[above]) == 1 and entity not in below_of else entity
+        chosen.setdefault(origin, group)
+        shown[origin] += map(str, group["names"])
     below = {origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")] for origin in chosen}
     times = outer(item.times for items in below.values() for item in items)
-    plots: list[rrb.TimeSeriesView] = []
-    for origin, group in chosen.items():
-        if not below[origin]:
-            continue
+    names = _names({origin: str(group["unit"]) for origin, group in chosen.items() if below[origin]})
+    plots: dict[str, rrb.TimeSeriesView] = {}
+    explained: set[tuple[str, ...]] = set()
+    for origin, name in names.items():
+        group, lines = chosen[origin], tuple(sorted(set(shown[origin])))
         models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
-        name = next(part for part in reversed(origin.split("/")) if part != _slug(str(group["unit"])))
         title = f"{name} [{group['unit']}]" if group["unit"] else name
-        plots.append(time_plot(origin, title, times, outer(item.values for item in below[origin]), legend=not plots or not models))
+        legend = not plots or (not models and lines not in explained)
+        explained.add(lines)
+        plots[origin] = time_plot(origin, title, times, outer(item.values for item in below[origin]), legend=legend)
     return plots
+
+
+def _names(units: Mapping[str, str]) -> dict[str, str]:
+    """A short name for each entity with its unit: the last part that says something, with the one before where that is not enough."""
+    parts = {origin: [part for part in origin.split("/") if part != _slug(unit)] or [origin] for origin, unit in units.items()}
+    last = Counter((found[-1], units[origin]) for origin, found in parts.items())
+    return {origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:]) for origin, found in parts.items()}
+
+
+def _pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int) -> Any:
+    """The plots of a tab in a grid, or, where they are many, in pages that keep together what lies under one entity (a leg)."""
+    if len(plots) <= MOST_PLOTS:
+        return rrb.Grid(*plots.values(), grid_columns=columns if len(plots) > 2 else 1, name=name)
+    clusters: dict[str, list[str]] = defaultdict(list)
+    for origin in plots:
+        clusters["/".join(origin.split("/")[:2])].append(origin)
+    pages: list[list[str]] = [[]]
+    for members in clusters.values():
+        for start in range(0, len(members), MOST_PLOTS):
+            part = members[start : start + MOST_PLOTS]
+            if len(pages[-1]) + len(part) > MOST_PLOTS:
+                pages.append([])
+            pages[-1] += part
+    grids = [rrb.Grid(*(plots[origin] for origin in page), grid_columns=columns, name=_page_name(page)) for page in pages if page]
+    return rrb.Tabs(*grids, name=name, active_tab=0)
+
+
+def _page_name(origins: Sequence[str]) -> str:
+    found = list(dict.fromkeys(origin.split("/")[min(1, origin.count("/"))] for origin in origins))
+    return found[0] if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
 def _slug(unit: str) -> str:

@@ -26,10 +26,10 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
     heads = ("segment", "use", "log", ("start", "s"), ("length", "s"), "samples", ("rate", "Hz"), "gaps")
     blocks: list[Block] = [
         table("Logs", ["log", "file", "format", ("size", "bytes"), "status", "vehicle"], files),
-        table(
-            "Segments", heads, rows, note="Start in seconds from the first time-stamped record of the log. Gaps split a leg into segments."
-        ),
     ]
+    if rows:
+        note = "Start in seconds from the first time-stamped record of the log. Gaps split a leg into segments."
+        blocks.append(table("Segments", heads, rows, note=note))
     blocks += [remark(f"{name}: {words}") for name, item in logs.items() for words in item["notes"]]
     blocks += [remark(f"{name}: {words}", "warning") for name, item in segments.items() for words in item["notes"]]
     blocks += [remark(words, "warning") for words in shared_data(segments)]

@@ -21,8 +21,9 @@ def markdown(title: str, summary: Summary, segments: Mapping[str, Document], sta
     if summary.identified:
         lines += ["## What was identified", *(f"- {item.label}: {'; '.join(item.figures)}. {item.note}" for item in summary.identified), ""]
     if summary.figures:
-        rows = [[item.part, item.quantity, item.value, item.interval, item.verdict] for item in summary.figures]
-        lines += [*table_lines(["", "quantity", "value", "interval", "verdict"], rows), ""]
+        several = len({item.part for item in summary.figures}) > 1
+        rows = [[item.quantity, item.value, item.interval, item.verdict, *([item.part] if several else [])] for item in summary.figures]
+        lines += [*table_lines(["figure", "value", "interval", "verdict", *(["of"] if several else [])], rows), ""]
     if summary.models:
         heads = [f"J/J0, {summary.judged_on}", "all", *AXIS_WORDS]
         rows = []
