@@ -20,6 +20,7 @@ BENCHMARKS = {
     "simulation": [],
     "recording": [],
     "synthesis": [],
+    "recursive": [],
     "bench_twin": [],
     "chain": [],
 }

@@ -271,7 +271,8 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
     values[used], covariance[np.ix_(used, used)] = fitted.parameters, fitted.covariance
     if held is None:
         values[0] = np.exp(values[0])
-        covariance[0], covariance[:, 0] = covariance[0] * values[0], covariance[:, 0] * values[0]
+        covariance[0] *= values[0]
+        covariance[:, 0] *= values[0]
     else:
         values[0] = held
     return ChannelFit(
