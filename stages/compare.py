@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
@@ -141,7 +140,8 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
     for entry in published["tables"]:
         own = [row for row in rows if row["table"] == entry["id"]]
         notes = [str(entry.get("note", "")), f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else ""]
-        blocks.append(table(f"{entry['id']}: {entry['title']}", HEADS, [_cells(row) for row in own], note=" ".join(filter(None, notes))))
+        heads, cells = _without_empty([_cells(row) for row in own])
+        blocks.append(table(f"{entry['id']}: {entry['title']}", heads, cells, note=" ".join(filter(None, notes))))
     errata = published.get("errata") or ()
     if errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
@@ -171,8 +171,21 @@ HEADS: tuple[str | tuple[str, str], ...] = (
 def _cells(row: Mapping[str, Any]) -> list[Any]:
     percent = [None if row[key] is None else float(f"{100.0 * row[key]:.3g}") for key in ("printed_error", "our_error", "bound")]
     met = "" if row["met"] is None else "yes" if row["met"] else "no"
-    ours = None if row["ours"] is None else float(np.format_float_positional(row["ours"], precision=6, fractional=False))
-    return [row["quantity"], row["unit"], row["printed"], row["corrected"], row["truth"], ours, *percent, row["verdict"], met, row["note"]]
+    values = [_as_printed(row[key]) for key in ("printed", "corrected", "truth", "ours")]
+    return [row["quantity"], row["unit"], *values, *percent, row["verdict"] if row["asked_verdict"] else "", met, row["note"]]
+
+
+def _as_printed(value: float | None) -> str:
+    """Four decimals, as the theses print; tiny values by their size. Text, so that the page does not round it again."""
+    if value is None:
+        return ""
+    return f"{value:.4f}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.2e}"
+
+
+def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
+    """Heads and cells of the columns in which something stands."""
+    kept = [index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)]
+    return [HEADS[index] for index in kept], [[row[index] for index in kept] for row in rows]
 
 
 def _why(row: Mapping[str, Any]) -> str:
