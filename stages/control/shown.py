@@ -113,7 +113,7 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
         }
         if item.flight.clock or item.case.waiting is None:
             values["steady error"] = (float(e.steady_m), "m")
-        if item.case.turn_s is not None:
+        if item.case.turn_s is not None and item.flown.reference_s[-1] > item.case.turn_s:
             values["cross-track at ends of turns"] = (_at_turns(item), "m")
         for name, (value, unit) in values.items():
             shown = item.flight.headline and name == "rms cross-track" and not after
@@ -140,8 +140,6 @@ def _at_turns(item: Flown) -> float:
     """Largest cross-track error where the reference completes a turn."""
     assert item.case.turn_s is not None
     turns = np.arange(1, int(item.flown.reference_s[-1] / item.case.turn_s) + 1) * item.case.turn_s
-    if not len(turns):
-        return float("nan")
     return float(np.interp(turns, item.flown.reference_s, item.errors.cross_track_m).max())
 
 
