@@ -111,12 +111,13 @@ def inspect(
     save: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")] = None,
     screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
+    tab: Annotated[str, typer.Option(metavar="TAB", help="Open on this tab, as State, or on a leg in it, as Answer/LEG.")] = "",
     preview: Annotated[bool, typer.Option("--preview", help="Thin long series by minimum and maximum: small, and quick to draw.")] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
     from pipeline import inspection
 
-    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web, preview=preview)
+    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web, preview=preview, tab=tab)
 
 
 @app.command(epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd")

@@ -40,12 +40,13 @@ def inspect(
     picture: Path | None = None,
     web: bool = False,
     preview: bool = False,
+    tab: str = "",
 ) -> None:
     """Open the recording of a campaign, of one of its logs, of a log file, or a recording itself; a `preview` is thinned and quick to draw.
 
     Raises `PipelineError` where there is nothing to show, or nothing to show it with.
     """
-    subject = find(target, log=log, columns=columns)
+    subject = find(target, log=log, columns=columns, tab=tab)
     if preview:
         subject = Subject(subject.name, subject.preview, subject.preview)
     if save is not None:
@@ -69,7 +70,7 @@ def inspect(
         viewer.show(path)
 
 
-def find(target: str, *, log: str | None = None, columns: Path | None = None) -> Subject:
+def find(target: str, *, log: str | None = None, columns: Path | None = None, tab: str = "") -> Subject:
     """What a word of the command line means. Raises `PipelineError` where it means nothing that can be shown."""
     path = Path(target).expanduser()
     if path.suffix == RECORDING:
@@ -78,13 +79,13 @@ def find(target: str, *, log: str | None = None, columns: Path | None = None) ->
         viewer.verify(path)
         return Subject(path.name, path.read_bytes, path.read_bytes, path)
     if log is None and check.names_campaign(target):
-        return campaign_subject(session.open_run(target))
+        return campaign_subject(session.open_run(target), tab)
     if not check.names_campaign(target):
         _fits(path)
-    return log_subject(_page(check.pages_of(target, columns), log, target))
+    return log_subject(_page(check.pages_of(target, columns), log, target), tab)
 
 
-def campaign_subject(run: Run) -> Subject:
+def campaign_subject(run: Run, tab: str = "") -> Subject:
     """The recording of a campaign's run. A run that is not up to date is shown as it is, and that is said."""
     stage = run.graph.stage("report")
     remedy = f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name} --log ID."
@@ -96,16 +97,18 @@ def campaign_subject(run: Run) -> Subject:
     if not run.is_fresh(task):
         print(f"the recording is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
 
-    def preview() -> bytes:
+    def draw(preview: bool) -> bytes:
         from stages import report
 
         inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
-        return report.draw(inputs, task.params, report.tell(inputs), preview=True)
+        return report.draw(inputs, task.params, report.tell(inputs), preview=preview, tab=tab)
 
-    return Subject(run.campaign.name, artefact.path.read_bytes, preview, artefact.path)
+    if tab:
+        return Subject(run.campaign.name, lambda: draw(False), lambda: draw(True))
+    return Subject(run.campaign.name, artefact.path.read_bytes, lambda: draw(True), artefact.path)
 
 
-def log_subject(page: check.Page) -> Subject:
+def log_subject(page: check.Page, tab: str = "") -> Subject:
     """The recording of one raw log. Raises `LogError` where the log was refused."""
     if page.outputs is None or page.health is None:
         raise LogError(plain(page.refused))
@@ -114,7 +117,7 @@ def log_subject(page: check.Page) -> Subject:
     def draw(preview: bool) -> bytes:
         from stages.report.log_recording import record_log
 
-        return record_log(page.name, check.tables_of(outputs), outputs.log_info, health, page.legs, preview=preview)
+        return record_log(page.name, check.tables_of(outputs), outputs.log_info, health, page.legs, preview=preview, tab=tab)
 
     return Subject(page.name, lambda: draw(False), lambda: draw(True))
 

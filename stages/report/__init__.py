@@ -86,8 +86,8 @@ def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
     return Told(title, summary, {**sections, **more}, segments, logs)
 
 
-def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False) -> bytes:
-    """The recording; a `preview` has its series thinned by minimum and maximum per bin."""
+def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = "") -> bytes:
+    """The recording, which opens on `tab`; a `preview` has its series thinned by minimum and maximum per bin."""
     from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing
 
     return record(
@@ -101,6 +101,7 @@ def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False) -
         params.path_rate_hz,
         told.sections,
         preview=preview,
+        tab=tab,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from data_schemas.errors import DataError, nearest
 from stages.report.colours import is_model
 from stages.report.html import visible
 from stages.report.sending import TIMELINE, Array
@@ -63,29 +64,36 @@ def parent(group: Document) -> str:
     return str(visible(group["entity"])).rpartition("/")[0]
 
 
-def whole_view(groups: Sequence[Owned], seen: Seen) -> rrb.Blueprint:
-    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, texts of the stages, and messages."""
+def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> rrb.Blueprint:
+    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, texts of the stages, and messages.
+
+    `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty. Raises `DataError` for a tab that there is not.
+    """
+    opening, _, leg = tab.partition("/")
     tabs: dict[str, list[Owned]] = defaultdict(list)
     for owner, group in groups:
         tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
     answer = _plots(tabs.pop(ANSWER, []), groups, seen)
-    pages: list[Any] = [rrb.Horizontal(_pages(answer, None, 2), words, column_shares=[7, 3], name=ANSWER) if answer else words]
+    pages: list[Any] = [rrb.Horizontal(_pages(answer, None, 2, leg), words, column_shares=[7, 3], name=ANSWER) if answer else words]
     pages += [path_view(seen.corners)] if seen.corners is not None else []
     plots = {name: _plots(items, groups, seen) for name, items in tabs.items()}
-    pages += [_pages(views, name, 2) for name, views in plots.items() if views]
+    pages += [_pages(views, name, 2, leg) for name, views in plots.items() if views]
     texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
     spans = spans_view("Modes and segments", seen.spans) if seen.spans is not None else None
     pages.append(rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log)
-    return opened(pages)
+    return opened(pages, opening)
 
 
-def opened(pages: Sequence[Any]) -> rrb.Blueprint:
-    """A blueprint of tabs that opens on the first, with all panels but the timeline folded away."""
+def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
+    """A blueprint of tabs that opens on the first or on the one of a name, with all panels but the timeline folded away."""
+    names = [str(page.name) for page in pages]
+    if tab and tab not in names:
+        raise DataError("no such tab in this recording", value=tab, allowed=names, remedy=nearest(tab, names))
     return rrb.Blueprint(
-        rrb.Tabs(*pages, active_tab=0),
+        rrb.Tabs(*pages, active_tab=names.index(tab) if tab else 0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
@@ -166,8 +174,8 @@ def _names(units: Mapping[str, str]) -> dict[str, str]:
     return {origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:]) for origin, found in parts.items()}
 
 
-def _pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int) -> Any:
-    """The plots of a tab in a grid, or, where they are many, in pages that keep together what lies under one entity (a leg)."""
+def _pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = "") -> Any:
+    """The plots of a tab in a grid, or, where they are many, in pages that keep legs (second parts of entities) whole; `leg` is open."""
     if len(plots) <= MOST_PLOTS:
         return rrb.Grid(*plots.values(), grid_columns=columns if len(plots) > 2 else 1, name=name)
     clusters: dict[str, list[str]] = defaultdict(list)
@@ -181,7 +189,8 @@ def _pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: i
                 pages.append([])
             pages[-1] += part
     grids = [rrb.Grid(*(plots[origin] for origin in page), grid_columns=columns, name=_page_name(page)) for page in pages if page]
-    return rrb.Tabs(*grids, name=name, active_tab=0)
+    places = [place for place, page in enumerate(filter(None, pages)) if any(origin.split("/")[1:2] == [leg] for origin in page)]
+    return rrb.Tabs(*grids, name=name, active_tab=places[0] if places else 0)
 
 
 def _page_name(origins: Sequence[str]) -> str:

@@ -61,8 +61,9 @@ def record_log(
     legs: Sequence[Document] = (),
     *,
     preview: bool = False,
+    tab: str = "",
 ) -> bytes:
-    """The recording of a log as .rrd bytes.
+    """The recording of a log as .rrd bytes, which opens on `tab`.
 
     `tables`: its streams, `info` and `health`: its documents (schemas `log_info`, `health`); `legs`: id, use, start_s and end_s of each.
     """
@@ -76,7 +77,7 @@ def record_log(
     lanes = _send_spans(out, tables, clocks, legs, end)
     _send_messages(out, tables, clocks, health)
     corners = _send_path(out, tables, clocks)
-    return out.finish(_blueprint(plots, lanes, corners, span))
+    return out.finish(_blueprint(plots, lanes, corners, span, tab))
 
 
 def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> list[Plot]:
@@ -215,15 +216,15 @@ def _cell(words: object) -> str:
     return str(visible(str(words))).replace("|", "\\|").replace("\n", " ")
 
 
-def _blueprint(plots: Sequence[Plot], lanes: bool, corners: Array | None, span: tuple[float, float]) -> rrb.Blueprint:
+def _blueprint(plots: Sequence[Plot], lanes: bool, corners: Array | None, span: tuple[float, float], tab: str) -> rrb.Blueprint:
     views = {plot.entity: time_plot(plot.entity, f"{plot.stream} [{plot.unit}]", span, (plot.low, plot.high)) for plot in plots}
     opening: list[Any] = [spans_view("Modes, legs and pauses", span)] if lanes else []
     opening += [views[f"raw/{name}"] for name in OPENING if f"raw/{name}" in views][:3]
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
     tabs: list[Any] = [rrb.Horizontal(rrb.Vertical(*opening), words, column_shares=[7, 3], name="Answer") if opening else words]
     tabs += [path_view(corners)] if corners is not None else []
-    for tab, streams in TABS.items():
+    for name, streams in TABS.items():
         chosen = [views[plot.entity] for stream in streams for plot in plots if plot.stream == stream]
         if chosen:
-            tabs.append(rrb.Grid(*chosen, grid_columns=1 if len(chosen) < 4 else 2, name=tab))
-    return opened([*tabs, rrb.TextLogView(origin="log", name="Log")])
+            tabs.append(rrb.Grid(*chosen, grid_columns=1 if len(chosen) < 4 else 2, name=name))
+    return opened([*tabs, rrb.TextLogView(origin="log", name="Log")], tab)

@@ -88,8 +88,12 @@ def record(
     sections: Mapping[str, Document] = NOTHING,
     *,
     preview: bool = False,
+    tab: str = "",
 ) -> bytes:
-    """The recording as .rrd bytes. `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab per stage."""
+    """The recording as .rrd bytes, which opens on `tab` (see `whole_view`).
+
+    `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab per stage.
+    """
     out = Recording(title, preview=preview)
     clock = make_clock(segments, logs)
     load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
@@ -102,7 +106,7 @@ def record(
     corners = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz)
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
-    return out.finish(whole_view(groups, Seen(sent, corners, tuple(texts), lanes)))
+    return out.finish(whole_view(groups, Seen(sent, corners, tuple(texts), lanes), tab))
 
 
 def _preferred(summary: Summary) -> list[str]:
@@ -132,9 +136,32 @@ def _send_groups(
             out.static(entity, _lines(bundle, preferred))
         values = np.hstack([_values(part, group, names, load, owner) for part, group in zip(parts, bundle, strict=True)])
         out.series(entity, times, values)
-        drawn = values[:, _shown(bundle, preferred)]
+        drawn = _settled(bundle, values)[:, _shown(bundle, preferred)]
         sent[entity] = sent.get(entity, Sent()).add(times, drawn)
     return sent
+
+
+def _edges_only(group: Document) -> bool:
+    """Whether a group with standard deviations is a band around lines that another group draws."""
+    return set(group["roles"]) == {"band"}
+
+
+def _lines_of(group: Document) -> int:
+    """How many lines are drawn for each column of a group."""
+    return 1 if not group.get("spread") else 2 if _edges_only(group) else 3
+
+
+def _settled(bundle: Sequence[Document], values: Array) -> Array:
+    """Series (n, k) for the range of a plot: of bands the later half, because estimates begin with any spread."""
+    edges = [
+        bool(group.get("spread")) and (_edges_only(group) or line > 0)
+        for group in bundle
+        for _ in group["columns"]
+        for line in range(_lines_of(group))
+    ]
+    settled = values.copy()
+    settled[: len(values) // 2, edges] = np.nan
+    return settled
 
 
 def _columns(group: Document) -> list[str]:
@@ -142,7 +169,7 @@ def _columns(group: Document) -> list[str]:
 
 
 def _values(part: pa.Table, group: Document, names: Collection[str], load: Callable[[str], pa.Table], owner: str) -> Array:
-    """The series of a group: its columns, less those of another table, or twice their standard deviations around them."""
+    """The series of a group: its columns, less those of another table, or with twice their standard deviations around them."""
     values = matrix(part, group["columns"])
     if group.get("less"):
         other = find_table(names, owner, str(group["less"]["table"]))
@@ -151,14 +178,15 @@ def _values(part: pa.Table, group: Document, names: Collection[str], load: Calla
         return values - matrix(load(other), group["less"]["columns"])
     if group.get("spread"):
         spread = BAND * matrix(part, group["spread"])
-        return np.stack([values - spread, values + spread], axis=2).reshape(len(values), -1)
+        lines = [values - spread, values + spread] if _edges_only(group) else [values, values - spread, values + spread]
+        return np.stack(lines, axis=2).reshape(len(values), -1)
     return values
 
 
 def _shown(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
     """Which series of an entity are drawn at first: all but the models that are not preferred."""
     liked = {key(name) for name in preferred}
-    roles = [str(role) for group in bundle for role in group["roles"] for _ in range(2 if group.get("spread") else 1)]
+    roles = [str(role) for group in bundle for role in group["roles"] for _ in range(_lines_of(group))]
     return [not is_model(role) or not liked or key(role) in liked for role in roles]
 
 
@@ -203,10 +231,11 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
     for group in bundle:
         drawn = line_inks([str(name) for name in group["names"]], [str(role) for role in group["roles"]])
         for name, role, line in zip(group["names"], group["roles"], drawn, strict=True):
-            lines = [f"{name} − 2 sd", f"{name} + 2 sd"] if group.get("spread") else [str(name)]
+            lines = [str(name), f"{name} − 2 sd", f"{name} + 2 sd"] if group.get("spread") else [str(name)]
+            lines = lines[-2:] if _lines_of(group) == 2 else lines
             names += [str(visible(words)) for words in lines]
             inks += [line] * len(lines)
-            opacity += [OPACITY.get(str(role), 255)] * len(lines)
+            opacity += [OPACITY.get(str(role), 255), *[OPACITY["band"]] * (len(lines) - 1)]
     return rr.SeriesLines(
         colors=[(*item.rgb, strength) for item, strength in zip(inks, opacity, strict=True)],
         names=names,

@@ -15,7 +15,7 @@ from data_schemas.tables import column, make_table
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from stages.report import Params, draw, run, tell
 from stages.report.blueprint import NO_RANGE, Sent, outer, with_room
-from stages.report.recording import _values, find_table, make_clock
+from stages.report.recording import _settled, _values, find_table, make_clock
 from stages.report.recording_text import markdown
 from stages.report.sending import quaternions
 from stages.report.summary import summarise
@@ -186,8 +186,13 @@ def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> No
 
 def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(made: ExampleRun) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
-    band = _values(table, {"columns": ["a"], "spread": ["sd"]}, (), made.tables.__getitem__, "x")
-    np.testing.assert_allclose(band, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
+    band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
+    found = _values(table, band, (), made.tables.__getitem__, "x")
+    np.testing.assert_allclose(found, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
+    whole = _values(table, {**band, "roles": ["fitted"]}, (), made.tables.__getitem__, "x")
+    np.testing.assert_allclose(whole, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12)  # rounding
+    settled = _settled([{**band, "roles": ["fitted"]}], whole)
+    np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
     np.testing.assert_allclose(_values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12)
