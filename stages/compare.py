@@ -169,7 +169,7 @@ HEADS: tuple[str | tuple[str, str], ...] = (
 
 
 def _cells(row: Mapping[str, Any]) -> list[Any]:
-    percent = [None if row[key] is None else float(f"{100.0 * row[key]:.3g}") for key in ("printed_error", "our_error", "bound")]
+    percent = [_percent(row[key]) for key in ("printed_error", "our_error", "bound")]
     met = "" if row["met"] is None else "yes" if row["met"] else "no"
     values = [_as_printed(row[key]) for key in ("printed", "corrected", "truth", "ours")]
     return [row["quantity"], row["unit"], *values, *percent, row["verdict"] if row["asked_verdict"] else "", met, row["note"]]
@@ -180,6 +180,13 @@ def _as_printed(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.4f}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.2e}"
+
+
+def _percent(share: float | None) -> str:
+    """Two decimals of a percent, as the theses print, or the size of what is smaller."""
+    if share is None:
+        return ""
+    return f"{100.0 * share:.2f}" if share == 0.0 or abs(share) >= 1e-4 else f"{100.0 * share:.0e}"
 
 
 def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
