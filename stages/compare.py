@@ -144,9 +144,9 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
         blocks.append(table(f"{entry['id']}: {entry['title']}", heads, cells, note=" ".join(filter(None, notes))))
     errata = published.get("errata") or ()
     if errata:
-        heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
+        told = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         keys = ("id", "where", "printed", "corrected", "confidence", "shown")
-        blocks.append(table("Errata of the source", heads, [[entry.get(key, "") for key in keys] for entry in errata]))
+        blocks.append(table("Errata of the source", told, [[entry.get(key, "") for key in keys] for entry in errata]))
     return section(
         "Printed tables beside ours", blocks, order=2, look_for="Every bound is met; an erratum explains where the print cannot be."
     )
