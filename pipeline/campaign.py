@@ -12,6 +12,7 @@ from typing import Any
 
 from data_schemas.errors import CampaignError, PipelineError, SchemaError, nearest, raise_faults
 from pipeline.twin import load_twin, with_logs_of_plan
+from pipeline.vehicle_files import load_vehicle
 from pipeline.yaml_files import YamlFile, load_yaml
 
 SIMULATE = "simulate"
@@ -100,8 +101,7 @@ def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicle
     faults = [file.located(fault) for fault in _faults(file, kinds)]
     raise_faults(faults, file=file.path)
     vehicle_file = _vehicle_path(file, folder, vehicles)
-    vehicle = load_yaml(vehicle_file, named_in=file.path, what="vehicle")
-    vehicle.check("vehicle")
+    vehicle = load_vehicle(vehicle_file, named_in=file.path)
     twin = None
     if SIMULATE in kinds[file.value["kind"]]:
         plan = inside(folder, file.value[SIMULATE]["plan"], file.path)

@@ -13,8 +13,8 @@ from hydro.dynamics.strip_theory import strip_theory_of
 from hydro.dynamics.viscous_basis import BASIS_TERMS
 from pipeline.twin import published_coefficients as coefficient_files
 from pipeline.twin import read_coefficients
+from pipeline.vehicle_files import load_vehicle
 from pipeline.workspace import vehicle_file_of
-from pipeline.yaml_files import load_yaml
 
 KINDS = {
     "added_mass": "Added mass, tau_A = M_A nu_dot (M_A <= 0)",
@@ -33,8 +33,7 @@ def coefficients_of(vehicle: str, *, parameter_set: str = "corrected", model: st
     geometry, and geometry that cannot be.
     """
     path = vehicle_file_of(vehicle)
-    document = load_yaml(path, what="vehicle")
-    document.check("vehicle")
+    document = load_vehicle(path)
     try:
         used = _used(document.value, parameter_set)
         published = published_coefficients(document.value)

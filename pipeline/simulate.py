@@ -14,8 +14,8 @@ from data_schemas.errors import CampaignError, PipelineError, nearest
 from pipeline.artefacts import encode
 from pipeline.files import write_atomically
 from pipeline.twin import PHYSICS, load_twin
+from pipeline.vehicle_files import load_vehicle
 from pipeline.workspace import vehicle_file_of
-from pipeline.yaml_files import load_yaml
 from stages import simulate
 from stages.simulate.csv_writer import column_maps
 from stages.simulate.plans import CSV_PARTS, manifest_entries
@@ -43,8 +43,7 @@ def write_campaign(
         if value not in allowed:
             raise CampaignError("unknown value", field=option, value=value, allowed=allowed, remedy=nearest(value, allowed))
     vehicle_file = vehicle_file_of(vehicle)
-    document = load_yaml(vehicle_file, what="vehicle")
-    document.check("vehicle")
+    document = load_vehicle(vehicle_file)
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
     twin = load_twin(entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan)
     if "bench" in twin["plan"]:
