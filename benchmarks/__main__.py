@@ -22,6 +22,7 @@ BENCHMARKS = {
     "synthesis": [],
     "recursive": [],
     "bench_twin": [],
+    "closed_loop": [],
     "chain": [],
 }
 
