@@ -6,13 +6,14 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report inspect diff reproduce regress test lint format declarations lock bench agreement clean twin fuzz
+.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test lint format declarations lock bench agreement clean twin fuzz
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
 	@echo "make campaign NAME=x      bring campaign x up to date through DVC"
 	@echo "make report NAME=x        open the report of campaign x"
 	@echo "make inspect NAME=x       look at the run of campaign x in the Rerun viewer"
+	@echo "make gallery              the cases of docs/gallery anew, with pictures"
 	@echo "make diff A=x B=y         what changed from run x to run y"
 	@echo "make reproduce            a thesis's tables beside those of a twin (NAME=vt690_twin unless said)"
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
@@ -55,6 +56,10 @@ report: $(STAMP)
 
 inspect: $(STAMP)
 	@auvid inspect $(NAME)
+
+# Runs the cases of docs/gallery/cases.yaml and takes their pictures; needs xvfb, xauth and mesa-vulkan-drivers.
+gallery: $(STAMP)
+	python -m pipeline.gallery
 
 diff: $(STAMP)
 	@test -n "$(A)" -a -n "$(B)" || { echo "say what: make diff A=bluerov2_dvl B=tests/golden/bluerov2_dvl"; exit 1; }

@@ -60,13 +60,14 @@ class Recording:
         if self.preview:
             times, values = thinned(times, values, PREVIEW_BINS)
         values = rounded(values)
+        there = np.asarray(~np.isnan(values).all(axis=1))  # an empty row ends the line, also after the last sample
         for start in range(0, times.size, CHUNK_ROWS):
-            part = times[start : start + CHUNK_ROWS]
-            lengths = [values.shape[1]] * part.size
-            if start + CHUNK_ROWS >= times.size:  # an empty row ends the line, so that none crosses to what follows
+            part, kept = times[start : start + CHUNK_ROWS], there[start : start + CHUNK_ROWS]
+            lengths = kept * values.shape[1]
+            if start + CHUNK_ROWS >= times.size:
                 step = times[-1] - times[-2] if times.size > 1 else 1e-3
-                part, lengths = np.append(part, times[-1] + max(step, 1e-6)), [*lengths, 0]
-            columns = rr.Scalars.columns(scalars=values[start : start + CHUNK_ROWS].ravel())
+                part, lengths = np.append(part, times[-1] + max(step, 1e-6)), np.append(lengths, 0)
+            columns = rr.Scalars.columns(scalars=values[start : start + CHUNK_ROWS][kept].ravel())
             self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=part)], columns.partition(lengths))
 
     def states(self, entity: str, times: Sequence[float], states: Sequence[str | None], inks: Mapping[str, Ink]) -> None:

@@ -5,56 +5,21 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
-from data_schemas.tables import make_table
 from stages.report.log_recording import held, log_text, record_log
 from stages.report.sending import broken, rounded, thinned
+from tests.support.golden_recording import GOLDEN, HEALTH, INFO, made, tables
 
 RERUN = Path(sys.executable).with_name("rerun")
-HOSTILE = "<script>alert(1)</script>\x1b]0;owned\x07\x1b[31m\u202egnp.exe"
-
-
-def tables() -> dict[str, pa.Table]:
-    """A minute of attitude, velocity, depth, outputs and messages; the velocity pauses for 20 s."""
-    t = np.arange(0, 60, 0.1)
-    stamps = (t * 1e6).astype(np.int64) + 5_000_000
-    kept = (t < 20) | (t > 40)
-    zero = np.zeros(t.size)
-    found: dict[str, dict[str, Any]] = {
-        "attitude": {"time_us": stamps, "phi_rad": zero, "theta_rad": zero, "psi_rad": 0.1 * t},
-        "velocity": {"time_us": stamps[kept], "u_m_s": np.ones(kept.sum()), "v_m_s": zero[kept], "w_m_s": zero[kept]},
-        "depth": {"time_us": stamps, "depth_m": 3.0 + 0.1 * t},
-        "actuators": {"time_us": stamps, **{f"pwm_{n}_us": 1500 + zero for n in range(1, 7)}},
-        "mode": {"time_us": stamps[[0, 300]], "mode": ["MANUAL", HOSTILE], "armed": [False, True]},
-        "events": {"time_us": stamps[[10]], "text": [HOSTILE]},
-    }
-    return {name: make_table(name, columns) for name, columns in found.items()}
-
-
-INFO: dict[str, Any] = {"start_us": 5_000_000, "end_us": 65_000_000, "notes": ["a note"]}
-HEALTH: dict[str, Any] = {
-    "bytes": 5_000_000,
-    "duration_s": 60.0,
-    "formats": ["ArduPilot DataFlash"],
-    "status": "complete",
-    "vehicle": HOSTILE,
-    "verdict": "A force model can be fitted in surge.",
-    "findings": [{"severity": "warning", "text": "Hardly any motion in roll.", "remedy": "Roll it."}],
-    "streams": {"depth": {"source": "BARO|x", "rows": 600, "rate_hz": 10.0, "longest_gap_s": 0.1}},
-    "capabilities": [{"name": "synthesise roll", "possible": False, "reason": "hardly any motion"}],
-}
-LEGS = [{"id": "train 1", "use": "training", "start_s": 2.0, "end_s": 30.0}]
 
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("log") / "log.rrd"
-    file.write_bytes(record_log("dive", tables(), INFO, HEALTH, LEGS))
+    file.write_bytes(made())
     assert subprocess.run([str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False).returncode == 0
     return subprocess.run([str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True).stdout
 
@@ -78,6 +43,13 @@ def test_text_says_what_the_log_is_for() -> None:
     ):
         assert line in words.splitlines()
     assert "| depth | BARO\\|x | 600 | 10 | 0.1 s |" in words
+
+
+def test_recording_is_the_golden_one(tmp_path: Path) -> None:
+    file = tmp_path / "log.rrd"
+    file.write_bytes(made())
+    done = subprocess.run([str(RERUN), "rrd", "compare", str(GOLDEN), str(file)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"if this is meant: python -m tests.support.golden_recording\n{done.stderr[:2000]}"
 
 
 def test_hostile_texts_cannot_act_on_a_terminal(printed: str) -> None:
