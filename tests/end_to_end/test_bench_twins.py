@@ -40,7 +40,7 @@ def small_workspace(folder: Path) -> Path:
     return campaign
 
 
-OTHERS = ("surge_linear:", "surge_quadratic:", "remus_y", "remus_z", ":I_y", ":I_z")
+OTHERS = ("surge_noisy:", "surge_linear:", "surge_quadratic:", "remus_y", "remus_z", ":I_y", ":I_z")
 
 
 def load(path: Path) -> Any:
