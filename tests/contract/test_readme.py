@@ -55,7 +55,15 @@ def test_links_lead_somewhere() -> None:
     assert [target for target in local if not (ROOT / target).exists()] == []
 
 
-@pytest.mark.parametrize(("first", "schema"), [("kind: identification", "campaign"), ("stream: attitude", "column_map")])
+DOCUMENTS = [
+    ("kind: identification", "campaign"),
+    ("stream: attitude", "column_map"),
+    ("kind: bench", "campaign"),
+    ("radius_ceiling", "apparatus"),
+]
+
+
+@pytest.mark.parametrize(("first", "schema"), DOCUMENTS)
 def test_documents_pass_their_schemas(first: str, schema: str, tmp_path: Path) -> None:
     path = tmp_path / "document.yaml"
     path.write_text(yaml_block(first), encoding="utf-8")
