@@ -113,8 +113,9 @@ def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> floa
         if place == 0 or place == offset.size:
             continue
         start, stop = middle(times_us[max(0, place - 5) : place].tolist()), middle(times_us[place : place + 5].tolist())
-        if 0 < times_us[place] - times_us[place - 1] < stop - start:
-            start, stop = int(times_us[place - 1]), int(times_us[place])
+        before, behind = times_us[place - 1 : place + 1].tolist()  # as Python's integers: damaged stamps overflow others
+        if 0 < behind - before < stop - start:
+            start, stop = before, behind
         start = max(start, covered)
         if 0 < stop - start < LEAP_US:
             lost += stop - start
