@@ -334,7 +334,7 @@ def views_of(tables: Mapping[str, pa.Table], inputs: Inputs) -> dict[str, Any]:
                 groups.append(
                     {
                         "entity": f"{key}/{entity}",
-                        "table": f"{key}/flights",
+                        "table": f"flights/{key}",
                         "columns": chosen,
                         "names": names,
                         "roles": names,

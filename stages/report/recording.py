@@ -21,6 +21,7 @@ from data_schemas.tables import column, has_columns, matrix
 from stages.report.blueprint import Owned, Seen, Sent, outer, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, distinct, ink, is_model, key
 from stages.report.html import visible
+from stages.report.recording_flights import send_flights
 from stages.report.recording_path import send_paths
 from stages.report.recording_text import markdown, stage_texts
 from stages.report.sending import Array, Recording
@@ -103,7 +104,7 @@ def record(
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
     sent = _send_groups(out, groups, tables, load, clock, _preferred(summary))
-    corners = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz)
+    corners = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz) if fused else send_flights(out, tables)
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
     return out.finish(whole_view(groups, Seen(sent, corners, tuple(texts), lanes), tab))
