@@ -60,6 +60,8 @@ ROLES: Mapping[str, Ink] = {
     "second": Ink(*VERMILLION),
     "training": Ink(*BLUE),
     "validation": Ink(*VERMILLION),
+    "quadratic": Ink(*VERMILLION),
+    "linear_and_quadratic": Ink(*GREEN, dash="6 3", width=2.0),
 }
 COMPONENTS: Mapping[str, Ink] = {
     "tau_bar": ROLES["measured"],

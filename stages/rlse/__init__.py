@@ -16,7 +16,7 @@ from hydro.identification.channel import DAMPING, ChannelEstimate, estimate_chan
 from stages.base import Document, Stage, param, port
 from stages.signals import leg_window
 
-from .figures import channel_results, nothing_found
+from .figures import channel_results, dry_mass, nothing_found
 from .run_of_leg import LegRun, Streams, run_of_leg
 from .shown import channel_section, channel_views, still_section
 
@@ -90,7 +90,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         results=results,
         channel_run=_run_table(found, estimate),
         channel_history=_history_table(estimate),
-        section=channel_section(leg, found, estimate, results, params.filter_rate_rad_s),
+        section=channel_section(leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry_mass(channel, vehicle)),
         views=channel_views(leg, found, estimate),
     )
 

@@ -24,7 +24,9 @@ def still_section(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
     return section(_title(leg, found), [remark(words, "warning"), *map(remark, found.said)], order=20)
 
 
-def channel_section(leg: str, found: LegRun, estimate: ChannelEstimate, results: dict[str, Any], rate: float) -> dict[str, Any]:
+def channel_section(
+    leg: str, found: LegRun, estimate: ChannelEstimate, results: dict[str, Any], *, filter_rate: float, dry: float
+) -> dict[str, Any]:
     """Verdict, figures by both methods, damping models, run, histories and persistence of excitation."""
     excited = estimate.excitation[estimate.chosen]
     words = f"{leg}: {excited.words(_columns(found, estimate.chosen))}"
@@ -33,7 +35,7 @@ def channel_section(leg: str, found: LegRun, estimate: ChannelEstimate, results:
         blocks.append(
             remark(f"{leg}: {TOO_FAST}. Masses, and ratios to them, are not determined; sample faster, and step the command.", "warning")
         )
-    blocks += [remark(f"{leg}: {item}", "warning") for item in (*found.warnings, *_unphysical(found, estimate))]
+    blocks += [remark(f"{leg}: {item}", "warning") for item in (*found.warnings, *_unphysical(found, estimate, dry))]
     blocks += [
         text(
             f"{found.channel.capitalize()} from {found.measured}, {span_text((found.data.run.grid_s[0], found.data.run.grid_s[-1]))}. "
@@ -47,7 +49,7 @@ def channel_section(leg: str, found: LegRun, estimate: ChannelEstimate, results:
         _methods_table(found, estimate, results),
         _damping_table(found, estimate),
         _run_plot(found, estimate),
-        _history_plot(found, estimate, rate),
+        _history_plot(found, estimate, filter_rate),
         _excitation_plot(found, estimate),
     ]
     look = "The chosen model follows the run on its last third too; the histories stand still long before the end; C_n keeps its height."
@@ -107,12 +109,20 @@ def _columns(found: LegRun, name: str) -> tuple[str, ...]:
     )
 
 
-def _unphysical(found: LegRun, estimate: ChannelEstimate) -> list[str]:
+def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[str]:
     """Signs that no body in water has, of the chosen damping model, where they are clear of zero."""
     fit, names = estimate.fits[estimate.chosen], symbols(found.channel)
     damping = ((names.linear, 1), (names.quadratic, 2))
     wrong = [name for name, index in damping if fit.values[index] > CLEAR * fit.standard_errors[index] > 0.0]
-    return [f"{', '.join(wrong)} come out positive: damping that feeds energy in. Look for another channel that moved."] if wrong else []
+    words = [f"{', '.join(wrong)} come out positive: damping that feeds energy in. Look for another channel that moved."] if wrong else []
+    added = dry - float(fit.values[0])
+    if fit.resolved and not found.normalised and added > CLEAR * fit.standard_errors[0]:
+        unit = names.units[0]
+        words.append(
+            f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle file, {dry:.4g} {unit}, is more than "
+            f"{names.mass} - {names.added}. Is it the vehicle as it was driven, and the thrust its own?"
+        )
+    return words
 
 
 def _equation(found: LegRun) -> tuple[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -78,10 +79,10 @@ def tables_of(
     return tables
 
 
-def run(leg: dict[str, Any], tables: dict[str, pa.Table], **params: Any) -> rlse.Outputs:
+def run(leg: dict[str, Any], tables: dict[str, pa.Table], vehicle: dict[str, Any] = DOCUMENT, **params: Any) -> rlse.Outputs:
     end = max(int(column(table, "time_us")[-1]) for table in tables.values())
     info = {"start_us": START_US, "end_us": end, "parameters": {}}
-    return rlse.run(rlse.Inputs(leg, info, DOCUMENT, **tables), rlse.Params(**params))
+    return rlse.run(rlse.Inputs(leg, info, vehicle, **tables), rlse.Params(**params))
 
 
 def figures(outputs: rlse.Outputs) -> dict[str, dict[str, Any]]:
@@ -214,6 +215,14 @@ def test_unphysical_damping_is_said() -> None:
     outputs = run(leg_of("surge"), tables_of("surge", noise=0.002, linear=15.0))
     assert figures(outputs)["X_u"]["value"] == pytest.approx(15.0, abs=1.0)
     assert "X_u come out positive" in remarks(outputs, "warning")
+
+
+def test_mass_of_another_vehicle_is_said() -> None:
+    heavy = copy.deepcopy(DOCUMENT)
+    heavy["rigid_body"]["mass"]["value"] = 200.0
+    outputs = run(leg_of("surge"), tables_of("surge", noise=0.002), heavy)
+    assert "X_udot comes out positive" in remarks(outputs, "warning")
+    assert "comes out positive" not in remarks(run(leg_of("surge"), tables_of("surge", noise=0.002)), "warning")
 
 
 @pytest.mark.parametrize(
