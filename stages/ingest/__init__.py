@@ -90,10 +90,14 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         dropped=dropped,
         log_info=info,
         health=found,
-        section=report_section(info, rejected, health_blocks(found)),
+        section=report_section(info, rejected, health_blocks(found, force_model=not _is_bench(inputs.campaign))),
         views=report_views(tables),
         **tables,
     )
+
+
+def _is_bench(campaign: Document | None) -> bool:
+    return str((campaign or {}).get("kind", "")).startswith("bench")
 
 
 def _columns(stream: str, columns: Mapping[str, Any]) -> Mapping[str, Any]:

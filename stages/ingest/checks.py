@@ -122,18 +122,23 @@ def _stream(log: Recorded, name: str) -> dict[str, Any]:
     }
 
 
-def health_blocks(document: Mapping[str, Any]) -> list[Block]:
-    """The health of a log in the report: findings by rank with threshold and remedy, what the log can be used for, excitation."""
+FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators")
+"""Findings about streams that a force model needs, and a recording of the bench does not: its stages name what they miss."""
+
+
+def health_blocks(document: Mapping[str, Any], *, force_model: bool = True) -> list[Block]:
+    """The health of a log in the report: findings by rank with threshold and remedy, what the log can be used for, excitation.
+
+    `force_model`: whether the campaign fits one; else what only concerns that is left out.
+    """
+    kept = [item for item in document["findings"] if force_model or item["id"] not in FORCE_MODEL_NEEDS]
     findings = [
-        [item["severity"], item["id"], item["text"], item["value"], item["threshold"], item["unit"], item["remedy"]]
-        for item in document["findings"]
+        [item["severity"], item["id"], item["text"], item["value"], item["threshold"], item["unit"], item["remedy"]] for item in kept
     ]
     columns = ["severity", "finding", "what was measured", "value", "threshold", "unit", "remedy"]
     uses = [[item["name"], "yes" if item["possible"] else "no", item["reason"]] for item in document["capabilities"]]
-    errors = [remark(item["text"], LEVELS[item["severity"]]) for item in document["findings"] if item["severity"] == "error"]
-    return [
-        remark(document["verdict"], "finding"),
-        *errors,
-        table("Findings", columns, findings, note="docs/checks.md explains each finding and its threshold."),
-        table("What the log can be used for", ["stage", "possible", "why"], uses),
-    ]
+    blocks = [remark(item["text"], LEVELS[item["severity"]]) for item in kept if item["severity"] == "error"]
+    blocks.append(table("Findings", columns, findings, note="docs/checks.md explains each finding and its threshold."))
+    if not force_model:
+        return blocks
+    return [remark(document["verdict"], "finding"), *blocks, table("What the log can be used for", ["stage", "possible", "why"], uses)]

@@ -169,6 +169,19 @@ def test_logs_begin_at_rest_before_the_leg_and_are_whole(streams: dict[str, inge
         assert np.abs(matrix(log.imu, ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"))[:95]).max() < 1e-7, name
 
 
+def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
+    file = RawFile("decay.BIN", np.frombuffer(run().logs["decay.BIN"], np.uint8))
+    told = {}
+    for kind in ("bench_twin", "identification"):
+        campaign = {"kind": kind, "vehicle": "thaus", "logs": [{"id": "decay", "file": "decay.BIN"}], "legs": []}
+        section = ingest.run(ingest.Inputs(RawLog("decay", (file,)), campaign, DOCUMENT), ingest.Params()).section
+        told[kind] = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
+    assert "No force model can be fitted" in told["identification"]
+    assert "stream depth" in told["identification"]
+    assert "force model" not in told["bench_twin"]
+    assert "stream depth" not in told["bench_twin"]
+
+
 def test_pymavlink_reads_the_same(tmp_path: Path) -> None:
     outputs = run()
     for name, types in (("surge.BIN", {"IMU", "ATT", "VISO", "BARO", "RCOU"}), ("decay.BIN", {"IMU", "ATT"})):
