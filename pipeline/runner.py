@@ -25,6 +25,7 @@ from pipeline.manifest import Manifest
 from pipeline.progress import Progress, Silent
 from pipeline.sources import Artefact, Log, Many, Source, Value, log_source, simulated_log
 from pipeline.work import Outcome, Task
+from stages.base import ports
 
 
 class StageFault(PipelineError):
@@ -188,7 +189,8 @@ class Run:
         if feed.every:
             return Many(self._collected(feed))
         if not feed.producers:
-            return Value(self.campaign.documents.get(feed.schema))
+            many = ports(stage.inputs)[feed.port]["many"]  # the manifest names one document: no collection (report) takes it
+            return Value(None if many else self.campaign.documents.get(feed.schema))
         return self._produced(stage, feed, feed.producers[0], place)
 
     def _log(self, log: str) -> Log:
