@@ -22,7 +22,8 @@ from hydro.identification.standard_errors import stationary_covariance
 
 LONGEST_STEP_S = 0.02
 """Longest step of the simulation: RK4's error is below 1e-8 of the state for time constants from 0.3 s on."""
-TOLERANCE = 1e-13
+TOLERANCE, MOST_STEPS = 1e-12, 120
+"""A run that determines its parameters settles within 20 steps; one that does not would wander on, and its errors say so."""
 Index = NDArray[np.intp]
 Model = Callable[[Array], tuple[Array, Array]]
 """Parameters (p,) -> coefficients c0 .. c4 (5,) and their derivatives (5, p)."""
@@ -176,15 +177,29 @@ class _Fit:
         return rate_error, states[run.position_at, 1] + bias[2] - run.position, rate_by, position_by
 
     def solve(self, unknown: Array, fixed: Array, sigma: Array) -> Array:
+        last: dict[bytes, tuple[Array, Array]] = {}
+
+        def both(values: Array) -> tuple[Array, Array]:
+            """Error and Jacobian, which one simulation gives: the solver asks for them one after the other."""
+            where = values.tobytes()
+            if where not in last:
+                rate, position, rate_by, position_by = self.errors(values, fixed)
+                last.clear()
+                last[where] = (
+                    np.concatenate([rate / sigma[0], position / sigma[1]]),
+                    np.vstack([rate_by / sigma[0], position_by / sigma[1]]),
+                )
+            return last[where]
+
         def error(values: Array) -> Array:
-            rate, position, _, _ = self.errors(values, fixed)
-            return np.concatenate([rate / sigma[0], position / sigma[1]])
+            return both(values)[0]
 
         def jacobian(values: Array) -> Array:
-            _, _, rate, position = self.errors(values, fixed)
-            return np.vstack([rate / sigma[0], position / sigma[1]])
+            return both(values)[1]
 
-        found = least_squares(error, unknown, jac=jacobian, method="lm", x_scale="jac", ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
+        found = least_squares(
+            error, unknown, jac=jacobian, method="lm", x_scale="jac", ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MOST_STEPS
+        )
         if not (np.isfinite(found.x).all() and np.isfinite(found.cost)):
             raise DataError(
                 "the output-error fit does not settle", remedy="Shorten the run to where one channel moves; see the recursive estimate."

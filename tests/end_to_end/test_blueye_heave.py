@@ -18,7 +18,7 @@ def test_dive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(ROOT / "campaigns" / "blueye_heave", tmp_path / "campaigns" / "blueye_heave")
     shutil.copy(ROOT / "params.yaml", tmp_path / "params.yaml")
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(cli.app, ["run", "blueye_heave"])
+    done = CliRunner().invoke(cli.app, ["run", "blueye_heave", "--until", "rlse"])
     assert done.exit_code == 0, done.output
     results = json.loads((tmp_path / "runs/blueye_heave/rlse/descent/results.json").read_text(encoding="utf-8"))
     figures = {row["quantity"]: row for row in results["rows"]}
