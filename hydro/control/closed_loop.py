@@ -182,10 +182,16 @@ class Performance:
 
 
 def performance(trajectory: Trajectory, flights: Flights, found_chi: Array, inputs: Inputs, *, after_s: float = 0.0) -> Performance:
-    """What flights (..., n) achieved from `after_s` on. Effort is the RMS of an input. A member that diverged has nan."""
+    """What flights (..., n) achieved from `after_s` on. Effort is the RMS of an input. A member that diverged has nan.
+
+    Raises `CampaignError` where the flight is over by then.
+    """
     position, n = flights.chi[..., 6:9], len(flights.t_s)
     error = tracking_error(trajectory, position)
     kept = flights.t_s >= after_s
+    if not kept.any():
+        limit = f"below {flights.t_s[-1]:g} s"
+        raise CampaignError("the transient that is left out is longer than the flight", field="transient", value=after_s, allowed=limit)
     late = flights.t_s >= flights.t_s[-1] - 0.2 * (flights.t_s[-1] - flights.t_s[0])
     turned = flights.chi[..., 9:] - found_chi[:n, 9:]
     turned = np.arctan2(np.sin(turned), np.cos(turned))

@@ -189,8 +189,17 @@ def require_reachable(plant: Plant, found: Equilibrium, *, largest_pitch_rad: fl
         field=limits.names[worst] if at_limit.any() else "trajectory",
         value=f"{missing.max():.4g} N missing over {100.0 * unmet.mean():.0f} % of the time",
         allowed=f"{limits.low[worst]:.4g} to {limits.high[worst]:.4g} {limits.units[worst]}",
-        remedy="Lower the speed or widen the turns.",
+        remedy=_tightest(plant, found),
     )
+
+
+def _tightest(plant: Plant, found: Equilibrium) -> str:
+    speed = float(np.median(np.sqrt(np.sum(found.chi[:, :3] ** 2, axis=1))))
+    try:
+        radius = minimum_turning_radius(plant, speed)
+    except CampaignError:
+        return f"The vehicle cannot hold {speed:.3g} m/s: lower the speed."
+    return f"At {speed:.3g} m/s the tightest level turn that the actuators can hold has a radius of {radius:.3g} m."
 
 
 def minimum_turning_radius(plant: Plant, speed_m_s: float) -> float:
