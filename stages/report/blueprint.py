@@ -75,7 +75,8 @@ def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> rrb.Bluepr
         tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
     answer = _plots(tabs.pop(ANSWER, []), groups, seen)
-    pages: list[Any] = [rrb.Horizontal(_pages(answer, None, 2, leg), words, column_shares=[7, 3], name=ANSWER) if answer else words]
+    left = _pages(answer, None, 2, leg) if answer else path_view(seen.corners) if seen.corners is not None else None
+    pages: list[Any] = [rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER) if left is not None else words]
     pages += [path_view(seen.corners)] if seen.corners is not None else []
     plots = {name: _plots(items, groups, seen) for name, items in tabs.items()}
     pages += [_pages(views, name, 2, leg) for name, views in plots.items() if views]
