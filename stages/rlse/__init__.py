@@ -85,12 +85,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         memory_s=params.memory_s or None,
         limits=(params.lowest_trace, params.highest_trace),
     )
-    results = channel_results(leg, found, estimate, vehicle)
+    dry = dry_mass(channel, vehicle, inputs.leg)
+    results = channel_results(leg, found, estimate, dry)
     return Outputs(
         results=results,
         channel_run=_run_table(found, estimate),
         channel_history=_history_table(estimate),
-        section=channel_section(leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry_mass(channel, vehicle)),
+        section=channel_section(leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry),
         views=channel_views(leg, found, estimate),
     )
 

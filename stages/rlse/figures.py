@@ -35,9 +35,8 @@ def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
     return {"title": f"{found.channel} of leg {leg}", "rows": rows}
 
 
-def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, vehicle: Vehicle) -> dict[str, Any]:
+def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, dry: float) -> dict[str, Any]:
     """All figures of a leg: the chosen damping model first, then every damping model by both methods, errors and excitation."""
-    dry = dry_mass(found.channel, vehicle)
     rows: list[Figure] = []
     for name in (None, *DAMPING):
         fit = estimate.fits[name or estimate.chosen]
@@ -56,9 +55,12 @@ def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, vehicle:
     return {"title": f"{found.channel} of leg {leg}", "rows": rows}
 
 
-def dry_mass(channel: str, vehicle: Vehicle) -> float:
-    """Mass [kg] or moment of inertia [kg m^2] of the vehicle file that is taken off for the added mass."""
+def dry_mass(channel: str, vehicle: Vehicle, leg: Mapping[str, Any]) -> float:
+    """Mass [kg] or moment of inertia [kg m^2] that is taken off for the added mass: of the leg, else of the vehicle file."""
     index = CHANNELS.index(channel)
+    said = leg.get("mass_kg" if index < 3 else "inertia_kg_m2")
+    if said is not None:
+        return float(said)
     return vehicle.mass_kg if index < 3 else float(vehicle.inertia[index - 3, index - 3])
 
 

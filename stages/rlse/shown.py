@@ -119,7 +119,7 @@ def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[st
     if fit.resolved and not found.normalised and added > CLEAR * fit.standard_errors[0]:
         unit = names.units[0]
         words.append(
-            f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle file, {dry:.4g} {unit}, is more than "
+            f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle, {dry:.4g} {unit}, is more than "
             f"{names.mass} - {names.added}. Is it the vehicle as it was driven, and the thrust its own?"
         )
     return words

@@ -127,12 +127,20 @@ def bench_entries(document: Mapping[str, Any], *, format: str) -> tuple[list[dic
     for kind in KINDS:
         for entry in document["bench"].get(kind) or ():
             logs.append(log_entry(entry["id"], format, TANK_PARTS if kind == "tank" else CSV_PARTS[:1]))
-            said = {"channel": entry["channel"]} if kind == "tank" else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
+            said = _driven(entry, document) if kind == "tank" else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
             end = margin + float(entry["duration_s"])
             legs.append(
                 {"id": entry["id"], "log": entry["id"], "start_s": margin, "end_s": end, "use": entry.get("use", "training"), **said}
             )
     return logs, legs
+
+
+def _driven(entry: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
+    """What the leg of a tank run says: its channel, and the mass or moment of inertia of its truth where that has one of its own."""
+    truth = document["bench"]["truths"][entry["truth"]]
+    axis = CHANNELS.index(entry["channel"])
+    key, name = ("mass_kg", "mass") if axis < 3 else ("inertia_kg_m2", INERTIAS[axis - 3])
+    return {"channel": entry["channel"], **({key: float(truth[name])} if name in truth else {})}
 
 
 def model_of(truth: Mapping[str, float], vehicle: Vehicle, *, keep_z_G: bool = False) -> SimplifiedModel:

@@ -225,6 +225,13 @@ def test_mass_of_another_vehicle_is_said() -> None:
     assert "comes out positive" not in remarks(run(leg_of("surge"), tables_of("surge", noise=0.002)), "warning")
 
 
+def test_ballast_of_a_leg_takes_the_place_of_the_vehicle_file() -> None:
+    tables = tables_of("surge")
+    heavy, plain = (figures(run(leg_of("surge", **said), tables))["X_udot"]["value"] for said in ({"mass_kg": 20.9}, {}))
+    assert heavy == pytest.approx(20.9 - MASS, rel=1e-4)
+    assert plain - heavy == pytest.approx(38.10 - 20.9, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("channel", "without", "message"),
     [
