@@ -114,7 +114,7 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
         if item.flight.clock or item.case.waiting is None:
             values["steady error"] = (float(e.steady_m), "m")
         if item.case.turn_s is not None and item.flown.reference_s[-1] > item.case.turn_s:
-            values["cross-track at ends of turns"] = (_at_turns(item), "m")
+            values["cross-track at ends of turns"] = (at_turns(item), "m")
         for name, (value, unit) in values.items():
             shown = item.flight.headline and name == "rms cross-track" and not after
             rows.append(
@@ -136,7 +136,7 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
     return rows
 
 
-def _at_turns(item: Flown) -> float:
+def at_turns(item: Flown) -> float:
     """Largest cross-track error where the reference completes a turn."""
     assert item.case.turn_s is not None
     turns = np.arange(1, int(item.flown.reference_s[-1] / item.case.turn_s) + 1) * item.case.turn_s
