@@ -26,6 +26,8 @@ METHODS = ("algorithm_1", "trimmed")
 ITERATIONS = 40
 UNMET, GRAVITY = 0.01, 9.81
 """Share of the weight that may be missing at a trimmed instant."""
+SETTLED = 1e-6
+"""Relative gain of a step below which a trim with an input at its limit is settled."""
 LARGEST_OFFSET_RAD = 1.2
 
 
@@ -122,31 +124,38 @@ def _trim(
     """
     reach = np.full(2, LARGEST_OFFSET_RAD)
     low, high = np.concatenate([-reach, plant.inputs.low]), np.concatenate([reach, plant.inputs.high])
-
-    def miss(y: Array) -> Array:
-        return nu_dot - _acceleration(plant, _states(trajectory, y[:, :2]), y[:, 2:], mass, force)
-
     y = np.clip(np.concatenate([offset, U], axis=1), low, high)
-    damping = np.ones(len(y))
-    error = miss(y)
+    damping, rows = np.ones(len(y)), np.arange(len(y))
     for _ in range(ITERATIONS):
-        slope = np.empty((len(y), 6, y.shape[1]))
-        slope[..., 2:] = plant.linear(_states(trajectory, y[:, :2]), y[:, 2:], mass_kg=mass)[1][:, :6]
+        at = Trajectory(*(value[rows] for value in vars(trajectory).values()))
+        asked, weight, push = nu_dot[rows], mass[rows], None if force is None else force[rows]
+
+        def miss(y: Array, at: Trajectory = at, asked: Array = asked, weight: Array = weight, push: Array | None = push) -> Array:
+            return asked - _acceleration(plant, _states(at, y[:, :2]), y[:, 2:], weight, push)
+
+        here = y[rows]
+        error = miss(here)
+        slope = np.empty((len(here), 6, y.shape[1]))
+        slope[..., 2:] = plant.linear(_states(at, here[:, :2]), here[:, 2:], mass_kg=weight)[1][:, :6]
         for column in range(2):  # kinematics and dynamics together, central difference
             ahead = np.zeros(y.shape[1])
             ahead[column] = 1e-6
-            slope[..., column] = -(miss(y + ahead) - miss(y - ahead)) / 2e-6
+            slope[..., column] = -(miss(here + ahead) - miss(here - ahead)) / 2e-6
         step = _solved(slope, error)
         for _ in range(2):
-            outward = ((y <= low) & (step < 0.0)) | ((y >= high) & (step > 0.0))
-            step = _solved(np.where(outward[:, None, :], 0.0, slope), error)
+            outward = ((here <= low) & (step < 0.0)) | ((here >= high) & (step > 0.0))
+            if outward.any():
+                step = _solved(np.where(outward[:, None, :], 0.0, slope), error)
         step[:, :2] = np.clip(step[:, :2], -0.2, 0.2)
-        tried = np.clip(y + damping[:, None] * step, low, high)
-        after = miss(tried)
-        better = np.sum(after**2, axis=1) <= np.sum(error**2, axis=1)
-        y, error = np.where(better[:, None], tried, y), np.where(better[:, None], after, error)
-        damping = np.where(better, np.minimum(1.0, 2.0 * damping), 0.5 * damping)
-        if np.abs(error).max() < 1e-12 or damping.max() < 1e-6:
+        tried = np.clip(here + damping[rows, None] * step, low, high)
+        before, after = np.sum(error**2, axis=1), np.sum(miss(tried) ** 2, axis=1)
+        better = after <= before
+        y[rows[better]] = tried[better]
+        damping[rows] = np.where(better, np.minimum(1.0, 2.0 * damping[rows]), 0.5 * damping[rows])
+        # Done: solved, or (where an input is at its limit) no better for a whole step.
+        done = (np.minimum(before, after) < 1e-24) | (better & (after > (1.0 - SETTLED) * before)) | (damping[rows] < 1e-4)
+        rows = rows[~done]
+        if not len(rows):
             break
     return y[:, :2], y[:, 2:]
 
