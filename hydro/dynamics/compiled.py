@@ -1,266 +1,306 @@
 """The right-hand side of hydro/dynamics as one compiled loop over constant tables, for long simulations of one vehicle or many.
 
 Nothing is decided here: `plant_tables` reads every constant from the values of the other modules, and the arithmetic below is theirs,
-written out by element; a test holds it to the numpy path at 1e-12. Import this module only where a simulation runs: numba takes a second.
+written out by element; a test holds it to the numpy path at 1e-12. It is written once and compiled twice: for numbers, one vehicle at a
+time, and for the registers of hydro/dynamics/lanes.py, eight vehicles at a time. Strips and surfaces fill a register in both cases: one
+after the other with a lane per vehicle, or eight of them at once for a single vehicle. Import this module only where a simulation runs:
+numba takes a second.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from hydro.dynamics.arrays import AXES, VELOCITIES, Array
+from hydro.dynamics.arrays import Array
 from hydro.dynamics.kinematics import SINGULAR_COSINE
-from hydro.dynamics.physical_viscous import SPEED_FLOOR, PhysicalViscous
-from hydro.dynamics.vehicle import Vehicle
-from hydro.dynamics.viscous_basis import BASIS_TERMS, MODULI, PROPULSION
-from hydro.dynamics.viscous_models import IdentifiedModel
+from hydro.dynamics.lanes import (
+    absolute,
+    address,
+    choose,
+    column,
+    compiled,
+    get,
+    larger,
+    power,
+    put,
+    root,
+    sine_cosine,
+    spread,
+    together,
+    total,
+)
+from hydro.dynamics.physical_viscous import SPEED_FLOOR
+from hydro.dynamics.plant_tables import WIDTH, Tables
 
-FACTORS = (*VELOCITIES, *MODULI, "V", "Vv", "Vw", PROPULSION, "one")
-_ONE = FACTORS.index("one")
-Integers = NDArray[np.int64]
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-class Tables(NamedTuple):
-    """Constants of a plant.
-
-    `restoring`: W - B, and r_G W - r_B B. `fins` (2, 6, 4): dimensional coefficients of delta and delta^2 at u = 1 m/s. `propeller` (7,):
-    (1 - w_f) / D, rho D^4 times K_T, rho D^5 times K_Q. `factors` (n, 3), `place` (n, 2) axis and `value` (n,): one row per coefficient of
-    a viscous model. The others are those of `PhysicalViscous`, empty for a model. `lag_s`: time constant of the viscous force, or 0.
-    """
-
-    mass: Array
-    inverse: Array
-    restoring: Array
-    fins: Array
-    propeller: Array
-    factors: Integers
-    axis: Integers
-    value: Array
-    strips: Array
-    surfaces: Array
-    body: Array
-    axial: Array
-    asymmetry: Array
-    lag_s: float
-    minimum_speed: float
+_config: Any = numba.config
+THREADS: int = _config.NUMBA_NUM_THREADS
+"""As many as numba would start: the processors this process may use, or NUMBA_NUM_THREADS of the environment."""
 
 
-def plant_tables(vehicle: Vehicle, truth: PhysicalViscous | IdentifiedModel, *, lag_s: float, minimum_speed: float) -> Tables:
-    """The tables of a vehicle with this viscous truth; what the vehicle does not have is zero."""
-    fins = np.zeros((2, 6, 4))
-    if vehicle.fins is not None:
-        scale = 0.5 * vehicle.water_density * vehicle.fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
-        fins[0], fins[1] = scale[:, None] * vehicle.fins.linear, scale[:, None] * vehicle.fins.quadratic
-    propeller = np.zeros(7)
-    if vehicle.propeller is not None:
-        drive, rho = vehicle.propeller, vehicle.water_density
-        propeller[0] = (1.0 - drive.wake_fraction) / drive.diameter_m
-        propeller[1:4], propeller[4:] = rho * drive.diameter_m**4 * drive.thrust, rho * drive.diameter_m**5 * drive.torque
-    rows = [(axis, term, value) for axis, terms in getattr(truth, "coefficients", {}).items() for term, value in terms.items() if value]
-    physical = truth if isinstance(truth, PhysicalViscous) else _NO_PHYSICS
-    return Tables(
-        mass=np.array(vehicle.mass_matrix),
-        inverse=np.array(vehicle.mass_matrix_inverse),
-        restoring=np.concatenate([[vehicle.weight - vehicle.buoyancy], vehicle.r_G * vehicle.weight - vehicle.r_B * vehicle.buoyancy]),
-        fins=fins,
-        propeller=propeller,
-        factors=np.array([_factor_row(term) for _, term, _ in rows], dtype=np.int64).reshape(-1, 3),
-        axis=np.array([AXES.index(axis) for axis, _, _ in rows], dtype=np.int64),
-        value=np.array([value for *_, value in rows], dtype=np.float64),
-        strips=np.array(physical.strips),
-        surfaces=np.array(physical.surfaces),
-        body=np.array(physical.body),
-        axial=np.array(physical.axial),
-        asymmetry=np.array(physical.asymmetry),
-        lag_s=float(lag_s),
-        minimum_speed=float(minimum_speed),
+@compiled
+def _model_force(nu: Any, eta_minus_1: Any, c: Tables, f: Array, like: Any) -> Any:
+    """K xi(nu) (3.12), coefficient by coefficient; `f` is room for the 17 factors."""
+    for i in range(6):
+        put(f, i, nu[i])
+        put(f, 6 + i, absolute(nu[i]))
+    v, w = nu[1], nu[2]
+    cross_speed = root(v * v + w * w)
+    put(f, 12, cross_speed)
+    put(f, 13, choose(0.0, v, cross_speed, choose(v, 0.0, 0.0 - cross_speed, like)))
+    put(f, 14, choose(0.0, w, cross_speed, choose(w, 0.0, 0.0 - cross_speed, like)))
+    put(f, 15, eta_minus_1)
+    put(f, 16, like + 1.0)
+    return (
+        _axis_force(0, c, f, like),
+        _axis_force(1, c, f, like),
+        _axis_force(2, c, f, like),
+        _axis_force(3, c, f, like),
+        _axis_force(4, c, f, like),
+        _axis_force(5, c, f, like),
     )
 
 
-_NO_PHYSICS = PhysicalViscous(np.zeros((0, 2)), np.zeros((0, 11)), np.zeros(3), np.zeros(2), np.zeros(6))
+@compiled
+def _axis_force(axis: int, c: Tables, f: Array, like: Any) -> Any:
+    force = like
+    for k in range(c.first[axis], c.first[axis + 1]):
+        force = force + c.value[k] * get(f, c.factors[3 * k], like) * get(f, c.factors[3 * k + 1], like) * get(
+            f, c.factors[3 * k + 2], like
+        )
+    return force
 
 
-def _factor_row(term: str) -> list[int]:
-    found = [FACTORS.index(factor) for factor in BASIS_TERMS[term].factors]
-    return found + [_ONE] * (3 - len(found))
+@compiled
+def _whole(count: int) -> int:
+    return (count + WIDTH - 1) // WIDTH * WIDTH
 
 
-def _compiled(function: F) -> F:
-    """Compiled on first use and kept in __pycache__; division by zero gives infinity as in numpy."""
-    jit: Any = numba.njit(cache=True, error_model="numpy")
-    result: F = jit(function)
-    return result
-
-
-@_compiled
-def _model_force(nu: Array, eta_minus_1: float, c: Tables, tau: Array, f: Array) -> None:
-    """tau += K xi(nu) (3.12), coefficient by coefficient; `f` (17,) is room for the factors."""
-    for i in range(6):
-        f[i] = nu[i]
-        f[6 + i] = abs(nu[i])
-    f[12] = np.sqrt(nu[1] * nu[1] + nu[2] * nu[2])
-    f[13] = f[12] * np.sign(nu[1])
-    f[14] = f[12] * np.sign(nu[2])
-    f[15] = eta_minus_1
-    f[16] = 1.0
-    for k in range(c.value.shape[0]):
-        tau[c.axis[k]] += c.value[k] * f[c.factors[k, 0]] * f[c.factors[k, 1]] * f[c.factors[k, 2]]
-
-
-@_compiled
-def _physical_force(nu: Array, c: Tables, tau: Array) -> None:
-    """tau += the force of `PhysicalViscous`."""
-    u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
-    forward = u * abs(u)
-    for i in range(6):
-        tau[i] += c.asymmetry[i] * forward
-    tau[0] -= c.axial[0] * u * abs(u) ** (1.0 - c.axial[1])
-    for i in range(c.strips.shape[0]):
-        x = c.strips[i, 0]
-        side, down = v + x * r, w - x * q
-        drag = -c.strips[i, 1] * np.sqrt(side * side + down * down)
-        tau[1] += drag * side
-        tau[2] += drag * down
-        tau[4] -= x * drag * down
-        tau[5] += x * drag * side
+@compiled
+def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
+    """The force of `PhysicalViscous`."""
+    u, v, w, p, q, r = nu
+    columns = WIDTH // together(like)
+    # A strip at x feels sqrt(side^2 + down^2), a polynomial in x under the root; its force and moment are moments of area times root.
+    at_0, at_1, at_2 = v * v + w * w, 2.0 * (v * r - w * q), q * q + r * r
+    zero = spread(0.0)
+    s0, s1, s2 = zero, zero, zero
+    wide = _whole(c.counts[0])
+    for i in range(0, c.counts[0], columns):
+        x = column(c.strips, i, like)
+        drag = column(c.strips, i + wide, like) * root(absolute(at_0 + x * (at_1 + x * at_2)))
+        s0 = s0 + drag
+        s1 = s1 + x * drag
+        s2 = s2 + x * x * drag
+    d0, d1, d2 = total(s0, like), total(s1, like), total(s2, like)
+    f0, f1, f2, f3, f4, f5 = zero, zero, zero, zero, zero, zero
+    wide = _whole(c.counts[1])
+    for i in range(0, c.counts[1], columns):
+        sx, sy, sz = column(c.surfaces, i, like), column(c.surfaces, i + wide, like), column(c.surfaces, i + 2 * wide, like)
+        nx, ny, nz = (
+            column(c.surfaces, i + 3 * wide, like),
+            column(c.surfaces, i + 4 * wide, like),
+            column(c.surfaces, i + 5 * wide, like),
+        )
+        ahead = u + q * sz - r * sy
+        across = ahead * nx + (v + r * sx - p * sz) * ny + (w + p * sy - q * sx) * nz
+        sine2 = across * across / (ahead * ahead + across * across + SPEED_FLOOR)
+        share = sine2 * column(c.surfaces, i + 8 * wide, like)
+        attached = 1.0 / (1.0 + share * share)
+        lift, plate = column(c.surfaces, i + 6 * wide, like), column(c.surfaces, i + 7 * wide, like)
+        push = across * (lift * attached * absolute(ahead) + plate * (1.0 - attached) * absolute(across))
+        drag = (column(c.surfaces, i + 9 * wide, like) + column(c.surfaces, i + 10 * wide, like) * sine2) * ahead * absolute(ahead)
+        fx, fy, fz = push * nx + drag, push * ny, push * nz
+        f0, f1, f2 = f0 - fx, f1 - fy, f2 - fz
+        f3 = f3 + (sz * fy - sy * fz)
+        f4 = f4 + (sx * fz - sz * fx)
+        f5 = f5 + (sy * fx - sx * fy)
+    along = absolute(u)
+    forward = u * along
     x = c.body[1]
     side, down = v + x * r, w - x * q
-    lift_y, lift_z = -c.body[0] * abs(u) * side, -c.body[0] * abs(u) * down
-    tau[0] -= c.body[2] * (side * side + down * down) * u / np.sqrt(u * u + v * v + w * w + SPEED_FLOOR)
-    tau[1] += lift_y
-    tau[2] += lift_z
-    tau[4] -= x * lift_z
-    tau[5] += x * lift_y
-    for i in range(c.surfaces.shape[0]):
-        s = c.surfaces[i]
-        ahead = u + q * s[2] - r * s[1]
-        across = ahead * s[3] + (v + r * s[0] - p * s[2]) * s[4] + (w + p * s[1] - q * s[0]) * s[5]
-        sine2 = across * across / (ahead * ahead + across * across + SPEED_FLOOR)
-        attached = 1.0 / (1.0 + (sine2 * s[8]) * (sine2 * s[8]))
-        push = -across * (s[6] * attached * abs(ahead) + s[7] * (1.0 - attached) * abs(across))
-        fx = push * s[3] - (s[9] + s[10] * sine2) * ahead * abs(ahead)
-        fy, fz = push * s[4], push * s[5]
-        tau[0] += fx
-        tau[1] += fy
-        tau[2] += fz
-        tau[3] += s[1] * fz - s[2] * fy
-        tau[4] += s[2] * fx - s[0] * fz
-        tau[5] += s[0] * fy - s[1] * fx
+    lift_y, lift_z = c.body[0] * along * side, c.body[0] * along * down
+    induced = c.body[2] * (side * side + down * down) * u / root(u * u + v * v + w * w + SPEED_FLOOR)
+    return (
+        total(f0, like) + c.asymmetry[0] * forward - c.axial[0] * u * power(along, 1.0 - c.axial[1]) - induced,
+        total(f1, like) + c.asymmetry[1] * forward - (v * d0 + r * d1) - lift_y,
+        total(f2, like) + c.asymmetry[2] * forward - (w * d0 - q * d1) - lift_z,
+        total(f3, like) + c.asymmetry[3] * forward,
+        total(f4, like) + c.asymmetry[4] * forward + (w * d1 - q * d2) + x * lift_z,
+        total(f5, like) + c.asymmetry[5] * forward - (v * d1 + r * d2) - x * lift_y,
+    )
 
 
-@_compiled
-def rate(x: Array, n: float, fins: Array, extra: Array, level: float, c: Tables, out: Array, room: Array) -> None:
-    """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it (18,); `room` (60,) is scratch.
+@compiled
+def _row(a: Any, i: int, x: Any) -> Any:
+    near = a[6 * i] * x[0] + a[6 * i + 1] * x[1] + a[6 * i + 2] * x[2]
+    return near + (a[6 * i + 3] * x[3] + a[6 * i + 4] * x[4] + a[6 * i + 5] * x[5])
 
-    `n` [rev/s], `fins` (4,) [rad], `extra` (6,): any further force [N, N m], `level` = u_c(n) [m/s].
+
+@compiled
+def _fin_force(a: Any, i: int, d: Any) -> Any:
+    near = (a[8 * i] + a[8 * i + 4] * d[0]) * d[0] + (a[8 * i + 1] + a[8 * i + 5] * d[1]) * d[1]
+    return near + ((a[8 * i + 2] + a[8 * i + 6] * d[2]) * d[2] + (a[8 * i + 3] + a[8 * i + 7] * d[3]) * d[3])
+
+
+@compiled
+def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any) -> None:
+    """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it (18,), of one vehicle or a register of them.
+
+    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (17,) is scratch. All are flat;
+    for a register every item is `WIDTH` numbers.
     """
-    nu, tau, visc, momentum = x[6:12], room[:6], room[6:12], room[12:18]
-    u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
-    sf, cf, st, ct, sp, cp = np.sin(x[3]), np.cos(x[3]), np.sin(x[4]), np.cos(x[4]), np.sin(x[5]), np.cos(x[5])
-    out[0] = cp * ct * u + (-sp * cf + cp * st * sf) * v + (sp * sf + cp * cf * st) * w
-    out[1] = sp * ct * u + (cp * cf + sf * st * sp) * v + (-cp * sf + st * sp * cf) * w
-    out[2] = -st * u + ct * sf * v + ct * cf * w
-    if abs(ct) < SINGULAR_COSINE:
-        out[3] = out[4] = out[5] = np.nan
+    u, v, w, p, q, r = get(x, 6, like), get(x, 7, like), get(x, 8, like), get(x, 9, like), get(x, 10, like), get(x, 11, like)
+    nu = (u, v, w, p, q, r)
+    sf, cf = sine_cosine(get(x, 3, like))
+    st, ct = sine_cosine(get(x, 4, like))
+    sp, cp = sine_cosine(get(x, 5, like))
+    put(out, 0, cp * ct * u + (cp * st * sf - sp * cf) * v + (sp * sf + cp * cf * st) * w)
+    put(out, 1, sp * ct * u + (cp * cf + sf * st * sp) * v + (st * sp * cf - cp * sf) * w)
+    put(out, 2, ct * sf * v + ct * cf * w - st * u)
+    turn = (sf * q + cf * r) / choose(absolute(ct), SINGULAR_COSINE, np.nan, ct)
+    put(out, 3, p + turn * st)
+    put(out, 4, cf * q - sf * r + 0.0 * turn)
+    put(out, 5, turn)
+    visc = (like, like, like, like, like, like)
+    if c.physical:
+        visc = _physical_force(nu, c, like)
     else:
-        out[3] = p + (sf * q + cf * r) * st / ct
-        out[4] = cf * q - sf * r
-        out[5] = (sf * q + cf * r) / ct
-    for i in range(6):
-        tau[i] = extra[i]
-        visc[i] = 0.0
-        momentum[i] = 0.0
-        for j in range(6):
-            momentum[i] += c.mass[i, j] * nu[j]
-    speed = np.sqrt(u * u + v * v + w * w)
-    if c.value.shape[0]:
-        _model_force(nu, level / max(speed, c.minimum_speed) - 1.0, c, visc, room[20:40])
-    if c.surfaces.shape[0]:
-        _physical_force(nu, c, visc)
+        speed = root(u * u + v * v + w * w)
+        visc = _model_force(nu, get(inputs, 1, like) / larger(speed, c.minimum_speed) - 1.0, c, room, like)
     if c.lag_s > 0.0:
         for i in range(6):
-            out[12 + i] = (visc[i] - x[12 + i]) / c.lag_s
-            tau[i] += x[12 + i]
-    else:
-        for i in range(6):
-            tau[i] += visc[i]
-    a1, a2, a3, b1, b2, b3 = momentum[0], momentum[1], momentum[2], momentum[3], momentum[4], momentum[5]
-    tau[0] -= q * a3 - r * a2
-    tau[1] -= r * a1 - p * a3
-    tau[2] -= p * a2 - q * a1
-    tau[3] -= v * a3 - w * a2 + q * b3 - r * b2
-    tau[4] -= w * a1 - u * a3 + r * b1 - p * b3
-    tau[5] -= u * a2 - v * a1 + p * b2 - q * b1
+            put(out, 12 + i, (visc[i] - get(x, 12 + i, like)) / c.lag_s)
+        visc = (get(x, 12, like), get(x, 13, like), get(x, 14, like), get(x, 15, like), get(x, 16, like), get(x, 17, like))
+    a1, a2, a3, b1, b2, b3 = (
+        _row(c.mass, 0, nu),
+        _row(c.mass, 1, nu),
+        _row(c.mass, 2, nu),
+        _row(c.mass, 3, nu),
+        _row(c.mass, 4, nu),
+        _row(c.mass, 5, nu),
+    )
     net, gx, gy, gz = c.restoring[0], c.restoring[1], c.restoring[2], c.restoring[3]
-    tau[0] -= net * st
-    tau[1] += net * ct * sf
-    tau[2] += net * ct * cf
-    tau[3] += gy * ct * cf - gz * ct * sf
-    tau[4] += -gz * st - gx * ct * cf
-    tau[5] += gx * ct * sf + gy * st
+    down_y, down_z = ct * sf, ct * cf
+    d = (get(inputs, 2, like), get(inputs, 3, like), get(inputs, 4, like), get(inputs, 5, like))
+    n, a, uu = get(inputs, 0, like), u * c.propeller[0], u * u
+    spin = absolute(n)
+    thrust = c.propeller[1] * a * a + c.propeller[2] * a * spin + c.propeller[3] * n * spin
+    torque = c.propeller[4] * a * a + c.propeller[5] * a * spin + c.propeller[6] * n * spin
+    tau = (
+        get(inputs, 6, like) + visc[0] - (q * a3 - r * a2) - net * st + uu * _fin_force(c.fins, 0, d) + thrust,
+        get(inputs, 7, like) + visc[1] - (r * a1 - p * a3) + net * down_y + uu * _fin_force(c.fins, 1, d),
+        get(inputs, 8, like) + visc[2] - (p * a2 - q * a1) + net * down_z + uu * _fin_force(c.fins, 2, d),
+        get(inputs, 9, like)
+        + visc[3]
+        - (v * a3 - w * a2 + q * b3 - r * b2)
+        + (gy * down_z - gz * down_y)
+        + uu * _fin_force(c.fins, 3, d)
+        + torque,
+        get(inputs, 10, like) + visc[4] - (w * a1 - u * a3 + r * b1 - p * b3) - (gz * st + gx * down_z) + uu * _fin_force(c.fins, 4, d),
+        get(inputs, 11, like) + visc[5] - (u * a2 - v * a1 + p * b2 - q * b1) + (gx * down_y + gy * st) + uu * _fin_force(c.fins, 5, d),
+    )
     for i in range(6):
-        force = 0.0
+        put(out, 6 + i, _row(c.inverse, i, tau))
+
+
+@compiled
+def _read(knot: int, b: int, n: Array, fins: Array, extra: Array, level: Array, out: Array, width: int) -> None:
+    """The inputs of `width` vehicles from vehicle `b` on at a knot, item by item; lanes beyond the last vehicle repeat it."""
+    for j in range(width):
+        i = min(b + j, n.shape[0] - 1)
+        out[j], out[width + j] = n[i, knot], level[i, knot]
         for k in range(4):
-            force += (c.fins[0, i, k] + c.fins[1, i, k] * fins[k]) * fins[k]
-        tau[i] += u * u * force
-    a = u * c.propeller[0]
-    tau[0] += c.propeller[1] * a * a + c.propeller[2] * a * abs(n) + c.propeller[3] * n * abs(n)
-    tau[3] += c.propeller[4] * a * a + c.propeller[5] * a * abs(n) + c.propeller[6] * n * abs(n)
-    for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += c.inverse[i, j] * tau[j]
-        out[6 + i] = total
+            out[(2 + k) * width + j] = fins[i, knot, k]
+        for k in range(6):
+            out[(6 + k) * width + j] = extra[i, knot, k]
 
 
-@_compiled
-def integrate(x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array) -> int:
-    """Runge-Kutta 4 from `x0` with inputs linear between knots; fills `out` (steps + 1, states) and returns the rows that are finite."""
-    size = x0.shape[0]
-    room = np.empty(60)
-    k = np.empty((4, size))
-    x, stage = x0.copy(), np.empty(size)
-    fin, more = np.empty(4), np.empty(6)
-    out[0] = x
-    last = n.shape[0] - 1
-    for s in range(out.shape[0] - 1):
-        knot = min(s // per_knot, last)
-        after = min(knot + 1, last)
-        for part in range(4):
-            at = (s % per_knot + (0.0, 0.5, 0.5, 1.0)[part]) / per_knot
-            for i in range(4):
-                fin[i] = fins[knot, i] + at * (fins[after, i] - fins[knot, i])
-            for i in range(6):
-                more[i] = extra[knot, i] + at * (extra[after, i] - extra[knot, i])
-            rev = n[knot] + at * (n[after] - n[knot])
-            speed = level[knot] + at * (level[after] - level[knot])
-            if part == 0:
-                rate(x, rev, fin, more, speed, c, k[0], room)
-            else:
-                share = step if part == 3 else 0.5 * step
-                for i in range(size):
-                    stage[i] = x[i] + share * k[part - 1, i]
-                rate(stage, rev, fin, more, speed, c, k[part], room)
-        finite = True
-        for i in range(size):
-            x[i] += step / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
-            out[s + 1, i] = x[i]
-            finite = finite and np.isfinite(x[i])
-        if not finite:
-            return s + 1
-    return int(out.shape[0])
+@compiled
+def _addresses(c: Tables) -> Any:
+    return Tables(
+        address(c.mass),
+        address(c.inverse),
+        address(c.restoring),
+        address(c.fins),
+        address(c.propeller),
+        address(c.factors),
+        address(c.first),
+        address(c.value),
+        address(c.strips),
+        address(c.surfaces),
+        c.counts,
+        c.physical,
+        address(c.body),
+        address(c.axial),
+        address(c.asymmetry),
+        c.lag_s,
+        c.minimum_speed,
+    )
 
 
-@_compiled
-def integrate_many(
-    x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array, kept: Integers
+@compiled
+def _integrate(
+    b: int, x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array, like: Any
 ) -> None:
-    """`integrate` for every vehicle of a batch, all arguments with the batch in front; `kept` (batch,) takes the rows that are finite."""
-    for b in range(x0.shape[0]):
-        kept[b] = integrate(x0[b], n[b], fins[b], extra[b], level[b], step, per_knot, c, out[b])
+    """Runge-Kutta 4 of the vehicles from `b` on, as many as `like` holds, with inputs linear between knots."""
+    width, size, rows = together(like), x0.shape[1], out.shape[1]
+    used = min(width, x0.shape[0] - b)
+    x, stage, slope, slopes = np.empty(size * width), np.empty(size * width), np.empty(size * width), np.empty(size * width)
+    low, high, now, room = np.empty(12 * width), np.empty(12 * width), np.empty(12 * width), np.empty(17 * width)
+    alive = np.ones(width, dtype=np.bool_)
+    for j in range(width):
+        for i in range(size):
+            x[i * width + j] = stage[i * width + j] = x0[min(b + j, x0.shape[0] - 1), i]
+            slopes[i * width + j] = 0.0
+    for j in range(used):
+        for i in range(size):
+            out[b + j, 0, i] = x[i * width + j]
+    last = n.shape[1] - 1
+    _read(0, b, n, fins, extra, level, high, width)
+    for s in range(rows - 1):
+        knot, phase = s // per_knot, s % per_knot
+        if phase == 0:
+            for i in range(12):
+                put(low, i, get(high, i, like))
+            _read(min(knot + 1, last), b, n, fins, extra, level, high, width)
+        for part in range(4):
+            at = (phase + (0.0, 0.5, 0.5, 1.0)[part]) / per_knot
+            for i in range(12):
+                start = get(low, i, like)
+                put(now, i, start + at * (get(high, i, like) - start))
+            rate(stage, now, c, slope, room, like)
+            weight, share = (1.0, 2.0, 2.0, 1.0)[part], (0.5, 0.5, 1.0, 0.0)[part] * step
+            for i in range(size):
+                found, start = get(slope, i, like), get(x, i, like)
+                put(slopes, i, get(slopes, i, like) + weight * found)
+                put(stage, i, start + share * found)
+        for i in range(size):
+            end = get(x, i, like) + step / 6.0 * get(slopes, i, like)
+            put(x, i, end)
+            put(stage, i, end)
+            put(slopes, i, like)
+        for j in range(used):
+            if alive[j]:
+                for i in range(size):
+                    out[b + j, s + 1, i] = x[i * width + j]
+                    alive[j] = alive[j] and np.isfinite(x[i * width + j])
+            else:
+                out[b + j, s + 1, :] = np.nan
+
+
+@compiled
+def integrate(
+    x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array, first: int, stop: int
+) -> None:
+    """Fill `out` (batch, steps + 1, states) for vehicles `first` (a multiple of `WIDTH`) to `stop` of a batch, from `x0` (batch, states).
+
+    Inputs at knots: `n` and `level` (batch, k), `fins` (batch, k, 4), `extra` (batch, k, 6). Rows after a state that is not finite are nan.
+    """
+    if x0.shape[0] == 1:
+        _integrate(0, x0, n, fins, extra, level, step, per_knot, _addresses(c), out, 0.0)
+    else:
+        for b in range(first, stop, WIDTH):
+            _integrate(b, x0, n, fins, extra, level, step, per_knot, _addresses(c), out, spread(0.0))

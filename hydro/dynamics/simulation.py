@@ -6,9 +6,9 @@ State [eta, nu] (12), or with the lagged viscous force behind it (18). Inputs ar
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,13 +19,11 @@ from hydro.dynamics.arrays import Array
 from hydro.dynamics.equations_of_motion import Control, forward_dynamics
 from hydro.dynamics.kinematics import eta_dot
 from hydro.dynamics.physical_viscous import PhysicalViscous
+from hydro.dynamics.plant_tables import WIDTH, Tables, plant_tables
 from hydro.dynamics.propeller import level_speed
 from hydro.dynamics.vehicle import Vehicle
 from hydro.dynamics.viscous_basis import eta_ratio, needs_propeller_speed
 from hydro.dynamics.viscous_models import IdentifiedModel
-
-if TYPE_CHECKING:  # numba takes a second to import: only where a simulation runs
-    from hydro.dynamics.compiled import Tables
 
 STATE = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
@@ -50,8 +48,6 @@ class Plant:
     @cached_property
     def tables(self) -> Tables:
         """The constants for the compiled loop."""
-        from hydro.dynamics.compiled import plant_tables
-
         return plant_tables(self.vehicle, self.truth, lag_s=self.lag_s, minimum_speed=self.minimum_speed)
 
     def level_speed(self, propeller_rev_s: ArrayLike) -> Array:
@@ -171,15 +167,23 @@ def integrate_open_loop(
     shape = (*start.shape[:-1], (knots - 1) * steps_per_knot + 1, start.shape[-1])
     if not compiled:
         return _numpy_path(plant, start, inputs, step_s, steps_per_knot, shape)
-    from hydro.dynamics.compiled import integrate_many
+    from hydro.dynamics.compiled import THREADS, integrate  # here, since numba takes a second to import
 
-    out = np.full((int(np.prod(shape[:-2], dtype=int)), *shape[-2:]), np.nan)
+    out = np.empty((int(np.prod(shape[:-2], dtype=int)), *shape[-2:]))
     n = np.ascontiguousarray(np.broadcast_to(inputs.propeller_rev_s, (*shape[:-2], knots))).reshape(-1, knots)
     fins = np.ascontiguousarray(np.broadcast_to(inputs.fins_rad, (*shape[:-2], knots, 4))).reshape(-1, knots, 4)
     force = np.ascontiguousarray(np.broadcast_to(inputs.force, (*shape[:-2], knots, 6))).reshape(-1, knots, 6)
-    first = np.ascontiguousarray(start.reshape(len(out), -1))
-    kept = np.empty(len(out), dtype=np.int64)
-    integrate_many(first, n, fins, force, plant.level_speed(n), step_s, steps_per_knot, plant.tables, out, kept)
+    first, level = np.ascontiguousarray(start.reshape(len(out), -1)), plant.level_speed(n)
+
+    def run(vehicle: int) -> None:
+        integrate(first, n, fins, force, level, step_s, steps_per_knot, plant.tables, out, vehicle, min(vehicle + share, len(out)))
+
+    share = WIDTH * -(-len(out) // (WIDTH * THREADS))
+    if len(out) <= share:
+        run(0)
+    else:
+        with ThreadPoolExecutor(THREADS) as pool:
+            list(pool.map(run, range(0, len(out), share)))
     return out.reshape(shape)
 
 
@@ -238,7 +242,8 @@ def fly(
         fins[tick + 1] = controller(tick, states[row, :12], fins[tick])
         pair = slice(tick, tick + 2)
         out = states[row : row + steps_per_tick + 1]
-        integrate(out[0].copy(), n[pair], fins[pair], force[pair], level[pair], step_s, steps_per_tick, tables, out)
+        given = n[None, pair], fins[None, pair], force[None, pair], level[None, pair]
+        integrate(out[None, 0].copy(), *given, step_s, steps_per_tick, tables, out[None], 0, 1)
         reason = breach(out[-1], limits)
         row += 0 if reason else steps_per_tick
     stop = None if reason is None else Stop(row * step_s, reason, states[row, :12].copy())
