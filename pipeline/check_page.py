@@ -72,10 +72,11 @@ def _header(health: Mapping[str, Any]) -> Text:
 
 
 def _streams(streams: Mapping[str, Mapping[str, Any]]) -> Table:
+    rejected = any(item["rejected"] for item in streams.values())
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in ("stream", "source", "samples", "Hz", "jitter ms", "gap s", "rejected", "also there"):
-        right = name not in ("stream", "source", "also there")
-        table.add_column(name, justify="right" if right else "left", no_wrap=True, overflow="ellipsis")
+    for name in ("stream", "source", "samples", "Hz", "jitter ms", "gap s", *(["rejected"] if rejected else []), "also there"):
+        text = name in ("source", "also there")  # numbers stay whole on a narrow screen, texts go on in the next line
+        table.add_column(name, justify="left" if text or name == "stream" else "right", no_wrap=not text, overflow="fold")
     for name, item in streams.items():
         others = [*item["others"], *(f"({source})" for source in item["refused"])]
         table.add_row(
@@ -83,12 +84,17 @@ def _streams(streams: Mapping[str, Mapping[str, Any]]) -> Table:
             plain(item["source"]),
             str(item["rows"]),
             "" if item["rate_hz"] is None else f"{item['rate_hz']:.3g}",
-            "" if item["jitter_s"] is None else f"{item['jitter_s'] * 1e3:.3g}",
+            "" if item["jitter_s"] is None else _short(item["jitter_s"] * 1e3),
             "" if item["rate_hz"] is None else f"{item['longest_gap_s']:.3g}",
-            str(item["rejected"] or ""),
+            *([str(item["rejected"] or "")] if rejected else []),
             plain(", ".join(others)),
         )
     return table
+
+
+def _short(milliseconds: float) -> str:
+    """Three digits, none beyond the microseconds of the clock."""
+    return f"{round(milliseconds, 3):.3g}"
 
 
 def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:

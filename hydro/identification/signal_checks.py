@@ -26,13 +26,17 @@ SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
 """A jump of the attitude: more than this, and than so many times what 90 % of the intervals disagree by."""
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
 FEWEST = 20
+USUAL_PERCENT, PAUSE_USUAL = 85.0, 3.0
+"""A step of more than this many times the step that 85 % of them stay below is a pause and does not count for the rate."""
 
 
 @dataclass(frozen=True)
 class ClockStatistics:
-    """Steps of a clock: median rate [Hz], half the range from the 5th to the 95th percentile [s], the longest [s] and its start [s]."""
+    """Steps of a clock: rate [Hz] (the mean without pauses; messages that arrive in bursts come no faster for it), median step [s], half
+    the range from the 5th to the 95th percentile [s], the longest [s] and its start [s]."""
 
     rate_hz: float
+    step_s: float
     jitter_s: float
     longest_s: float
     longest_at_s: float
@@ -40,7 +44,7 @@ class ClockStatistics:
     @property
     def relative_jitter(self) -> float:
         """Jitter in parts of the median step."""
-        return self.jitter_s * self.rate_hz
+        return self.jitter_s / self.step_s
 
 
 def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
@@ -49,9 +53,10 @@ def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
     if t.size < 3:
         return None
     steps = np.diff(t)
-    low, median, high = np.percentile(steps, (5.0, 50.0, 95.0))
+    low, median, usual, high = np.percentile(steps, (5.0, 50.0, USUAL_PERCENT, 95.0))
     longest = int(np.argmax(steps))
-    return ClockStatistics(float(1.0 / median), float(high - low) / 2.0, float(steps[longest]), float(t[longest]))
+    rate = 1.0 / float(np.mean(steps[steps <= PAUSE_USUAL * usual]))
+    return ClockStatistics(rate, float(median), float(high - low) / 2.0, float(steps[longest]), float(t[longest]))
 
 
 @dataclass(frozen=True)
@@ -169,9 +174,10 @@ class RateAgreement:
 def attitude_jumps(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> tuple[Array, Array, Array]:
     """Begin and end [s] of the intervals in which the attitude turned without the gyro, and by how much [rad]: three arrays (k,).
 
-    As in `rate_agreement`, but over every interval of a long record.
+    An interval counts if the difference is more than 0.1 rad, five times what 90 % of the intervals disagree by, and what a slow gyro may
+    miss between its samples.
     """
-    found = _turns(t_s, euler, t_gyro, gyro, most=None)
+    found = _turns(t_s, euler, t_gyro, gyro)
     if found is None:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     t, rows, _, _, unexplained, jumped = found
@@ -182,15 +188,24 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     """Compare the mean body rate between attitude samples (n, 3) [rad] with the mean of the gyro (m, 3) [rad/s] over the same interval.
 
     The mean body rate is the rotation vector between the two attitudes over their distance in time, exact for a steady turn and free of
-    the singularity at a pitch of 90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals.
+    the singularity at a pitch of 90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals that far from the ends
+    of the gyro. Jumps are counted over the whole record, as `attitude_jumps` finds them; the rest on every n-th interval of a long one.
     """
-    found = _turns(t_s, euler, t_gyro, gyro, most=MOST_SAMPLES)
+    found = _turns(t_s, euler, t_gyro, gyro)
     if found is None:
         return None
     t, rows, expected, mean_rate, unexplained, jumped = found
     worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
     jump, jump_at = (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
-    rows, expected = rows[~jumped], expected[~jumped]
+    at = np.asarray(t_gyro, dtype=np.float64)
+    inside = (t[rows] >= at[0] + LARGEST_LAG_S) & (t[rows + 1] <= at[-1] - LARGEST_LAG_S)
+    if np.count_nonzero(inside) < FEWEST:
+        return None
+    kept = thinned(np.flatnonzero(inside))
+    kept = kept[~jumped[kept]]
+    if kept.size < FEWEST:
+        return None
+    rows, expected = rows[kept], expected[kept]
     centred = expected - expected.mean(axis=0)
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
@@ -208,7 +223,7 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
 
 
 def _turns(
-    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike, *, most: int | None
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
 ) -> tuple[Array, npt.NDArray[np.intp], Array, Callable[[npt.NDArray[np.intp], float], Array], Array, npt.NDArray[np.bool_]] | None:
     """Intervals between attitudes: times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which are jumps."""
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
@@ -218,13 +233,12 @@ def _turns(
     stride = max(1, int(np.ceil(RATE_INTERVAL_S / np.median(np.diff(t)) - 0.01)))
     t, angles = t[::stride], angles[::stride]
     width = np.diff(t)
-    inside = (t[:-1] >= at[0] + LARGEST_LAG_S) & (t[1:] <= at[-1] - LARGEST_LAG_S) & (width <= LONGEST_INTERVAL_S * max(1.0, stride / 10))
+    inside = (t[:-1] >= at[0]) & (t[1:] <= at[-1]) & (width <= LONGEST_INTERVAL_S * max(1.0, stride / 10))
     # A gyro interval is only as good as the samples in it: none across a pause of the gyro.
     pauses = np.append(0, np.cumsum(np.diff(at) > LONGEST_INTERVAL_S))
     before, after = np.searchsorted(at, t[:-1]) - 1, np.searchsorted(at, t[1:])
     inside &= pauses[np.clip(before, 0, at.size - 1)] == pauses[np.clip(after, 0, at.size - 1)]
     rows = np.flatnonzero(inside)
-    rows = rows if most is None else thinned(rows, most)
     if rows.size < FEWEST:
         return None
     turn = Rotation.from_euler("ZYX", angles[:, ::-1])

@@ -92,9 +92,12 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
         return
     _, _, longest, at = max(found, key=lambda item: item[2])
     shared = [item for item in found if abs(item[3] - at) < 1.0 + 0.1 * longest and item[2] > 0.5 * longest]
-    count = max(item[1] for item in shared)
     names = [item[0] for item in shared]
-    text = f"{counted(count, 'gap')} in {listed(names)}, the longest of {longest:.1f} s at {at:.1f} s from the start."
+    each = {item[1] for item in shared}
+    where = (
+        f"{counted(each.pop(), 'gap')} in {listed(names)}" if len(each) == 1 else f"Gaps in {listed([f'{a} ({n})' for a, n, *_ in shared])}"
+    )
+    text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start."
     yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest)
     rest = [item for item in found if item not in shared]
     if rest:

@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
 from data_schemas.schemas import schema
 from data_schemas.tables import make_table
+from hydro.identification.signal_checks import clock_statistics
 from stages.base import RawLog
 from stages.sections import Block, remark, section, table
 
@@ -92,7 +94,7 @@ def _start_us(parts: Sequence[Part], streams: Mapping[str, Stream], set_us: int 
 
 
 def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> dict[str, Any]:
-    """Source, rows, rate (median) and gaps of one stream."""
+    """Source, rows, rate and gaps of one stream."""
     stamps = stream.columns["time_us"]
     steps = np.diff(stamps) / 1e6
     return {
@@ -101,13 +103,18 @@ def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> d
         "columns": [name for name in stream.columns if name != "time_us"],
         "rows": len(stream),
         "rejected": sum(item.count for item in rejected if item.stream == stream.name),
-        "rate_hz": float(1.0 / np.median(steps)) if steps.size and stream.name not in ON_CHANGE else None,
+        "rate_hz": _rate_hz(stamps / 1e6) if stream.name not in ON_CHANGE else None,
         "start_us": int(stamps[0]),
         "end_us": int(stamps[-1]),
         "duration_s": float(stamps[-1] - stamps[0]) / 1e6,
         "longest_gap_s": float(steps.max()) if steps.size else 0.0,
         "gaps": int(np.count_nonzero(steps > gap_s)) if stream.name not in ON_CHANGE else 0,
     }
+
+
+def _rate_hz(t_s: npt.NDArray[np.float64]) -> float | None:
+    clock = clock_statistics(t_s)
+    return None if clock is None else clock.rate_hz
 
 
 def dropped_table(parts: Sequence[Part], rejected: Sequence[Rejected]) -> pa.Table:
@@ -132,7 +139,7 @@ def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected], found:
             "Streams",
             ["stream", "source", "samples", ("rate", "Hz"), ("from", "s"), ("to", "s"), ("longest gap", "s"), "rejected"],
             streams,
-            note="Seconds count from the first time-stamped record of the log. The rate is the median.",
+            note="Seconds count from the first time-stamped record of the log. The rate is the mean without pauses.",
         ),
     ]
     if rejected:

@@ -101,7 +101,7 @@ LOGS = (
         {
             "never_armed": None,
             "low_actuator_rate": "SERVO_OUTPUT_RAW) comes at 2 Hz",
-            "low_rate": "LOCAL_POSITION_NED) comes at 2.99 Hz",
+            "low_rate": "LOCAL_POSITION_NED) comes at 3 Hz",
             "estimated_velocity": None,
             "depth_estimated": "GLOBAL_POSITION_INT",
             "accelerometer_missing": None,
@@ -143,7 +143,7 @@ LOGS = (
         {
             "most_rejected": "repeated time stamp: 1314",
             "gap": "128.0 s at 200.0 s",
-            "low_actuator_rate": "1 Hz",
+            "low_actuator_rate": "comes at 0.958 Hz",
             "outputs_saturated": "command surge",
             "no_attitude": None,
             "no_imu": None,
@@ -197,10 +197,19 @@ def test_the_page_of_the_dive(capsys: pytest.CaptureFixture[str], monkeypatch: p
     shown = capsys.readouterr().out
     lines = shown.splitlines()
     assert len(lines) <= 45, "one screen"
-    assert re.search(r"velocity +VISO +1011 +9\.08 +65 +0\.41 +XKF1", shown)
+    assert re.search(r"velocity +VISO +1011 +7\.78 +65 +0\.41 +XKF1", shown)
     assert "complete" in lines[1]
     assert "cannot run: synthesise heave, roll, pitch: hardly any motion" in shown
     assert "motion RMS: u 0.0984" in shown
+
+
+def test_on_a_narrow_screen_numbers_stay_whole(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    checking.check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
+    shown = capsys.readouterr().out
+    assert "…" not in shown
+    assert re.search(r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+ +2 +[\d.]+ +0\.76", shown)
+    assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+ +3 ", shown)
 
 
 def test_a_campaign_with_its_legs_and_vehicle(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

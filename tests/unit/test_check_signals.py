@@ -94,6 +94,27 @@ def test_clock_statistics_of_a_pause() -> None:
     assert clock_statistics(t[:2]) is None
 
 
+def test_bursts_come_no_faster_for_arriving_together() -> None:
+    t = (np.arange(0.0, 60.0, 1.0)[:, None] + np.array([0.0, 0.007, 0.014, 0.021])).ravel()
+    found = clock_statistics(t)
+    assert found is not None
+    assert found.rate_hz == pytest.approx(4.0, rel=0.02)
+    assert found.step_s == pytest.approx(0.007)
+
+
+def test_every_jump_of_a_long_record_is_counted_the_first_samples_included() -> None:
+    t = np.arange(0.0, 1500.0, 0.1)
+    at = np.arange(0.0, 1500.0, 0.04)
+    turned = np.zeros((t.size, 3))
+    for jump in (0.15, 400.05, 400.75, 901.35):
+        turned[t > jump, 2] += 0.5
+    found = rate_agreement(t, turned, at, 1e-3 * np.random.default_rng(1).standard_normal((at.size, 3)))
+    assert found is not None
+    assert found.jumps == 4
+    assert found.largest_jump == pytest.approx(0.5, abs=0.01)
+    assert np.allclose(found.std, 0.0, atol=1e-3), "jumps are left out of the comparison"
+
+
 def test_attitude_difference_is_the_angle_between_rotations() -> None:
     t = np.arange(0.0, 30.0, 0.1)
     euler = 0.2 * np.stack([np.sin(t), np.cos(t), t], axis=1)
