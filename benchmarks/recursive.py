@@ -26,7 +26,7 @@ from hydro.dynamics.thrusters import polynomial_thrust
 from hydro.identification.channel import ChannelEstimate, ChannelRun, estimate_channel
 from hydro.identification.output_error import SingleRun, simulate_run
 from hydro.identification.pendulum import fit_swing
-from hydro.identification.quadrifilar import Estimate, QuadrifilarGeometry, object_inertia, softening
+from hydro.identification.quadrifilar import Estimate, QuadrifilarGeometry, object_inertia, slowing
 from hydro.identification.recursive import StaticRegression, batch_least_squares, recursive_least_squares
 
 Array = npt.NDArray[np.float64]
@@ -119,11 +119,11 @@ def quadrifilar(seeds: int) -> dict[str, float]:
     swings = []
     for inertia, mass in ((2.8590, 12.18), (2.1970, 9.8)):
         states, _ = swing(Quadrifilar(inertia, mass, 0.47, 0.47, 4.23, 0.02, 9.80665), np.radians(8.0), 90.0)(t)
-        swings.append((states[:, 1], softening(tray, mass, inertia)))
+        swings.append((states[:, 1], slowing(tray, mass, inertia)))
     rng = np.random.default_rng(0)
     errors, held = [], 0
     for _ in range(seeds):
-        fits = [fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), softening=soft) for rate, soft in swings]
+        fits = [fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), slowing=soft) for rate, soft in swings]
         found = object_inertia(tray, 2.38, *[Estimate(fit.period_s, fit.standard_error_s) for fit in fits])
         errors.append(100.0 * abs(found.value / 0.6620 - 1.0))
         held += found.interval[0] < 0.6620 < found.interval[1]

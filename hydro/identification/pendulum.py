@@ -19,12 +19,17 @@ from hydro.identification.standard_errors import stationary_covariance
 BODY_AXES = ("x", "y", "z")
 RELEASED = 0.2
 """Share of the largest rate beyond which the swing runs free; before that it is held, or being pushed."""
+NEARLY = 0.7
+"""Share of the largest rate that the first swing comes to; less is a pull to the side."""
 GONE = 0.05
 """Share of the first amplitude at which a swing is over."""
 FEWEST_SAMPLES_PER_PERIOD = 6.0
-SECOND = 11.0 / 6.0
-"""A^2 = a^2 (1 + 11/6 c a^2) for the amplitude A of an angle and a = (amplitude of its rate) / w_0: the rate is that of the slower swing
-(2 c a^2), and the third harmonic c A^3 / 12 takes off at the top of the swing."""
+SIMPLE = (1.0 / 16.0, 11.0 / 6.0 / 16.0**2 - 1.0 / 3072.0)
+"""(c, e) in w = w_0 (1 - c a^2 - e a^4) of a simple pendulum, a = (amplitude of the rate) / w_0. In the amplitude A of the angle it is
+1 - A^2/16 + A^4/3072; A^2 = a^2 (1 + 11/6 c a^2), because the rate is that of the slower swing (2 c a^2) and the third harmonic c A^3 / 12
+takes off at the top of the swing."""
+SAME_RANGE, FLAT, STEEP = 0.8, 3, 3.0
+"""A clipped axis: its extreme in parts of the largest of all axes, samples on end, steps of resolution by which it came there."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +64,13 @@ class SwingFit:
 
 
 def swing_axis(gyro: ArrayLike) -> SwingAxis:
-    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], its constant part taken off. Raises `DataError` for no rotation."""
+    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], constant and noise taken off. Raises `DataError` for no rotation."""
     rates = np.asarray(gyro, dtype=np.float64)
     centred = rates - np.median(rates, axis=0)
     values, vectors = np.linalg.eigh(centred.T @ centred)
+    # White noise turns about all axes alike; its size shows in the second differences of the stillest one.
+    still = np.diff(centred @ vectors[:, 0], 2)
+    values = np.maximum(values - len(rates) * float(still @ still) / (6.0 * max(still.size, 1)), 0.0)
     if values[-1] <= 0.0:
         raise DataError(
             "the gyro shows no rotation at all", field="gyro", remedy="Check that the recorder was on the pendulum and running."
@@ -80,10 +88,63 @@ def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
     return np.asarray((attitude.mean().inv() * attitude).as_rotvec() @ np.asarray(axis, dtype=np.float64))
 
 
+def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
+    """Samples (n,) at which some axis of a gyro (n, 3) stands at the end of its range.
+
+    An axis is clipped where three or more samples on end are equal to its extreme, that extreme is near the largest of all axes (they have
+    one range), and the signal came there by more than three steps of its resolution: the top of a slow swing in whole counts is no clip.
+    """
+    rates = np.asarray(gyro, dtype=np.float64)
+    clipped = np.zeros(len(rates), dtype=np.bool_)
+    largest = float(np.abs(rates).max())
+    for x in rates.T:
+        steps = np.abs(np.diff(x))
+        resolution = float(steps[steps > 0.0].min()) if np.any(steps > 0.0) else 0.0
+        for extreme in (x.max(), x.min()):
+            at = x == extreme
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
+            begins, ends = edges[::2], edges[1::2]
+            came = np.abs(extreme - x[np.maximum(begins - 1, 0)]) > STEEP * resolution
+            if abs(extreme) >= SAME_RANGE * largest and np.any((ends - begins >= FLAT) & came):
+                clipped |= at
+    return clipped
+
+
+def angle_per_rate(t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle: ArrayLike) -> float:
+    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where they agree, whatever their zeros and drifts."""
+    t, at = np.asarray(t_s, dtype=np.float64), np.asarray(angle_t_s, dtype=np.float64)
+    inside = (at >= t[0]) & (at <= t[-1])
+    x, at = np.asarray(rate, dtype=np.float64), at[inside]
+    turned = np.interp(at, t, np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))]))
+    time = (at - at[0]) / (at[-1] - at[0])
+    columns = np.column_stack([turned, np.ones_like(time), time, time**2])
+    return float(np.linalg.lstsq(columns, np.asarray(angle, dtype=np.float64)[inside], rcond=None)[0][0])
+
+
 def release_index(rate: ArrayLike) -> int:
-    """First sample at which a rate (n,) goes beyond a fifth of its largest size: from here the pendulum swings free."""
+    """First sample of the free swing: from here on a rate (n,) stays beyond a fifth of its largest size until it comes near that.
+
+    What came before, a gentle pull to the side and the time in which it was held, is left out.
+    """
     size = np.abs(np.asarray(rate, dtype=np.float64) - np.median(np.asarray(rate)))
-    return int(np.argmax(size >= RELEASED * size.max()))
+    top = int(np.argmax(size >= NEARLY * size.max()))
+    before = np.flatnonzero(size[:top] < RELEASED * size.max())
+    return int(before[-1]) + 1 if before.size else 0
+
+
+def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
+    """Raises `DataError` when a rate (n,) that swings from t_s[0] on grows to twice of what it had fallen to: pushed or released anew."""
+    t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    _, begins = np.unique(((t - t[0]) / period_s).astype(np.intp), return_index=True)
+    largest = np.maximum.reduceat(np.abs(x - np.median(x)), begins)
+    fallen = np.minimum.accumulate(largest)
+    again = np.flatnonzero((largest[1:] > 2.0 * fallen[:-1]) & (largest[1:] > RELEASED * largest[0])) + 1
+    if again.size:
+        raise DataError(
+            "the swing grows again: it was pushed, or released a second time",
+            value=f"at {t[begins[again[0]]]:.1f} s",
+            remedy="Give each swing a leg of its own: set start_s and end_s in the manifest.",
+        )
 
 
 def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
@@ -130,15 +191,20 @@ def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
 
 
 def fit_swing(
-    t_s: ArrayLike, rate: ArrayLike, *, softening: float = 1.0 / 16.0, fewest: float = 3.0, usable: NDArray[np.bool_] | None = None
+    t_s: ArrayLike,
+    rate: ArrayLike,
+    *,
+    slowing: tuple[float, float] = SIMPLE,
+    fewest: float = 3.0,
+    usable: NDArray[np.bool_] | None = None,
 ) -> SwingFit:
     """Damped sinusoid in an angular rate (n,) [rad/s] at times (n,) [s], from its release on.
 
-    The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w (1 - softening A(t)^2): large swings are slower, 1/16
-    for a simple pendulum. A follows from the rate's own amplitude to second order (Duffing's third harmonic).
+    The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w (1 - c a(t)^2 - e a(t)^4): large swings are slower.
+    a is the amplitude of the rate over w; slowing: c and e, unless it is a simple pendulum.
     The period is that of small swings without damping, 2 pi / sqrt(w^2 + z^2). Its standard error allows for coloured residuals.
     usable (n,): samples to fit, for instance those that are not clipped.
-    Raises `DataError` for fewer than `fewest` swings, too slow a recording, or one without oscillation.
+    Raises `DataError` for fewer than `fewest` swings, too slow a recording, one without oscillation, or one of several swings.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     first = release_index(x)
@@ -151,6 +217,7 @@ def fit_swing(
     time, y = t[rows] - start, x[rows]
     if period / np.median(np.diff(t)) < FEWEST_SAMPLES_PER_PERIOD:
         raise DataError("the recording is too slow for the swing", value=f"period {period:.3g} s", remedy="Log the gyro faster.")
+    check_one_swing(t[first:], x[first:], period)
     size = float(np.abs(y - np.median(y)).max())
 
     def shrunk(decay: float, power: int) -> Array:
@@ -160,7 +227,7 @@ def fit_swing(
 
     def waves(w: float, z: float, square: float) -> Array:
         """cos and sin of the phase, decaying, a constant and a drift; `square`: amplitude of the rate over w, squared."""
-        loss = softening * square * shrunk(z, 2) + SECOND * (softening * square) ** 2 * shrunk(z, 4)
+        loss = slowing[0] * square * shrunk(z, 2) + slowing[1] * square**2 * shrunk(z, 4)
         psi, fade = w * (time - loss), np.exp(-z * time)
         return np.column_stack([fade * np.cos(psi), fade * np.sin(psi), np.ones_like(time), time])
 

@@ -10,6 +10,8 @@ import numpy as np
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import Array
 
+LARGE_RAD, NODES = np.pi / 4.0, 400
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -63,7 +65,7 @@ def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> flo
 
     The tray hangs z = sqrt(h^2 - 2 R_1 R_2 (1 - cos psi)) below the ceiling (h the drop). With q = R_1 R_2 the potential is
     m g q / h (psi^2 / 2 + b psi^4), b = q / (8 h^2) - 1/24, and the kinetic energy I/2 (1 + e psi^2) psi_dot^2, e = m q^2 / (h^2 I), so
-    that c = -3/2 (b - e/6). It is 1/16 for long lines, the simple pendulum's. At 30 degrees what is left out is below 1e-3 of the period.
+    that c = -3/2 (b - e/6). It is 1/16 for long lines, the simple pendulum's.
     """
     product = geometry.radius_ceiling * geometry.radius_tray
     bend = product / (8.0 * geometry.drop**2) - 1.0 / 24.0
@@ -71,9 +73,46 @@ def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> flo
     return -1.5 * (bend - heave / 6.0)
 
 
-def small_swing_period(period_s: float, amplitude_rad: float, soft: float) -> float:
-    """Period of small swings from one that was timed at an amplitude: T (1 - c A^2)."""
-    return period_s * (1.0 - soft * amplitude_rad**2)
+def slowing(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> tuple[float, float]:
+    """(c, e) in w = w_0 (1 - c a^2 - e a^4) [1/rad^2, 1/rad^4], a the amplitude of the rate's first harmonic over w_0.
+
+    c is that of `softening`; e from the exact swing at 45 degrees, so that what is left out there is of the order of 1e-5 of the period.
+    """
+    first = softening(geometry, mass, inertia)
+    share, rate = _large_swing(geometry, mass, inertia, LARGE_RAD)
+    return first, (1.0 - share - first * rate**2) / rate**4
+
+
+def small_swing_period(geometry: QuadrifilarGeometry, mass: float, period_s: float, amplitude_rad: float) -> float:
+    """Period of small swings [s] from one that was timed at an amplitude."""
+    if amplitude_rad == 0.0:
+        return period_s
+    small = period_s
+    for _ in range(3):  # how much a large swing is slowed depends a little on the inertia that comes out
+        small = period_s * _large_swing(geometry, mass, equivalent_inertia(geometry, mass, small), amplitude_rad)[0]
+    return small
+
+
+def _large_swing(geometry: QuadrifilarGeometry, mass: float, inertia: float, amplitude: float) -> tuple[float, float]:
+    """w / w_0 and a of a swing without damping, from its energy: I (1 + m/I (dz/dpsi)^2) psi_dot^2 / 2 = m g (z(psi) - z(A)).
+
+    Quarter swing by the midpoint rule in u, psi = A sin u, which converges exponentially.
+    """
+    u = 0.5 * np.pi * (np.arange(NODES) + 0.5) / NODES
+    product, psi = geometry.radius_ceiling * geometry.radius_tray, amplitude * np.sin(u)
+
+    def hang(angle: Array) -> Array:
+        return np.asarray(np.sqrt(geometry.drop**2 - 2.0 * product * (1.0 - np.cos(angle))))
+
+    slope = product * np.sin(psi) / hang(psi)
+    lifted = 4.0 * product * np.sin(0.5 * (amplitude + psi)) * np.sin(0.5 * (amplitude - psi)) / (hang(psi) + hang(np.array(amplitude)))
+    rate = np.sqrt(2.0 * mass * geometry.gravity * lifted / (inertia + mass * slope**2))
+    step = 0.5 * np.pi / NODES * amplitude * np.cos(u) / rate
+    time = np.cumsum(step) - 0.5 * step
+    w = 0.5 * np.pi / float(step.sum())
+    small = np.sqrt(mass * geometry.gravity * product / (inertia * geometry.drop))
+    harmonic = 4.0 / np.pi * w * float(np.sum(step * rate * np.cos(w * time)))
+    return float(w / small), float(harmonic / small)
 
 
 def object_inertia(geometry: QuadrifilarGeometry, mass: float, loaded: Estimate, empty: Estimate) -> Estimate:

@@ -25,13 +25,13 @@ from hydro.identification.free_decay import (
     judge,
 )
 from hydro.identification.output_error import SingleRun
-from hydro.identification.pendulum import GONE, release_index, swing_back_period
+from hydro.identification.pendulum import GONE, check_one_swing, release_index, swing_back_period
 from hydro.identification.persistence import NOT_EXCITED
 from stages.base import Document
 from stages.sections import Figure, figure
 from stages.signals import Array
 
-from .recordings import Logs, Recording
+from .recordings import Logs, Recording, naming
 
 FEWEST_SWINGS, GOOD_SWINGS = 0.5, 2.0
 """Swings before the rate falls to a twentieth: with less than half of one nothing oscillates; below two the ratios hang on few turns."""
@@ -163,7 +163,8 @@ def _ratios(estimate: DecayEstimate, method: str) -> Mapping[str, Ratios]:
 def _fallen(recording: Recording, known: tuple[float, float]) -> Fallen:
     decay, swings = prepared(recording)
     decay = replace(decay, known=known)
-    return Fallen(recording, decay, estimate_decay(decay), swings)
+    with naming(recording.leg):
+        return Fallen(recording, decay, estimate_decay(decay), swings)
 
 
 def prepared(recording: Recording) -> tuple[Decay, float]:
@@ -173,10 +174,9 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
     if t.size - first < 32:
         words = f"too few samples after the release in leg '{recording.leg}'"
         raise DataError(words, value=t.size - first, remedy="Record longer or faster.")
-    try:
+    with naming(recording.leg):
         period = swing_back_period(t[first:], rate[first:])
-    except DataError as fault:
-        raise DataError(f"leg '{recording.leg}': {fault.message}", value=fault.value, remedy=fault.remedy) from fault
+        check_one_swing(t[first:], rate[first:], period)
     centred = np.abs(rate - np.median(rate))
     last = int(np.flatnonzero(centred > GONE * centred.max())[-1])
     swings = float((t[last] - t[first]) / period)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,20 +13,22 @@ import pyarrow as pa
 
 from data_schemas.errors import CampaignError, DataError, nearest
 from data_schemas.tables import has_columns
-from hydro.identification.pendulum import SwingAxis, angle_about, swing_axis
-from hydro.identification.signal_checks import flat_top
+from hydro.identification.pendulum import SwingAxis, angle_about, angle_per_rate, outside_range, release_index, swing_axis
 from hydro.identification.splines import smoothing_spline
 from stages.base import Collection, Document
 from stages.signals import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 50
-CLIPPED_SHARE = 0.002
+MOST_CLIPPED_PERCENT = 80.0
+"""Beyond this only the zero crossings are left. At 73 % the inertia of a swing of 40 degrees is 0.5 % off."""
 ASKEW_DEG = 5.0
 """A recorder turned by more than this against the nearest of its axes is worth a word."""
 ONE_AXIS = 0.95
 """Share of the rotation that must be about one axis; the rest is twist or sway of the pendulum."""
 UPRIGHT_DEG = 20.0
+LEVELLED = 0.02
+"""Share by which an attitude may differ from the turn of the gyro; an autopilot that takes the swing's accelerations for gravity does."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +95,9 @@ def _recording(leg: Document, gyro: Samples | None, attitude: Samples | None, ac
     said: list[str] = []
     warnings: list[str] = []
     if gyro is not None:
-        axis = swing_axis(gyro.values)
+        usable = _unclipped(gyro.values, str(leg["id"]), warnings)
+        axis = swing_axis(gyro.values[usable])
         t, rate = gyro.t_s, gyro.values @ axis.axis
-        usable = _unclipped(rate, warnings)
     else:
         assert attitude is not None
         rates = _rates(attitude)
@@ -102,6 +105,8 @@ def _recording(leg: Document, gyro: Samples | None, attitude: Samples | None, ac
         t, rate, usable = attitude.t_s, rates @ axis.axis, np.ones(attitude.t_s.size, dtype=np.bool_)
         said.append("No gyro: the rate is the slope of the logged attitude.")
     angle = None if attitude is None else Samples(attitude.t_s, angle_about(attitude.values, axis.axis)[:, None])
+    if angle is not None and gyro is not None and usable.all() and not upright:
+        angle = _agreeing(angle, t, rate, warnings)
     _judge_axis(axis, accel, upright, said, warnings)
     return Recording(str(leg["id"]), leg.get("use") == "validation", t, rate, usable, angle, axis, tuple(said), tuple(warnings))
 
@@ -113,13 +118,35 @@ def _rates(attitude: Samples) -> Array:
     return spline.evaluate(attitude.t_s, 1)
 
 
-def _unclipped(rate: Array, warnings: list[str]) -> npt.NDArray[np.bool_]:
-    """Samples that do not stand at the gyro's own limit."""
-    flat = flat_top(rate)
-    if flat <= CLIPPED_SHARE * rate.size:
-        return np.ones(rate.size, dtype=np.bool_)
-    warnings.append(f"The gyro is clipped in {flat} samples ({100.0 * flat / rate.size:.1f} %), which are left out: choose a larger range.")
-    return np.asarray((rate < rate.max()) & (rate > rate.min()))
+def _unclipped(gyro: Array, leg: str, warnings: list[str]) -> npt.NDArray[np.bool_]:
+    """Samples (n,) of a gyro (n, 3) at which no axis stands at the end of its range. Raises `DataError` where too few are left."""
+    clipped = outside_range(gyro)
+    count, share = int(np.count_nonzero(clipped)), 100.0 * float(np.mean(clipped))
+    if share > MOST_CLIPPED_PERCENT:
+        words = f"the gyro of leg '{leg}' is clipped in {count} of {clipped.size} samples"
+        raise DataError(
+            words, allowed=f"at most {MOST_CLIPPED_PERCENT:g} %", remedy="Choose a larger range of the gyro, or swing less far."
+        )
+    if count:
+        warnings.append(f"The gyro is clipped in {count} samples ({share:.1f} %), which are left out: choose a larger range.")
+    return ~clipped
+
+
+def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Samples | None:
+    """The angle of the attitude, or None where it does not show the turn of the gyro."""
+    first = float(t[release_index(rate)])
+    inside = t >= first
+    if np.count_nonzero(angle.t_s >= first) < FEWEST or np.count_nonzero(inside) < FEWEST:
+        return angle
+    after = angle.between(first, np.inf)
+    share = angle_per_rate(t[inside], rate[inside], after.t_s, after.values[:, 0])
+    if abs(share - 1.0) <= LEVELLED:
+        return angle
+    warnings.append(
+        f"The logged attitude shows {100.0 * share:.0f} % of the swing that the gyro shows and is not used: an autopilot takes the "
+        "accelerations of the swing for gravity. The angle is that of the gyro."
+    )
+    return None
 
 
 def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]) -> None:
@@ -141,6 +168,16 @@ def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: lis
     if (upright and tilt > UPRIGHT_DEG) or (not upright and tilt < 90.0 - UPRIGHT_DEG):
         wanted = "upright" if upright else "level"
         warnings.append(f"The axis of the swing stands {tilt:.0f} degrees off the vertical, but should be {wanted}: is this the right leg?")
+
+
+@contextmanager
+def naming(leg: str) -> Iterator[None]:
+    """Data errors raised inside name the leg."""
+    try:
+        yield
+    except DataError as fault:
+        words = fault.message if f"'{leg}'" in fault.message else f"leg '{leg}': {fault.message}"
+        raise DataError(words, field=fault.field, value=fault.value, allowed=fault.allowed, remedy=fault.remedy) from fault
 
 
 def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:

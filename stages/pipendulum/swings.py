@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.errors import CampaignError
 from hydro.dynamics.quantities import Quantities
 from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.pendulum import SwingFit, fit_swing
+from hydro.identification.pendulum import SIMPLE, SwingFit, fit_swing
 from hydro.identification.quadrifilar import (
     Estimate,
     QuadrifilarGeometry,
@@ -20,17 +20,16 @@ from hydro.identification.quadrifilar import (
     equivalent_inertia,
     hollow_cylinder,
     object_inertia,
+    slowing,
     small_swing_period,
-    softening,
     tray_inertia,
 )
 from stages.base import Document
 from stages.sections import Figure, figure
 
-from .recordings import Logs, Recording
+from .recordings import Logs, Recording, naming
 
 STOP_WATCH_SD_S = 0.2
-SIMPLE = 1.0 / 16.0
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,10 @@ def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
     )
     if min(geometry.radius_ceiling, geometry.radius_tray, geometry.line, geometry.tray_mass) <= 0.0:
         raise CampaignError("a length or mass of the pendulum is not positive", field="quadrifilar", value=geometry)
+    if geometry.line <= abs(geometry.radius_ceiling - geometry.radius_tray):
+        words = "the lines are shorter than the difference of the radii"
+        remedy = "Check that all three are in the unit that they say, and that the radii are radii."
+        raise CampaignError(words, field="quadrifilar.line_length", value=geometry.line, remedy=remedy)
     trays = [index for index, entry in enumerate(part["swings"]) if entry["role"] == "empty_tray"]
     if len(trays) != 1:
         raise CampaignError("one swing of the empty tray is needed", field="quadrifilar.swings", value=len(trays), allowed=1)
@@ -89,14 +92,19 @@ def _swing(entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Log
     if not recordings and not timed:
         raise CampaignError("a swing needs legs that recorded it, or timed oscillations", field=field, value=entry["id"])
     for _ in range(2):  # how much a large swing is slowed depends a little on the inertia that comes out
-        fits = [fit_swing(item.t_s, item.rate, softening=soft, usable=item.usable) for item in recordings]
+        fits = [_fit(item, soft) for item in recordings]
         periods = [Estimate(fit.period_s, fit.standard_error_s) for fit in fits]
-        periods += [Estimate(small_swing_period(one.value, size, soft), one.standard_error) for one, size in timed]
+        periods += [Estimate(small_swing_period(geometry, total, one.value, size), one.standard_error) for one, size in timed]
         period = combined(periods)
-        soft = softening(geometry, total, equivalent_inertia(geometry, total, period.value))
+        soft = slowing(geometry, total, equivalent_inertia(geometry, total, period.value))
     inertia = tray_inertia(geometry, period) if empty is None else object_inertia(geometry, mass, period, empty)
     amplitude = max([np.degrees(fit.amplitude_rad) for fit in fits] + [np.degrees(size) for _, size in timed])
     return Swung(entry, mass, period, inertia, tuple(zip(recordings, fits, strict=True)), _cylinder(read, mass), float(amplitude))
+
+
+def _fit(recording: Recording, slowed: tuple[float, float]) -> SwingFit:
+    with naming(recording.leg):
+        return fit_swing(recording.t_s, recording.rate, slowing=slowed, usable=recording.usable)
 
 
 def _timed(item: Document) -> tuple[Estimate, float]:

@@ -16,7 +16,15 @@ from hydro.dynamics.bench import PhysicalPendulum, Quadrifilar, free_decay, swin
 from hydro.identification.channel import DAMPING
 from hydro.identification.free_decay import Decay, DecayEstimate, Derivatives, Part, derivatives, estimate_decay, hanging, judge
 from hydro.identification.output_error import SingleRun
-from hydro.identification.pendulum import angle_about, fit_swing, release_index, spectral_period, swing_axis
+from hydro.identification.pendulum import (
+    angle_about,
+    angle_per_rate,
+    fit_swing,
+    outside_range,
+    release_index,
+    spectral_period,
+    swing_axis,
+)
 from hydro.identification.quadrifilar import (
     Estimate,
     QuadrifilarGeometry,
@@ -25,6 +33,8 @@ from hydro.identification.quadrifilar import (
     equivalent_inertia,
     hollow_cylinder,
     object_inertia,
+    slowing,
+    small_swing_period,
     softening,
     swing_period,
     tray_inertia,
@@ -107,7 +117,7 @@ def tray_swing(angle_deg: float, inertia: float, mass: float, damping: float) ->
 @pytest.mark.parametrize("angle_deg", [5.0, 20.0, 45.0])
 def test_period_of_a_recording(angle_deg: float) -> None:
     t, rate = tray_swing(angle_deg, I_TRAY, 9.8, 0.02)
-    fit = fit_swing(t, rate + 0.01 + 1e-4 * t, softening=softening(TRAY, 9.8, I_TRAY))
+    fit = fit_swing(t, rate + 0.01 + 1e-4 * t, slowing=slowing(TRAY, 9.8, I_TRAY))
     assert fit.period_s == pytest.approx(swing_period(TRAY, 9.8, I_TRAY), rel=1e-4)
     assert np.degrees(fit.amplitude_rad) == pytest.approx(angle_deg, rel=0.05)
     assert fit.decay_rate == pytest.approx(0.02 / I_TRAY / 2.0, rel=0.05)
@@ -123,7 +133,7 @@ def test_inertia_from_noisy_recordings_and_its_interval() -> None:
         periods = []
         for inertia, mass in ((I_BOTH, 12.18), (I_TRAY, 9.8)):
             t, rate = tray_swing(8.0, inertia, mass, 0.02)
-            fit = fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), softening=softening(TRAY, mass, inertia))
+            fit = fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), slowing=slowing(TRAY, mass, inertia))
             periods.append(Estimate(fit.period_s, fit.standard_error_s))
         found = object_inertia(TRAY, TUBE_MASS, *periods)
         hits += found.interval[0] < truth < found.interval[1]
@@ -157,8 +167,58 @@ def test_axis_of_a_turned_recorder() -> None:
 def test_clipped_samples_can_be_left_out() -> None:
     t, rate = tray_swing(20.0, I_TRAY, 9.8, 0.02)
     clipped = np.clip(rate, -0.4, 0.4)
-    fit = fit_swing(t, clipped, softening=softening(TRAY, 9.8, I_TRAY), usable=np.abs(clipped) < 0.4)
+    fit = fit_swing(t, clipped, slowing=slowing(TRAY, 9.8, I_TRAY), usable=np.abs(clipped) < 0.4)
     assert fit.period_s == pytest.approx(swing_period(TRAY, 9.8, I_TRAY), rel=2e-4)
+
+
+def test_large_swing_with_a_load() -> None:
+    """The tray's rise slows a loaded tray more than a simple pendulum: the series of the swing itself, not that of a pendulum."""
+    t, rate = tray_swing(45.0, 4.1, 47.9, 0.004)
+    fit = fit_swing(t, rate, slowing=slowing(TRAY, 47.9, 4.1))
+    small = swing_period(TRAY, 47.9, 4.1)
+    assert fit.period_s == pytest.approx(small, rel=5e-5)
+    assert np.degrees(fit.amplitude_rad) == pytest.approx(45.0, rel=0.05)
+    slow = small / (1.0 - softening(TRAY, 47.9, 4.1) * 0.5**2)
+    assert small_swing_period(TRAY, 47.9, slow, 0.5) == pytest.approx(small, rel=2e-4)
+    assert small_swing_period(TRAY, 47.9, slow, 0.0) == slow
+
+
+def test_range_of_a_turned_gyro() -> None:
+    t, rate = tray_swing(20.0, I_TRAY, 9.8, 0.02)
+    noise = 0.002 * np.random.default_rng(0).standard_normal((t.size, 3))
+    gyro = np.outer(rate, [0.3, 0.6, 0.74]) + noise + [0.01, -0.02, 0.0]
+    clipped = np.clip(gyro, -0.3, 0.3)
+    found = outside_range(clipped)
+    np.testing.assert_array_equal(found, np.abs(clipped).max(axis=1) >= 0.3)
+    assert 0.05 < found.mean() < 0.5
+    assert not outside_range(gyro).any()
+    # Whole milliradians per second stand still at the top of a slow swing: no clip.
+    assert not outside_range(np.round(gyro, 2)).any()
+
+
+def test_release_after_a_pull() -> None:
+    t = np.arange(-20.0, 40.0, 0.04)
+    states, _ = swing(Quadrifilar(I_TRAY, 9.8, 0.47, 0.47, 4.23, 0.02, G), np.radians(10.0), 60.0)(t)
+    pull = np.where((t > -15.0) & (t < -12.0), np.radians(10.0) / 3.0, 0.0)
+    rate = np.where(t < 0.0, pull, states[:, 1])
+    assert t[release_index(rate)] == pytest.approx(0.15, abs=0.1)
+    fit = fit_swing(t, rate, slowing=slowing(TRAY, 9.8, I_TRAY))
+    assert fit.period_s == pytest.approx(swing_period(TRAY, 9.8, I_TRAY), rel=1e-4)
+
+
+def test_two_swings_in_one_leg() -> None:
+    t, rate = tray_swing(8.0, I_TRAY, 9.8, 0.2)
+    both_t, both = np.concatenate([t, t + t[-1] - t[0] + 0.04]), np.concatenate([rate, rate])
+    with pytest.raises(DataError, match="grows again"):
+        fit_swing(both_t, both)
+
+
+def test_share_of_a_swing_that_an_attitude_shows() -> None:
+    t, rate = tray_swing(8.0, I_TRAY, 9.8, 0.02)
+    at = t[5:-5:2]
+    angle = np.interp(at, t, np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))]))
+    share = angle_per_rate(t, rate + 0.02 + 1e-4 * t, at, 0.93 * angle + 0.3)
+    assert share == pytest.approx(0.93, abs=1e-3)
 
 
 def test_too_few_swings_and_no_swing() -> None:

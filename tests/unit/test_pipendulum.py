@@ -204,6 +204,26 @@ def test_clipped_gyro() -> None:
     assert figures(outputs)["I of tube"]["value"] == pytest.approx(0.6620, rel=5e-3)
 
 
+def test_clipped_gyro_of_a_turned_recorder() -> None:
+    turn = Rotation.from_euler("ZYX", [35.0, 30.0, 20.0], degrees=True)
+    outputs = run(part("quadrifilar"), {name: log_of(name, turn=turn, noise=0.001, clip=0.1) for name in SWINGS})
+    assert "The gyro is clipped in" in remarks(outputs, "warning")
+    assert figures(outputs)["I of tube"]["value"] == pytest.approx(0.6620, rel=5e-3)
+    with pytest.raises(DataError, match="leg 'tray' is clipped in"):
+        run(part("quadrifilar"), {name: log_of(name, clip=0.01) for name in SWINGS})
+
+
+def test_attitude_that_shows_less_than_the_gyro() -> None:
+    logs = {name: log_of(name, noise=0.001) for name in DECAYS}
+    for log in logs.values():
+        angles = {name: 0.9 * log["attitude"][name].to_numpy() for name in ("phi_rad", "theta_rad", "psi_rad")}
+        log["attitude"] = make_table("attitude", {"time_us": log["attitude"]["time_us"].to_numpy(), **angles})
+    outputs = run(part("free_decay"), logs)
+    assert "shows 90 % of the swing that the gyro shows" in remarks(outputs, "warning")
+    found = figures(outputs)["surge: X_udot"]
+    assert abs(found["value"] - X_UDOT) < 4.0 * found["standard_error"]
+
+
 def test_leg_of_the_other_pendulum() -> None:
     apparatus = part("free_decay", decays=[{"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["tray"]}])
     outputs = run(apparatus, {"tray": log_of("tray")})
@@ -252,6 +272,7 @@ def test_exchanged_recordings_give_no_negative_inertia() -> None:
         (lambda a: a["quadrifilar"]["swings"][1].update(legs=["tubee"]), "quadrifilar.swings[1].legs", "no such leg"),
         (lambda a: a["quadrifilar"]["swings"][1].pop("legs"), "quadrifilar.swings[1]", "needs legs that recorded it, or timed"),
         (lambda a: a["quadrifilar"].update(line_length=quantity(-4.23, "m")), "quadrifilar", "not positive"),
+        (lambda a: a["quadrifilar"].update(radius_ceiling=quantity(5.0, "m")), "quadrifilar.line_length", "shorter than"),
         (lambda a: a["free_decay"]["decays"][0].pop("dof"), "free_decay.decays[0].dof", "needs its direction"),
         (lambda a: a["free_decay"]["decays"][0].update(legs=["check"]), "free_decay.decays[0].legs", "needs a leg of use training"),
         (lambda a: a["free_decay"].update(arm=quantity(0.0, "m")), "free_decay.arm", "not positive"),
