@@ -24,9 +24,10 @@ def run(*command: str, folder: Path) -> str:
 
 
 def hashes(workspace: Path) -> dict[str, str]:
-    """Hash of every artefact and manifest of the example, without the recording and the manifest that names its hash."""
+    """Hash of every artefact and manifest of the example, without the recording, the manifest that names its hash, and the history."""
     folder = workspace / "runs" / "example"
     found = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
+    found = {name: path for name, path in found.items() if not name.startswith("history/")}  # says when a run finished, and how far
     for name in (RECORDING, "report/manifest.json"):
         found.pop(name, None)
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sorted(found.items())}
