@@ -3,9 +3,11 @@
     python -m benchmarks.simulation --peer FOLDER
 
 FOLDER is a copy of PythonVehicleSimulator (github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one, there
-are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, physical viscous force), an
-Euler step of the peer's REMUS 100 has one. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of
-20 ms, autopilot and table included), and its bare Euler step. Best of five; the first call, which compiles, is not counted.
+are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, viscous force), an Euler step
+of the peer's REMUS 100 has one. Two truths: the physical viscous force, and a published model (McFarland). The batch uses the threads that
+numba may start. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of 20 ms, autopilot and table
+included), and its bare Euler step. Shortest of many runs, ours and the peer's in turn, so that another program on the machine disturbs
+both alike; the first call, which compiles, is not counted.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import csv
 import json
 import sys
 import time
@@ -27,32 +30,37 @@ import yaml
 from hydro.dynamics.physical_viscous import physical_viscous
 from hydro.dynamics.simulation import Plant, constant_inputs, integrate_open_loop
 from hydro.dynamics.vehicle import vehicle_from_document
+from hydro.dynamics.viscous_models import IdentifiedModel
 
+ROOT = Path(__file__).parents[1]
 STEP_S = 0.01
-PEER_SAMPLES, PEER_STEP_S = 10_000, 0.02
+REPEATS = 100
+PEER_SAMPLES, PEER_STEP_S, PEER_STEPS = 10_000, 0.02, 200
 
 
-def best(job: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest wall time [s] of a job."""
-    job()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
+def shortest(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Shortest wall time [s] of each job, all of them in turn."""
+    times = dict.fromkeys(jobs, np.inf)
+    for job in jobs.values():
         job()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    for _ in range(repeats):
+        for name, job in jobs.items():
+            start = time.perf_counter()
+            job()
+            times[name] = min(times[name], time.perf_counter() - start)
+    return times
 
 
-def per_step_us(plant: Plant, batch: int, steps: int, *, compiled: bool) -> float:
-    """Microseconds per vehicle and step."""
+def simulation(plant: Plant, batch: int, steps: int, *, compiled: bool) -> Callable[[], object]:
+    """A job of `batch * steps` vehicle-steps."""
     start = np.tile(plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.05, 0.0, 0.0, 0.0, 0.1]), (batch, 1))
     start[:, 6] += np.linspace(0.0, 0.5, batch)
     inputs = constant_inputs(np.full(batch, 35.0), np.tile([0.02, -0.02, 0.05, -0.05], (batch, 1)), knots=steps + 1)
-    return best(lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S, compiled=compiled)) / (batch * steps) * 1e6
+    return lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S, compiled=compiled)
 
 
-def peer_us() -> tuple[float, float] | None:
-    """Microseconds per step of PythonVehicleSimulator's `simulate` and of its bare Euler step, or None where it cannot be imported."""
+def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
+    """PythonVehicleSimulator's `simulate`, and its bare Euler step; None where it cannot be imported."""
     try:
         from python_vehicle_simulator.lib import attitudeEuler, simulate
         from python_vehicle_simulator.vehicles import remus100
@@ -66,11 +74,20 @@ def peer_us() -> tuple[float, float] | None:
 
     def bare() -> None:
         eta, nu, actual = np.zeros(6), vehicle.nu.copy(), vehicle.u_actual.copy()
-        for _ in range(500):
+        for _ in range(PEER_STEPS):
             nu, actual = vehicle.dynamics(eta, nu, actual, np.array([0.0, 0.0, 1200.0]), STEP_S)
             eta = attitudeEuler(eta, nu, STEP_S)
 
-    return best(whole) / PEER_SAMPLES * 1e6, best(bare) / 500 * 1e6
+    return whole, bare
+
+
+def published(name: str) -> IdentifiedModel:
+    """A model of McCarter 2014, Appendix E."""
+    coefficients: dict[str, dict[str, float]] = {}
+    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
+    return IdentifiedModel(name, coefficients)
 
 
 def main() -> None:
@@ -80,22 +97,32 @@ def main() -> None:
     folder = parser.parse_args().peer
     if folder is not None:
         sys.path[:0] = [str(folder / "src"), str(folder)]
-    peer = peer_us()
+    peer = peer_jobs()
     if folder is not None and peer is None:
         sys.exit(f"no package python_vehicle_simulator can be imported from {folder}")
-    document = yaml.safe_load((Path(__file__).parents[1] / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-    vehicle = vehicle_from_document(document)
-    plant = Plant(vehicle, physical_viscous(vehicle))
-    one, many = per_step_us(plant, 1, 20_000, compiled=True), per_step_us(plant, 1000, 50, compiled=True)
-    result = {
-        "one_vehicle_us_per_rk4_step": round(one, 3),
-        "batch_of_1000_us_per_vehicle_rk4_step": round(many, 3),
-        "numpy_one_vehicle_us_per_rk4_step": round(per_step_us(plant, 1, 100, compiled=False), 1),
-        "numpy_batch_of_1000_us_per_vehicle_rk4_step": round(per_step_us(plant, 1000, 5, compiled=False), 2),
+    vehicle = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
+    truths = {"physical": Plant(vehicle, physical_viscous(vehicle)), "mcfarland": Plant(vehicle, published("mcfarland"))}
+    jobs: dict[str, Callable[[], object]] = {}
+    steps: dict[str, int] = {}
+    for name, plant in truths.items():
+        for batch, count in ((1, 2000), (1000, 20)):
+            key = f"{name}_{'one' if batch == 1 else f'batch_of_{batch}'}"
+            jobs[key], steps[key] = simulation(plant, batch, count, compiled=True), batch * count
+    if peer is not None:
+        jobs["peer_euler_step"], steps["peer_euler_step"] = peer[1], PEER_STEPS
+    times = shortest(jobs, REPEATS)
+    slow: dict[str, Callable[[], object]] = {
+        "numpy_one": simulation(truths["physical"], 1, 100, compiled=False),
+        "numpy_batch_of_1000": simulation(truths["physical"], 1000, 2, compiled=False),
     }
-    for name, time_us in zip(("peer_simulate", "peer_euler_step"), peer or (), strict=False):
-        result |= {f"{name}_us": round(time_us, 1), f"{name}_ratio_one": round(time_us / one), f"{name}_ratio_batch": round(time_us / many)}
-    print(json.dumps(result, indent=1))
+    steps |= {"numpy_one": 100, "numpy_batch_of_1000": 2000}
+    if peer is not None:
+        slow["peer_simulate"], steps["peer_simulate"] = peer[0], PEER_SAMPLES
+    times |= shortest(slow, 5)
+    cost = {name: seconds / steps[name] * 1e6 for name, seconds in times.items()}
+    peers = {name: value for name, value in cost.items() if name.startswith("peer")}
+    ratios = {f"{name}_over_{key}": round(value / cost[key]) for name, value in peers.items() for key in jobs if key not in peers}
+    print(json.dumps({"us_per_vehicle_and_step": {name: round(value, 3) for name, value in cost.items()}, "ratios": ratios}, indent=1))
 
 
 if __name__ == "__main__":

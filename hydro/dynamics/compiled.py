@@ -41,41 +41,49 @@ THREADS: int = _config.NUMBA_NUM_THREADS
 
 
 @compiled
-def _model_force(nu: Any, eta_minus_1: Any, c: Tables, f: Array, like: Any) -> Any:
-    """K xi(nu) (3.12), coefficient by coefficient; `f` is room for the 17 factors."""
-    for i in range(6):
-        put(f, i, nu[i])
-        put(f, 6 + i, absolute(nu[i]))
-    v, w = nu[1], nu[2]
-    cross_speed = root(v * v + w * w)
-    put(f, 12, cross_speed)
-    put(f, 13, choose(0.0, v, cross_speed, choose(v, 0.0, 0.0 - cross_speed, like)))
-    put(f, 14, choose(0.0, w, cross_speed, choose(w, 0.0, 0.0 - cross_speed, like)))
-    put(f, 15, eta_minus_1)
-    put(f, 16, like + 1.0)
-    return (
-        _axis_force(0, c, f, like),
-        _axis_force(1, c, f, like),
-        _axis_force(2, c, f, like),
-        _axis_force(3, c, f, like),
-        _axis_force(4, c, f, like),
-        _axis_force(5, c, f, like),
-    )
-
-
-@compiled
-def _axis_force(axis: int, c: Tables, f: Array, like: Any) -> Any:
-    force = like
-    for k in range(c.first[axis], c.first[axis + 1]):
-        force = force + c.value[k] * get(f, c.factors[3 * k], like) * get(f, c.factors[3 * k + 1], like) * get(
-            f, c.factors[3 * k + 2], like
-        )
-    return force
+def room_for(c: Tables) -> int:
+    """Numbers of scratch that `rate` needs for each vehicle: terms and factors of a viscous model."""
+    return _whole(c.counts[0]) + 17
 
 
 @compiled
 def _whole(count: int) -> int:
     return (count + WIDTH - 1) // WIDTH * WIDTH
+
+
+@compiled
+def _model_force(nu: Any, eta_minus_1: Any, c: Tables, room: Array, like: Any) -> Any:
+    """K xi(nu) (3.12)."""
+    f = _whole(c.counts[0])  # room: the terms, and behind them their factors
+    for i in range(6):
+        put(room, f + i, nu[i])
+        put(room, f + 6 + i, absolute(nu[i]))
+    v, w = nu[1], nu[2]
+    cross_speed = root(v * v + w * w)
+    put(room, f + 12, cross_speed)
+    put(room, f + 13, choose(0.0, v, cross_speed, choose(v, 0.0, 0.0 - cross_speed, like)))
+    put(room, f + 14, choose(0.0, w, cross_speed, choose(w, 0.0, 0.0 - cross_speed, like)))
+    put(room, f + 15, eta_minus_1)
+    put(room, f + 16, like + 1.0)
+    for k in range(f):
+        pair = get(room, f + c.factors[3 * k], like) * get(room, f + c.factors[3 * k + 1], like)
+        put(room, k, pair * get(room, f + c.factors[3 * k + 2], like))
+    return (
+        _axis_force(0, c, room, like),
+        _axis_force(1, c, room, like),
+        _axis_force(2, c, room, like),
+        _axis_force(3, c, room, like),
+        _axis_force(4, c, room, like),
+        _axis_force(5, c, room, like),
+    )
+
+
+@compiled
+def _axis_force(axis: int, c: Tables, terms: Array, like: Any) -> Any:
+    columns, first, force = WIDTH // together(like), axis * _whole(c.counts[0]), spread(0.0)
+    for k in range(0, c.counts[0], columns):
+        force = force + column(c.coefficients, first + k, like) * get(terms, k // columns, spread(0.0))
+    return total(force, like)
 
 
 @compiled
@@ -87,8 +95,8 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
     at_0, at_1, at_2 = v * v + w * w, 2.0 * (v * r - w * q), q * q + r * r
     zero = spread(0.0)
     s0, s1, s2 = zero, zero, zero
-    wide = _whole(c.counts[0])
-    for i in range(0, c.counts[0], columns):
+    wide = _whole(c.counts[1])
+    for i in range(0, c.counts[1], columns):
         x = column(c.strips, i, like)
         drag = column(c.strips, i + wide, like) * root(absolute(at_0 + x * (at_1 + x * at_2)))
         s0 = s0 + drag
@@ -96,8 +104,8 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
         s2 = s2 + x * x * drag
     d0, d1, d2 = total(s0, like), total(s1, like), total(s2, like)
     f0, f1, f2, f3, f4, f5 = zero, zero, zero, zero, zero, zero
-    wide = _whole(c.counts[1])
-    for i in range(0, c.counts[1], columns):
+    wide = _whole(c.counts[2])
+    for i in range(0, c.counts[2], columns):
         sx, sy, sz = column(c.surfaces, i, like), column(c.surfaces, i + wide, like), column(c.surfaces, i + 2 * wide, like)
         nx, ny, nz = (
             column(c.surfaces, i + 3 * wide, like),
@@ -149,8 +157,8 @@ def _fin_force(a: Any, i: int, d: Any) -> Any:
 def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any) -> None:
     """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it (18,), of one vehicle or a register of them.
 
-    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (17,) is scratch. All are flat;
-    for a register every item is `WIDTH` numbers.
+    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (`room_for(c)`,) is scratch. All are
+    flat; for a register every item is `WIDTH` numbers.
     """
     u, v, w, p, q, r = get(x, 6, like), get(x, 7, like), get(x, 8, like), get(x, 9, like), get(x, 10, like), get(x, 11, like)
     nu = (u, v, w, p, q, r)
@@ -227,8 +235,7 @@ def _addresses(c: Tables) -> Any:
         address(c.fins),
         address(c.propeller),
         address(c.factors),
-        address(c.first),
-        address(c.value),
+        address(c.coefficients),
         address(c.strips),
         address(c.surfaces),
         c.counts,
@@ -249,8 +256,9 @@ def _integrate(
     width, size, rows = together(like), x0.shape[1], out.shape[1]
     used = min(width, x0.shape[0] - b)
     x, stage, slope, slopes = np.empty(size * width), np.empty(size * width), np.empty(size * width), np.empty(size * width)
-    low, high, now, room = np.empty(12 * width), np.empty(12 * width), np.empty(12 * width), np.empty(17 * width)
-    alive = np.ones(width, dtype=np.bool_)
+    low, high, now, room = np.empty(12 * width), np.empty(12 * width), np.empty(12 * width), np.empty(room_for(c) * width)
+    shown = np.empty(size * width)
+    ended = like  # nan once a state was not finite
     for j in range(width):
         for i in range(size):
             x[i * width + j] = stage[i * width + j] = x0[min(b + j, x0.shape[0] - 1), i]
@@ -282,13 +290,12 @@ def _integrate(
             put(x, i, end)
             put(stage, i, end)
             put(slopes, i, like)
+            put(shown, i, end + ended)
+        for i in range(size):
+            ended = ended + 0.0 * get(x, i, like)
         for j in range(used):
-            if alive[j]:
-                for i in range(size):
-                    out[b + j, s + 1, i] = x[i * width + j]
-                    alive[j] = alive[j] and np.isfinite(x[i * width + j])
-            else:
-                out[b + j, s + 1, :] = np.nan
+            for i in range(size):
+                out[b + j, s + 1, i] = shown[i * width + j]
 
 
 @compiled

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.dynamics.arrays import AXES, VELOCITIES, Array
+from hydro.dynamics.arrays import VELOCITIES, Array
 from hydro.dynamics.physical_viscous import PhysicalViscous
 from hydro.dynamics.vehicle import Vehicle
 from hydro.dynamics.viscous_basis import BASIS_TERMS, MODULI, PROPULSION
@@ -22,11 +22,11 @@ WIDTH = 8
 class Tables(NamedTuple):
     """Constants of a plant.
 
-    `restoring`: W - B, and r_G W - r_B B. `fins` (2, 6, 4): dimensional coefficients of delta and delta^2 at u = 1 m/s. `propeller` (7,):
-    (1 - w_f) / D, rho D^4 times K_T, rho D^5 times K_Q. `value` (n,) and `factors` (n, 3): one row per coefficient of a viscous model,
-    axis after axis, those of axis i at `first[i]` to `first[i + 1]`. `strips` (2, columns) and `surfaces` (11, columns) are those of
-    `PhysicalViscous` with one column each, filled up with zeros to whole registers; `counts` are the columns that mean something.
-    `physical`: whether they act at all; `body`, `axial`, `asymmetry`: as there. `lag_s`: time constant of the viscous force, or 0.
+    All arrays are flat. `restoring`: W - B, and r_G W - r_B B. `fins` (6, 2, 4): dimensional coefficients of delta and of delta^2 at
+    u = 1 m/s. `propeller` (7,): (1 - w_f) / D, rho D^4 times K_T, rho D^5 times K_Q. `factors` (terms, 3) and `coefficients` (6, terms):
+    xi and K of a viscous model. `strips` (2, strips) and `surfaces` (11, surfaces): those of `PhysicalViscous` with a column each. Terms,
+    strips and surfaces are filled up to whole registers with what has no effect; `counts` are those that mean something. `physical`: which
+    of the two acts; `body`, `axial`, `asymmetry`: as there. `lag_s`: time constant of the viscous force, or 0.
     """
 
     mass: Array
@@ -35,11 +35,10 @@ class Tables(NamedTuple):
     fins: Array
     propeller: Array
     factors: NDArray[np.int64]
-    first: NDArray[np.int64]
-    value: Array
+    coefficients: Array
     strips: Array
     surfaces: Array
-    counts: tuple[int, int]
+    counts: tuple[int, int, int]
     physical: bool
     body: Array
     axial: Array
@@ -59,8 +58,7 @@ def plant_tables(vehicle: Vehicle, truth: PhysicalViscous | IdentifiedModel, *, 
         drive, rho = vehicle.propeller, vehicle.water_density
         propeller[0] = (1.0 - drive.wake_fraction) / drive.diameter_m
         propeller[1:4], propeller[4:] = rho * drive.diameter_m**4 * drive.thrust, rho * drive.diameter_m**5 * drive.torque
-    coefficients = truth.coefficients if isinstance(truth, IdentifiedModel) else {}
-    rows = [[(term, value) for term, value in coefficients.get(axis, {}).items() if value] for axis in AXES]
+    terms, matrix = (truth.terms, truth.matrix) if isinstance(truth, IdentifiedModel) else ((), np.zeros((6, 0)))
     physical = truth if isinstance(truth, PhysicalViscous) else _NO_PHYSICS
     return Tables(
         mass=vehicle.mass_matrix.flatten(),
@@ -68,12 +66,11 @@ def plant_tables(vehicle: Vehicle, truth: PhysicalViscous | IdentifiedModel, *, 
         restoring=np.concatenate([[vehicle.weight - vehicle.buoyancy], vehicle.r_G * vehicle.weight - vehicle.r_B * vehicle.buoyancy]),
         fins=fins.ravel(),
         propeller=propeller,
-        factors=np.array([_factor_row(term) for axis in rows for term, _ in axis], dtype=np.int64).ravel(),
-        first=np.cumsum([0, *map(len, rows)], dtype=np.int64),
-        value=np.array([value for axis in rows for _, value in axis], dtype=np.float64),
+        factors=np.array([_factor_row(term) for term in terms] + [[_ONE] * 3] * (-len(terms) % WIDTH), dtype=np.int64).ravel(),
+        coefficients=_columns(matrix.T),
         strips=_columns(physical.strips),
         surfaces=_columns(physical.surfaces),
-        counts=(len(physical.strips), len(physical.surfaces)),
+        counts=(len(terms), len(physical.strips), len(physical.surfaces)),
         physical=isinstance(truth, PhysicalViscous),
         body=np.array(physical.body),
         axial=np.array(physical.axial),

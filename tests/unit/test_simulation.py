@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from data_schemas.errors import DataError
-from hydro.dynamics.compiled import rate
+from hydro.dynamics.compiled import rate, room_for
 from hydro.dynamics.equations_of_motion import inverse_dynamics
 from hydro.dynamics.physical_viscous import PhysicalViscous, physical_viscous
 from hydro.dynamics.plant_tables import FACTORS
@@ -59,7 +59,7 @@ def test_compiled_right_hand_side_is_that_of_numpy(name: str) -> None:
     level = plant.level_speed(n)
     out = np.empty((20, plant.states))
     for i in range(20):
-        rate(x[i], np.concatenate([[n[i], level[i]], fins[i], force[i]]), plant.tables, out[i], np.empty(17), 0.0)
+        rate(x[i], np.concatenate([[n[i], level[i]], fins[i], force[i]]), plant.tables, out[i], np.empty(room_for(plant.tables)), 0.0)
     assert np.max(np.abs(out - expected)) < 1e-12 * np.max(np.abs(expected))
 
 
