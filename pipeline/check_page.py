@@ -13,7 +13,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from pipeline.terminal import plain
+from pipeline.terminal import plain, plain_lines
 from stages.ingest.checks_use import NO_FORCE, NO_STATE
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def alignment_text(found: Alignment) -> str:
 def _page(page: Page) -> Group:
     title = Rule(Text(plain(page.name), style="bold"), align="left", style="dim")
     if page.health is None:
-        return Group(title, Text.assemble(("✗ refused ", "bold red"), plain(page.refused)), Text())
+        return Group(title, Text.assemble(("✗ refused ", "bold red"), plain_lines(page.refused)), Text())
     health = page.health
     return Group(
         title,
@@ -162,5 +162,6 @@ def html(pages: Sequence[Page], aligned: Alignment | None = None) -> str:
     """The pages as one self-contained HTML file."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
+    environment.filters["plain_lines"] = plain_lines
     source = (resources.files(__package__) / "check_page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source).render(pages=pages, axes=AXES, alignment=aligned and alignment_text(aligned))

@@ -125,8 +125,9 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
 def _no_streams(log: RawLog, parts: list[Part]) -> DataError:
     counts = {name: count for part in parts for name, count in part.log.counts.items()}
     most = sorted(counts, key=lambda name: -counts[name])[:8]
+    said = "".join(f". {note.rstrip('.')}" for part in parts for note in part.log.notes)
     return DataError(
-        "the log has no message that fills a stream",
+        f"the log has no message that fills a stream{said}",
         file=", ".join(file.name for file in log.files) or f"log '{log.id}'",
         value=", ".join(f"{name} ({counts[name]})" for name in most) or "no records",
         remedy="docs/streams.md lists the messages that streams are made from.",

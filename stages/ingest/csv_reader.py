@@ -22,15 +22,12 @@ import pyarrow.csv as pacsv
 from data_schemas.errors import CampaignError, LogError
 
 from .column_map import ColumnMap, MappedColumn, column_map, dialect_map
+from .column_proposal import proposed_map
 from .csv_lines import ISO_TIME, Form, SoundRows, read_sound_rows
 from .dataflash_health import covered_seconds
 from .decoded import ByteAccount, DecodedLog, LogStatus, Messages, RawFile, Skipped
 
 NAME = "csv"
-EXAMPLE = """
-    time: {column: %s, unit: s}
-    columns:
-      - {column: %s, stream: depth, field: depth_m, unit: m}"""
 HEADER_BYTES = 1 << 16
 BLOCK = 1 << 20
 NEWLINE = 10
@@ -85,9 +82,9 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
             "a CSV log needs a column map",
             file=file.name,
             row=1,
-            value=", ".join(head.names),
-            remedy="Write a YAML file that says what the columns are, and name it in the manifest (columns: FILE):"
-            + EXAMPLE % (head.names[0], head.names[-1]),
+            value=f"{len(head.names)} columns",
+            allowed="a YAML file that says what the columns are, named in the manifest (columns: FILE) or by auvid check --columns FILE",
+            remedy=proposed_map(head.names),
         )
     _check_separator(head, file.name)
     mapping = column_map(raw, head.names, file=file.name)

@@ -19,15 +19,21 @@ DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270
 FIX_3D = 3
 GPS_EPOCH_US = 315_964_800_000_000  # 6 January 1980
 WEEK_US = 604_800_000_000
+LAST_WEEK = 10_000
 LATEST_US = 1 << 52
-LEAP_SECONDS_US = 18_000_000  # GPS minus UTC since 2017
+LEAP_SECONDS = ((1_483_228_800, 18), (1_435_708_800, 17), (1_341_100_800, 16), (0, 15))  # GPS minus UTC [s] since a Unix time (IERS C)
+UNIX_US = 1 << 50  # a clock beyond it counts from 1970: no autopilot runs for 35 years
 Ints = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float64]
 
 
 def clock(messages: Messages, log: DecodedLog) -> Ints | None:
-    """Boot time in microseconds: TimeUS, or TimeMS of logs before 2015; -1 for a damaged number of a text log."""
-    for name, factor in (("TimeUS", 1), ("TimeMS", 1000)):
+    """Boot time in microseconds: TimeUS, or TimeMS of logs before 2015; -1 for a damaged number of a text log.
+
+    In the GPS records of such logs TimeMS is the time of the GPS week, and T the boot time.
+    """
+    old_fix = {"T", "TimeMS"} <= set(messages.columns) and bool({"Week", "GPSTime"} & set(messages.columns))
+    for name, factor in (("T", 1000),) if old_fix else (("TimeUS", 1), ("TimeMS", 1000)):
         stamps = np.asarray(messages.columns.get(name, ()))
         if name in messages.columns and stamps.dtype.kind in "iuf":
             if stamps.dtype.kind == "f":
@@ -207,18 +213,24 @@ def apart(time_us: Ints, words: list[str]) -> Columns:
 
 
 def utc_offset_us(log: DecodedLog) -> int | None:
-    """UTC minus boot clock in us from the GPS week and time of week of records with a fix (median); None without a fix."""
+    """UTC minus boot clock in us from the GPS week and time of week of records with a fix (median); None without a fix.
+
+    0 for a clock that counts from 1970 itself, whatever the GPS says: that of a simulator may be decades off.
+    """
     fix = log.messages.get("GPS")
-    if fix is None or not {"GWk", "GMS", "Status"} <= set(fix.columns):
+    names = () if fix is None else next((item for item in (("GWk", "GMS"), ("Week", "TimeMS")) if set(item) <= set(fix.columns)), ())
+    if fix is None or not names or "Status" not in fix.columns:
         return None
     time_us = clock(fix, log)
-    good = (floats(fix, "Status") >= FIX_3D) & (floats(fix, "GWk") > 0)
+    week, of_week = (floats(fix, name) for name in names)
+    good = (floats(fix, "Status") >= FIX_3D) & (week > 0) & (week < LAST_WEEK) & (of_week >= 0) & (of_week * 1000 < WEEK_US)
     if time_us is None or not good.any():
         return None
-    gps_us = (
-        GPS_EPOCH_US + np.asarray(fix.columns["GWk"]).astype(np.int64) * WEEK_US + np.asarray(fix.columns["GMS"]).astype(np.int64) * 1000
-    )
-    return int(np.median((gps_us - time_us)[good])) - LEAP_SECONDS_US
+    if np.median(time_us[good]) > UNIX_US:
+        return 0
+    gps_us = GPS_EPOCH_US + week[good].astype(np.int64) * WEEK_US + of_week[good].astype(np.int64) * 1000
+    leap = next(seconds for since, seconds in LEAP_SECONDS if np.median(gps_us) / 1e6 >= since)
+    return int(np.median(gps_us - time_us[good])) - leap * 1_000_000
 
 
 RULES = Rules(

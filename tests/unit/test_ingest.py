@@ -166,6 +166,13 @@ def test_nothing_but_definitions() -> None:
         run(RawFile("stub.BIN", np.frombuffer(head, np.uint8)))
 
 
+def test_sensors_without_a_time_field_are_named() -> None:
+    head = "FMT, 1, 19, ATT, cc, Roll,Pitch\nFMT, 2, 19, CTUN, f, Alt\n"
+    text = (head + "ATT, 1.5, 2.5\nCTUN, 0.5\n" * 20).encode()
+    with pytest.raises(DataError, match="Without a time field of the vehicle's clock: ATT, CTUN"):
+        run(RawFile("old.log", np.frombuffer(text, np.uint8)))
+
+
 @pytest.mark.parametrize(
     ("content", "words"), [(b"", "the file is empty"), (b"\0" * 64, "the file is empty"), (b"hello world\n" * 9, "no reader recognises")]
 )

@@ -126,6 +126,25 @@ def test_filter_velocity_without_a_sensor_is_refused() -> None:
     assert any("not a velocity sensor" in note for note in aided.notes)
 
 
+def test_utc_from_the_fix_of_new_and_of_old_firmware() -> None:
+    """Week 1815, 8363.0 s: Sunday 19 October 2014, 02:19:07 UTC, while GPS was 16 s ahead."""
+    unix_us = 1_413_685_147_000_000
+    old = message("GPS", Status=3.0, TimeMS=8_363_000.0 + 50.0 * np.arange(20), Week=1815.0, T=32_461.0 + 50.0 * np.arange(20))
+    del old.columns["TimeUS"]  # type: ignore[attr-defined]
+    assert streams_dataflash.utc_offset_us(log(old)) == unix_us - 32_461_000
+    stamps = streams_dataflash.clock(old, log(old))
+    assert stamps is not None
+    assert stamps[0] == 32_461_000, "TimeMS of such records is the time of the week"
+    new = message("GPS", Status=3.0, GMS=8_363_000.0 + 100.0 * np.arange(20), GWk=1815.0)
+    assert streams_dataflash.utc_offset_us(log(new)) == unix_us - 7_000_000
+    assert streams_dataflash.utc_offset_us(log(message("GPS", Status=1.0, GMS=0.0, GWk=0.0))) is None
+
+
+def test_a_clock_that_counts_from_1970_needs_no_fix() -> None:
+    wrong = message("GPS", Status=6.0, GMS=536_629_400.0, GWk=5377.0, TimeUS=1_784_255_537_479_288 + np.arange(20) * 200_000)
+    assert streams_dataflash.utc_offset_us(log(wrong)) == 0
+
+
 def test_fallback_attitude_says_so() -> None:
     stream = dataflash(log(message("AHR2", Roll=0.0, Pitch=0.0, Yaw=10.0)))["attitude"]
     assert stream.source == "AHR2"
