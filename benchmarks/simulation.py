@@ -4,10 +4,10 @@
 
 FOLDER is a copy of PythonVehicleSimulator (github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one, there
 are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, viscous force), an Euler step
-of the peer's REMUS 100 has one. Two truths: the physical viscous force, and a published model (McFarland). The batch uses the threads that
-numba may start. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of 20 ms, autopilot and table
-included), and its bare Euler step. Shortest of many runs, ours and the peer's in turn, so that another program on the machine disturbs
-both alike; the first call, which compiles, is not counted.
+of the peer's REMUS 100 has one. Two truths: the physical viscous force, and a published model (Gertler and Hagen, 88 coefficients). A
+batch uses the threads that numba may start. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of
+20 ms, autopilot and table included), and its bare Euler step. Shortest of many runs, ours and the peer's in turn, so that another program
+on the machine disturbs both alike; the first call, which compiles, is not counted.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def main() -> None:
     if folder is not None and peer is None:
         sys.exit(f"no package python_vehicle_simulator can be imported from {folder}")
     vehicle = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
-    truths = {"physical": Plant(vehicle, physical_viscous(vehicle)), "mcfarland": Plant(vehicle, published("mcfarland"))}
+    truths = {"physical": Plant(vehicle, physical_viscous(vehicle)), "gertler_hagen": Plant(vehicle, published("gertler_hagen"))}
     jobs: dict[str, Callable[[], object]] = {}
     steps: dict[str, int] = {}
     for name, plant in truths.items():

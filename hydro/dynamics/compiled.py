@@ -157,8 +157,8 @@ def _fin_force(a: Any, i: int, d: Any) -> Any:
 def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any) -> None:
     """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it (18,), of one vehicle or a register of them.
 
-    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (`room_for(c)`,) is scratch. All are
-    flat; for a register every item is `WIDTH` numbers.
+    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (`room_for(c)`,): scratch.
+    All are flat; for a register every item is `WIDTH` numbers.
     """
     u, v, w, p, q, r = get(x, 6, like), get(x, 7, like), get(x, 8, like), get(x, 9, like), get(x, 10, like), get(x, 11, like)
     nu = (u, v, w, p, q, r)
