@@ -209,7 +209,8 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     centred = expected - expected.mean(axis=0)
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
-    score = [float(np.sum(np.abs(np.diag(_correlation(centred, mean_rate(rows, lag)))) * energy**2)) for lag in lags]
+    # The best of the three axes, so that exchanged axes do not send the search astray.
+    score = [float(np.sum(np.abs(_correlation(centred, mean_rate(rows, lag))).max(axis=1) * energy**2)) for lag in lags]
     lag = _peak(lags, np.asarray(score))
     measured = mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hydro.identification.signal_checks import Following, attitude_difference, following, gravity, rate_agreement
+from hydro.identification.signal_checks import Following, RateAgreement, attitude_difference, following, gravity, rate_agreement
 
 from .checks_common import ATTITUDE, GYRO, VELOCITY, Array, Finding, Recorded, counted, finding, limit, listed, number
 from .streams import OtherSource
@@ -21,7 +21,10 @@ UNITS_PER_MS2 = {"specific_force": GRAVITY_M_S2, "inertial": 0.0, "derivative": 
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
 ESTIMATED = re.compile(r"estimate of the navigation filter|relative altitude of the navigation filter")
 AXES = "xyz"
+GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
+"""Where the gyro itself is wrong, turns that it does not show are no jumps of the attitude."""
 RATES = ("roll", "pitch", "yaw")
+SPEEDS = ("surge", "sway", "heave")
 RATE_S = 1.0
 
 
@@ -43,12 +46,18 @@ def _gyro(log: Recorded) -> Iterator[Finding]:
     found = rate_agreement(log.t_s("attitude"), log.values("attitude", ATTITUDE), log.t_s("imu"), log.values("imu", GYRO))
     if found is None:
         return
-    if found.jumps:
+    compared = list(_axes(found))
+    yield from compared
+    if found.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
         text = (
             f"The attitude ({log.source('attitude')}) jumps {counted(found.jumps, 'time')} without the gyro, "
             f"by up to {math.degrees(found.largest_jump):.0f} degrees (at {found.jump_at_s:.1f} s)."
         )
         yield finding("attitude_jumps", text, stream="attitude", value=math.degrees(found.largest_jump))
+
+
+def _axes(found: RateAgreement) -> Iterator[Finding]:
+    """Bias, sign, axes, scale and lag of the gyro against the attitude."""
     moved = [axis for axis in range(3) if found.std[axis] >= SMALLEST_TURN_RAD_S]
     largest = int(np.argmax(np.abs(found.bias)))
     if abs(found.bias[largest]) > limit("gyro_bias"):
@@ -220,7 +229,7 @@ def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
 
 
 def velocity_findings(log: Recorded) -> Iterator[Finding]:
-    """A filter's velocity without aiding, and a velocity that is an estimate."""
+    """A filter's velocity without aiding, a velocity that is an estimate, and velocities that move against each other."""
     refused = [other for other in log.others if other.stream == "velocity" and other.refused is not None]
     unaided = [other for other in refused if "navigation filter" in str(other.refused)]
     if unaided:
@@ -229,3 +238,23 @@ def velocity_findings(log: Recorded) -> Iterator[Finding]:
     if log.has("velocity") and any(note.startswith("velocity") and ESTIMATED.search(note) for note in log.info["notes"]):
         text = f"Velocity is the estimate of the navigation filter ({log.source('velocity')})."
         yield finding("estimated_velocity", text, stream="velocity")
+    if log.has("velocity"):
+        yield from _other_velocities(log)
+
+
+def _other_velocities(log: Recorded) -> Iterator[Finding]:
+    used, t_s, own = log.source("velocity"), log.t_s("velocity"), log.values("velocity", VELOCITY)
+    for other in _comparable(log, "velocity"):
+        assert other.columns is not None
+        at = log.seconds(other.columns["time_us"])
+        against = []
+        for axis, name in enumerate(VELOCITY):
+            values = other.columns[name]
+            if min(_spread(own[:, axis]), _spread(values)) < SMALLEST_MOVE_M_S:
+                continue
+            found = following(t_s, own[:, axis], at, values)
+            if found is not None and found.correlation < limit("velocity_disagrees"):
+                against.append((found.correlation, SPEEDS[axis]))
+        if against:
+            text = f"{other.source} moves against {used} in {listed([name for _, name in against])} (correlation {min(against)[0]:.2f})."
+            yield finding("velocity_disagrees", text, stream="velocity", value=min(against)[0])

@@ -25,6 +25,15 @@ CAVEATS = {
     "low_actuator_rate": "commands are recorded too slowly",
     "estimated_velocity": "velocity is the estimate of the navigation filter",
     "simulated": "the log is simulated",
+    "gyro_sign": "the gyro turns against the attitude",
+    "gyro_axes": "axes of the gyro are exchanged",
+    "gyro_scale": "gyro and attitude differ in scale",
+    "accelerometer_unit": "the accelerometer has another unit",
+    "accelerometer_convention": "the accelerometer does not measure what it is said to",
+    "accelerometer_direction": "the accelerometer contradicts the attitude",
+    "depth_sign": "depth and vertical velocity contradict each other",
+    "velocity_disagrees": "two velocities contradict each other",
+    "constant_signal": "a sensor is dead",
 }
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 

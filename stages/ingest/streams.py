@@ -167,6 +167,8 @@ def _instances(name: str, messages: Messages, instance: tuple[str, ...]) -> Iter
         yield name, messages
         return
     values = np.asarray(messages.columns[column])
+    if values.dtype.kind == "f":
+        values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)  # records of a layout from when there was one sensor only
     found = np.unique(values)
     if found.size < FEW:
         yield name, messages

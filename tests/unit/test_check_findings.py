@@ -113,6 +113,7 @@ SPOIL |= {
     "attitude_disagrees": other("attitude", "AHR2", psi_rad=lambda psi: psi + np.radians(35.0)),
     "depth_above_water": scaled("depth", ("depth_m",), -1.0),
     "depth_disagrees": other("depth", "XKF1", depth_m=lambda depth: 1.5 * depth),
+    "velocity_disagrees": other("velocity", "XKF1", v_m_s=lambda sway: -sway),
     "depth_unit": other("depth", "CTUN", depth_m=lambda depth: 0.01 * depth),
     "depth_estimated": saying(notes=["depth: depth is the estimate of the navigation filter, not a pressure"]),
     "unaided_velocity": other("velocity", "XKF1", refused="the navigation filter had no velocity or position sensor"),
@@ -248,6 +249,28 @@ def test_a_spoilt_log_shows_the_finding(name: str) -> None:
     assert found["severity"] == checks()[name].severity
     assert found["text"].endswith(".")
     assert len(found["remedy"]) > 10
+
+
+def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> None:
+    for name in ("gyro_sign", "gyro_scale", "gyro_axes"):
+        log = sound()
+        imu = log.streams["imu"]
+        for column in IMU_COLUMNS:
+            imu[column] = 6.0 * imu[column]
+        for column in ("phi_rad", "theta_rad", "psi_rad"):
+            log.streams["attitude"][column] = 6.0 * log.streams["attitude"][column]
+        SPOIL[name](log)
+        assert "attitude_jumps" not in log.ids(), name
+        assert "gyro" in log.health()["verdict"].split("but ")[1], name
+
+
+def test_a_velocity_against_the_filters_own() -> None:
+    log = sound()
+    SPOIL["velocity_disagrees"](log)
+    assert log.finding("velocity_disagrees")["text"] == "XKF1 moves against VELOCITY in sway (correlation -1.00)."
+    agreeing = sound()
+    other("velocity", "XKF1")(agreeing)
+    assert "velocity_disagrees" not in agreeing.ids()
 
 
 def test_findings_are_ranked() -> None:

@@ -126,6 +126,13 @@ def test_filter_velocity_without_a_sensor_is_refused() -> None:
     assert any("not a velocity sensor" in note for note in aided.notes)
 
 
+def test_records_from_before_there_were_instances_are_those_of_the_first() -> None:
+    """Two logs in one file: the layout of the first had no instance, which leaves NaN in the joined column."""
+    instance = np.where(np.arange(20) < 10, np.nan, np.arange(20) % 2)
+    streams = dataflash(log(message("BARO", Alt=-0.1 * np.arange(20), I=instance)))
+    assert {label for label in statuses(streams["depth"]) if label.startswith("BARO")} == {"BARO[0]", "BARO[1]"}
+
+
 def test_utc_from_the_fix_of_new_and_of_old_firmware() -> None:
     """Week 1815, 8363.0 s: Sunday 19 October 2014, 02:19:07 UTC, while GPS was 16 s ahead."""
     unix_us = 1_413_685_147_000_000
