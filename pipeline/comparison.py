@@ -8,6 +8,7 @@ from pipeline.runner import Run
 from pipeline.summary import comparison_rows
 
 PUBLISHED = "published_values"
+LIMITS = (("least", ">="), ("most", "<="))
 
 
 def open_comparison(name: str) -> Run | None:
@@ -30,7 +31,10 @@ def print_comparison(run: Run) -> bool:
             print(f"\n{table}")
         values = f"{_cell(row['printed']):>12}{_cell(row['truth']):>13}{_cell(row['ours']):>12}"
         errors = f"{_percent(row['printed_error']):>13}{_percent(row['our_error']):>11}"
-        told = f"  {row['verdict']}" if row["asked_verdict"] else ""
+        limits = " and ".join(f"{word} {row[key]:g}" for key, word in LIMITS if row[key] is not None)
+        told = "  ".join(
+            part for part in (f"  asked {limits}" if limits else "", f"  {row['verdict']}" if row["asked_verdict"] else "") if part
+        )
         print(f"  {row['quantity']:<{width}}{values}{errors}{told}{'  MISSED' if row['met'] is False else ''}")
     asked_of = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked_of if not row["met"]]

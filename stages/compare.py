@@ -65,18 +65,21 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
 
 
 def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
-    """One row of schema `comparison`. Met: the error is within its bound and the verdict is the asked one; None where neither is asked."""
+    """One row of schema `comparison`. Met: error, value and verdict are all as asked; None where nothing is asked."""
     figure = figures[row["ours"]] if "ours" in row else None
     ours = _ours(row, figure)
     truth = row.get("truth", row.get("corrected", row["printed"]))
     error = _relative(ours, truth)
     bound, asked = row.get("most_relative_error"), str(row.get("verdict") or "")
     verdict = str((figure or {}).get("verdict") or "")
-    met: bool | None = None
+    least, most = _number(row.get("least")), _number(row.get("most"))
+    held: list[bool] = []
     if bound is not None:
-        met = error is not None and abs(error) <= bound
+        held.append(error is not None and abs(error) <= bound)
+    if least is not None or most is not None:
+        held.append(ours is not None and (least is None or ours >= least) and (most is None or ours <= most))
     if asked:
-        met = (met is not False) and verdict == asked
+        held.append(verdict == asked)
     spread = None if figure is None else figure.get("standard_error")
     return {
         "table": name,
@@ -90,9 +93,11 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
         "printed_error": _relative(_number(row["printed"]), truth),
         "our_error": error,
         "bound": _number(bound),
+        "least": least,
+        "most": most,
         "verdict": verdict,
         "asked_verdict": asked,
-        "met": met,
+        "met": all(held) if held else None,
         "source": str(row.get("ours", "")),
         "note": str(row.get("note", "")),
     }
@@ -115,6 +120,9 @@ def _relative(value: float | None, truth: float | None) -> float | None:
     return (value - truth) / abs(truth)
 
 
+BOUNDS = ("most_relative_error", "least", "most", "verdict")
+
+
 def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[PipelineError]:
     known = {entry["id"] for entry in published.get("errata") or ()}
     for t, entry in enumerate(published["tables"]):
@@ -125,7 +133,7 @@ def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[Pi
             if "ours" in row and row["ours"] not in figures:
                 remedy = nearest(row["ours"], figures) or "Run the stages that find it first."
                 yield CampaignError("no stage has this figure", field=f"tables[{t}].rows[{index}].ours", value=row["ours"], remedy=remedy)
-            if "ours" not in row and ("most_relative_error" in row or "verdict" in row):
+            if "ours" not in row and any(key in row for key in BOUNDS):
                 yield CampaignError("a bound needs a figure", field=f"tables[{t}].rows[{index}]", value=row["quantity"])
 
 
@@ -162,6 +170,8 @@ HEADS: tuple[str | tuple[str, str], ...] = (
     ("printed error", "%"),
     ("our error", "%"),
     ("asked", "%"),
+    "at least",
+    "at most",
     "verdict",
     "met",
     "note",
@@ -172,7 +182,8 @@ def _cells(row: Mapping[str, Any]) -> list[Any]:
     percent = [_percent(row[key]) for key in ("printed_error", "our_error", "bound")]
     met = "" if row["met"] is None else "yes" if row["met"] else "no"
     values = [_as_printed(row[key]) for key in ("printed", "corrected", "truth", "ours")]
-    return [row["quantity"], row["unit"], *values, *percent, row["verdict"] if row["asked_verdict"] else "", met, row["note"]]
+    limits = ["" if row[key] is None else f"{row[key]:g}" for key in ("least", "most")]
+    return [row["quantity"], row["unit"], *values, *percent, *limits, row["verdict"] if row["asked_verdict"] else "", met, row["note"]]
 
 
 def _as_printed(value: float | None) -> str:
@@ -196,10 +207,13 @@ def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], 
 
 
 def _why(row: Mapping[str, Any]) -> str:
-    if row["ours"] is None and row["bound"] is not None:
+    if row["ours"] is None and any(row[key] is not None for key in ("bound", "least", "most")):
         return f"no value was found ({row['verdict'] or 'no verdict'})"
     if row["bound"] is not None and row["our_error"] is not None and abs(row["our_error"]) > row["bound"]:
         return f"off by {100.0 * abs(row['our_error']):.3g} %, asked at most {100.0 * row['bound']:.3g} %"
+    for key, words, outside in (("least", "at least", float.__lt__), ("most", "at most", float.__gt__)):
+        if row[key] is not None and outside(row["ours"], row[key]):
+            return f"{row['ours']:.4g} {row['unit']}, asked {words} {row[key]:g}"
     return f"the verdict is '{row['verdict']}', asked '{row['asked_verdict']}'"
 
 

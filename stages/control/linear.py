@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from data_schemas.errors import CampaignError, nearest
 from hydro.control.closed_loop import linear_response
 from hydro.control.equilibrium import METHODS, equilibrium
-from hydro.control.open_loop import OpenLoopRun
+from hydro.control.open_loop import OpenLoopRun, fly_open_loop
 from hydro.control.plants import HybridPlant
 from hydro.control.trajectories import trajectory_through
 from stages.sections import Block, panel, plot, series, table
@@ -41,21 +41,34 @@ class Comparison:
 def linear_comparisons(plant: HybridPlant, runs: Sequence[OpenLoopRun], names: Sequence[str]) -> list[Comparison]:
     """The named open-loop runs against the linear model about their recorded paths (Algorithm 1).
 
-    Raises `CampaignError` for a name that is no open-loop case of this parameter set.
+    Raises `CampaignError` for a name that is no open-loop case of this parameter set, and for a run shorter than `FROM_S` and a second.
     """
     known = {run.case.name: run for run in runs}
     found = []
     for name in names:
         if name not in known:
             raise CampaignError("no such open-loop case", field="linear", value=name, allowed=tuple(known), remedy=nearest(name, known))
-        found += [_compared(plant, known[name], method) for method in METHODS]
+        recorded = _recorded(plant, known[name])
+        found += [_compared(plant, recorded, method) for method in METHODS]
     return found
 
 
+def _recorded(plant: HybridPlant, run: OpenLoopRun) -> OpenLoopRun:
+    """The run again, from `FROM_S` on and every `STEP_S`: a path drawn through the seconds of a run has kinks that no vehicle can fly."""
+    if run.t_s[-1] < FROM_S + 1.0:
+        allowed = f"at least {FROM_S + 1.0:g} s"
+        raise CampaignError("too short to linearise about", field=f"open_loop.{run.case.name}", value=float(run.t_s[-1]), allowed=allowed)
+    short = replace(run.case, duration_s=min(FROM_S + FOR_S, float(run.t_s[-1])))
+    fine = fly_open_loop(plant.hybrid, short, step_s=STEP_S)
+    kept = slice(round(FROM_S / STEP_S), None)
+    return replace(fine, t_s=fine.t_s[kept], chi=fine.chi[kept], mass_kg=fine.mass_kg[kept])
+
+
 def _compared(plant: HybridPlant, run: OpenLoopRun, method: str) -> Comparison:
-    t = np.arange(FROM_S, min(FROM_S + FOR_S, run.t_s[-1]) + 1e-9, STEP_S)
-    chi = np.column_stack([np.interp(t, run.t_s, column) for column in run.chi.T])
+    t, chi = run.t_s, run.chi
     recorded = trajectory_through(t - t[0], chi[:, 6:9])
+    turns = 2.0 * np.pi * np.round((chi[0, 11] - recorded.attitude[0, 2]) / (2.0 * np.pi))  # the vehicle may have gone round before
+    recorded = replace(recorded, attitude=recorded.attitude + np.array([0.0, 0.0, turns]))
     along = equilibrium(plant, recorded, method=method)
     A, B = plant.linear(along.chi, along.U, mass_kg=along.mass_kg)
     inputs = np.tile(run.case.U, (len(t), 1))

@@ -115,6 +115,10 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
             values["steady error"] = (float(e.steady_m), "m")
         if item.case.turn_s is not None and item.flown.reference_s[-1] > item.case.turn_s:
             values["cross-track at ends of turns"] = (at_turns(item), "m")
+        without = _without_observer(item, flown)
+        if without is not None:
+            share = float(e.cross_track_rms_m) / float(without.errors.cross_track_rms_m)
+            values["rms cross-track over that without observer"] = (share, "1")
         for name, (value, unit) in values.items():
             shown = item.flight.headline and name == "rms cross-track" and not after
             rows.append(
@@ -134,6 +138,20 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
         )
         rows.append({"quantity": f"slowest closed-loop pole, gains in use, {item.case.name}", "value": used, "unit": "1/s", "note": words})
     return rows
+
+
+def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
+    """The flight that differs by the observer alone; None for a flight without one, or where there is no such flight."""
+
+    def told(other: Flown) -> tuple[Any, ...]:
+        flight = other.flight
+        force = {name: np.asarray(value).tolist() for name, value in flight.force.items()}
+        current = None if flight.current is None else flight.current.tolist()
+        return other.case.name, other.designed_on, flight.clock, force, current
+
+    if not item.flight.observer:
+        return None
+    return next((other for other in flown if not other.flight.observer and told(other) == told(item)), None)
 
 
 def at_turns(item: Flown) -> float:

@@ -59,6 +59,23 @@ def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
     assert corrected["met"] is True
 
 
+def test_limits_on_the_value_itself():
+    held, low, high, both = compared(
+        row(least=-14.0, most=-13.0), row(least=-13.0), row(most=-13.2), row(most=-13.0, most_relative_error=0.03)
+    )
+    assert [found["met"] for found in (held, low, high, both)] == [True, False, False, False]
+    assert (held["least"], held["most"], low["most"]) == (-14.0, -13.0, None)
+    (unknown,) = compared(row(ours="rlse/surge:X_u|u|", printed=None, truth=None, most=1.0))
+    assert unknown["met"] is False
+
+
+def test_a_missed_limit_is_told_in_the_unit_of_the_row():
+    outputs = compare.run(compare.Inputs(collection(RESULTS), published(row(most=-13.2), row(least=-13.0))), compare.Params())
+    assert outputs.section is not None
+    warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"][1:]
+    assert warned == ["Table 4, X_udot: -13.1 kg, asked at most -13.2", "Table 4, X_udot: -13.1 kg, asked at least -13"]
+
+
 def test_without_truth_the_corrected_value_counts_then_the_printed():
     entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, "ours": "pipendulum:tray I", "most_relative_error": 0.0}
     first, second = compared({**entry, "corrected": 2.2}, entry)
@@ -111,7 +128,8 @@ def test_unknown_figures_and_errata_are_refused_together():
     assert "no such erratum" in words
 
 
-def test_a_bound_without_a_figure_is_refused():
-    entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, "most_relative_error": 0.1}
+@pytest.mark.parametrize("bound", [{"most_relative_error": 0.1}, {"least": 0.0}, {"most": 3.0}])
+def test_a_bound_without_a_figure_is_refused(bound):
+    entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, **bound}
     with pytest.raises(PipelineError, match="a bound needs a figure"):
         compare.run(compare.Inputs(collection(RESULTS), published(entry)), compare.Params())

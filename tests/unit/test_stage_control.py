@@ -42,8 +42,10 @@ def short_hauv() -> dict[str, Any]:
         **cases,
         "trajectories": {"helix": helix},
         "redesign": ["corrected"],
-        "open_loop": {"straight": {**cases["open_loop"]["straight"], "duration": {"value": 40, "unit": "s"}}},
-        "linear": ["straight"],
+        "open_loop": {
+            name: {**cases["open_loop"][name], "duration": {"value": 40, "unit": "s"}} for name in ("straight", "circle_banking")
+        },
+        "linear": ["straight", "circle_banking"],
         "monte_carlo": {**cases["monte_carlo"], "duration": {"value": 5, "unit": "s"}},
     }
 
@@ -107,7 +109,19 @@ def test_undisturbed_figures_meet_what_is_asked(hauv: control.Outputs) -> None:
     assert figure(hauv, "share of fins at limit, helix, undisturbed")["value"] < 0.05
     assert figure(hauv, "slowest closed-loop pole, frozen gains, helix")["value"] < 0.0
     assert figure(hauv, "Monte Carlo, members lost")["value"] == 0.0
-    assert figure(hauv, "linear against nonlinear, straight, trimmed, share of the way")["value"] < 0.01
+    assert figure(hauv, "linear against nonlinear, straight, trimmed, share of the way")["value"] < 1e-3
+
+
+def test_linear_model_follows_the_circle_with_its_bank(hauv: control.Outputs) -> None:
+    name = "linear against nonlinear, circle_banking, {}, share of the way"
+    assert figure(hauv, name.format("trimmed"))["value"] < 1e-3
+    assert 0.01 < figure(hauv, name.format("algorithm_1"))["value"] < 0.05  # no sideslip, but what it costs is small
+
+
+def test_share_of_the_error_that_the_observer_leaves(hauv: control.Outputs) -> None:
+    with_, without = (figure(hauv, f"rms cross-track, helix, {name}")["value"] for name in ("side_force_observer", "side_force"))
+    share = figure(hauv, "rms cross-track over that without observer, helix, side_force_observer")["value"]
+    assert share == pytest.approx(with_ / without)
 
 
 def test_the_same_seed_draws_the_same_vehicles() -> None:
@@ -145,6 +159,7 @@ def test_an_unstable_model_is_refused_unless_told() -> None:
         (lambda c: c["weights"]["thrust_mode"]["R"].update(value=[1, 1, 1]), "weights do not fit"),
         (lambda c: c["monte_carlo"].update(flight="calm"), "no such flight"),
         (lambda c: c.update(linear=["loop"]), "no such open-loop case"),
+        (lambda c: c["open_loop"]["straight"].update(duration={"value": 4, "unit": "s"}), "too short to linearise about"),
         (lambda c: c["trajectories"]["helix"]["transient"].update(value=50), "longer than the flight"),
         (lambda c: c.update(trajectories={}), "no trajectory to fly"),
         (lambda c: c["open_loop"]["straight"].update(mass={"value": 80, "unit": "kg"}), "outside the range of the buoyancy engine"),
