@@ -21,7 +21,7 @@ from hydro.dynamics.viscous_basis import eta_ratio
 from hydro.identification.filters import zero_phase_lowpass
 from stages.base import Document, Stage, param, port
 from stages.sections import panel, plot, remark, section, series, table
-from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, Array, clock, force_columns, named, rms
+from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, VELOCITY_SD, Array, clock, force_columns, named, rms
 
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 
@@ -58,6 +58,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     nu = matrix(fused, VELOCITY)
     parts = residual_force(vehicle, matrix(fused, POSE), nu, matrix(fused, ACCELERATION), commands)
     columns: dict[str, Array] = {"t_s": clock(fused), **named(VELOCITY, nu)}
+    if has_columns(fused, VELOCITY_SD):
+        columns |= named(VELOCITY_SD, matrix(fused, VELOCITY_SD))
     if level is not None:
         columns["eta_ratio"] = eta_ratio(level, nu, params.minimum_speed_m_s)
     for name, force in parts.components().items():

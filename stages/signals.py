@@ -17,6 +17,7 @@ Span = tuple[float, float]
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
+VELOCITY_SD = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s", "p_sd_rad_s", "q_sd_rad_s", "r_sd_rad_s")
 POSE_RATE = ("x_dot_m_s", "y_dot_m_s", "z_dot_m_s", "phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
 ACCELERATION = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2", "p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")
 ATTITUDE = POSE[3:]

@@ -16,6 +16,7 @@ from hydro.dynamics.strip_theory import strip_theory_of
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
 from hydro.dynamics.viscous_basis import basis_rows, basis_term_names, coefficient_unit
 from hydro.dynamics.viscous_models import MODELS, Coefficients, ViscousModel, without_propeller_terms
+from hydro.identification.attenuation import RegressorErrors, attenuation, widened
 from hydro.identification.excitation import VelocityExcitation, axis_excitation
 from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
 from hydro.identification.prior import posterior
@@ -24,7 +25,7 @@ from hydro.identification.standard_errors import hac_fit_covariance
 from hydro.identification.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
 from stages.base import Collection, Document, Stage, param, port
 from stages.sections import equation, remark, section, table
-from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, forces
+from stages.signals import AXES, AXIS_UNITS, VELOCITY, VELOCITY_SD, Array, forces
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
 PRIORS = ("none", "strip_theory")
@@ -58,9 +59,10 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Samples:
-    """What synthesis needs of one training segment: nu (n, 6), eta_ratio (n,) or None, tau_bar (n, 6)."""
+    """What synthesis needs of one training segment: nu and its deviations (n, 6), eta_ratio (n,), tau_bar (n, 6); None: unknown."""
 
     nu: Array
+    sd: Array | None
     ratio: Array | None
     force: Array
 
@@ -75,10 +77,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     with_ratio = all(part.ratio is not None for part in training)
     fitted = models if with_ratio else [without_propeller_terms(model) for model in models]
     factor = _factor(fitted, training)
+    errors = _errors(factor, training)
     ratios = [part.ratio for part in training if part.ratio is not None] if with_ratio else None
     motion = axis_excitation([part.nu for part in training], eta_ratio=ratios)
     cards = {
-        model.name: _card(declared, model, factor, training, motion, vehicle, prior, params)
+        model.name: _card(declared, model, factor, training, motion, vehicle, prior, params, errors)
         for declared, model in zip(models, fitted, strict=True)
     }
     document = {"terms": list(factor.columns), "samples": factor.n_samples, "factor": [[float(x) for x in row] for row in factor.R]}
@@ -98,7 +101,8 @@ def _chosen(names: tuple[str, ...]) -> list[ViscousModel]:
 
 def _samples(residual: pa.Table) -> Samples:
     ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
-    return Samples(matrix(residual, VELOCITY), ratio, forces(residual, "tau_bar"))
+    sd = matrix(residual, VELOCITY_SD) if has_columns(residual, VELOCITY_SD) else None
+    return Samples(matrix(residual, VELOCITY), sd, ratio, forces(residual, "tau_bar"))
 
 
 def _factor(models: list[ViscousModel], training: list[Samples]) -> TriangularFactor:
@@ -114,6 +118,16 @@ def _factor(models: list[ViscousModel], training: list[Samples]) -> TriangularFa
     return factor
 
 
+def _errors(factor: TriangularFactor, training: list[Samples]) -> RegressorErrors | None:
+    """What errors of the velocities give the basis terms, None where fuse does not know them for every segment."""
+    found = RegressorErrors.empty(factor.terms)
+    for part in training:
+        if part.sd is None:
+            return None
+        found = found.update(part.nu, part.sd, ratio=part.ratio)
+    return found
+
+
 def _card(
     declared: ViscousModel,
     model: ViscousModel,
@@ -123,11 +137,14 @@ def _card(
     vehicle: Vehicle,
     prior: Coefficients,
     params: Params,
+    errors: RegressorErrors | None,
 ) -> dict[str, Any]:
     axes, solution, used, rank = {}, {}, {}, 0
     for index, axis in enumerate(AXES):
         fit = solve_axis(factor, axis, model.terms.get(axis, ()), trim=params.trim)
         covariance = _covariance(fit, training, index, params)
+        if errors is not None:
+            covariance = widened(covariance, attenuation(fit, errors))
         means = {term: value for term, value in prior.get(axis, {}).items() if term in fit.terms}
         after, wide = posterior(factor, fit, covariance, means, relative_sd=params.prior_sd, trim=params.trim)
         axes[axis] = _axis_entry(fit, covariance, after, wide, motion)
@@ -146,6 +163,7 @@ def _card(
         "rank": rank,
         "samples": factor.n_samples,
         "trim": params.trim,
+        "velocity_errors": errors is not None,
         "assumed": list(vehicle.assumed),
         "axes": axes,
         "not_applicable": dropped,
@@ -252,7 +270,11 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
             rows.append([axis, item["term"], item["value"], item["standard_error"], item["unit"], verdict])
     heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
     title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}" + (", with a prior" if "prior" in card else "")
-    note = "Standard errors allow for coloured residuals (Newey-West)."
+    note = "Standard errors allow for coloured residuals (Newey-West)"
+    if card["velocity_errors"]:
+        note += " and for what errors of the velocities, as large as fuse says they are, do to the coefficients."
+    else:
+        note += ". They take the velocities as exact, of which fuse gave no standard deviation."
     if card["assumed"]:
         note += f" They take the {len(card['assumed'])} assumed figures of the vehicle as exact."
     blocks = [table(title, heads, rows, note=note)]

@@ -28,7 +28,7 @@ from stages.base import Document, Stage, param, port
 from stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
 from stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
 from stages.fuse.shown import fuse_section, fuse_views, fusion_document
-from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, Array, named
+from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, Array, named
 
 LEAST_EDGE_S = 0.5
 
@@ -130,7 +130,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         **named(VELOCITY, over_ground - drift),
         **named(POSE_RATE, eta_dot(pose, over_ground)),
         **named(ACCELERATION, nu_dot),
-        **_spread(found, inputs.segment, len(motion.t_s)),
+        **_spread(found, inputs.segment, len(motion.t_s), params.method),
     }
     fused = make_table("fused", {name: values[keep] for name, values in columns.items()})
     settings = {
@@ -144,16 +144,19 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views(fused))
 
 
-def _spread(found: Found, segment: Document, n: int) -> dict[str, Array]:
-    """Standard deviations: of velocity from the smoother, of the rates from the gyro's noise within the bandwidth of its spline."""
-    if found.velocity_sd is None:
+def _spread(found: Found, segment: Document, n: int, method: str) -> dict[str, Array]:
+    """Standard deviations where they are known: of velocity from the smoother, else of the sensor's noise within its spline's bandwidth.
+
+    None for the velocity of method `thesis`, whose integrated errors grow along the leg.
+    """
+    if found.velocity_sd is None and method != "kinematic":
         return {}
-    columns = named(("u_sd_m_s", "v_sd_m_s", "w_sd_m_s"), found.velocity_sd)
-    for axis in "pqr":
-        item = segment["smoothing"].get(f"{axis}_rad_s")
-        if item and item.get("cutoff_hz") and item.get("sample_hz"):
+    columns = {} if found.velocity_sd is None else named(VELOCITY_SD[:3], found.velocity_sd)
+    for name, column in zip(VELOCITY, VELOCITY_SD, strict=True):
+        item = segment["smoothing"].get(name)
+        if column not in columns and item and item.get("cutoff_hz") and item.get("sample_hz"):
             share = min(1.0, 2.0 * item["cutoff_hz"] / item["sample_hz"])
-            columns[f"{axis}_sd_rad_s"] = np.full(n, item["noise_sd"] * np.sqrt(share))
+            columns[column] = np.full(n, item["noise_sd"] * np.sqrt(share))
     return columns
 
 

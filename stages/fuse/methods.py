@@ -75,7 +75,7 @@ def sway_check(velocity: Array, measured: Array, taken_for: str) -> dict[str, An
     sway = rms(velocity[:, 1] - measured[:, 1])
     words = (
         f"Integrated and measured sway differ by {sway:.2f} m/s RMS (limit {SWAY_WARNING_M_S:g}): the accelerometer does not measure "
-        f"what the method takes it for ({taken_for}), or it drifts."
+        f"what the method takes it for ({taken_for}), or it drifts, or the velocity sensor sits otherwise than the vehicle file says."
     )
     return {"sway_rms": sway, "warnings": (words,) if sway > SWAY_WARNING_M_S else ()}
 
@@ -163,7 +163,12 @@ def smoother(
     on_clock = np.clip(motion.t_s, t[0], t[-1])
     velocity, rate = CubicSpline(t, smoothed.velocity)(on_clock), CubicSpline(t, smoothed.rate)(on_clock)
     spread = np.column_stack([np.interp(on_clock, t, smoothed.velocity_sd[:, axis]) for axis in range(3)])
-    check = sway_check(velocity, velocity if motion.velocity is None else motion.velocity, convention)
+    # motion.velocity rests on the arm of the vehicle file; the velocity found rests on the arm and mounting that were used.
+    measured = velocity
+    if motion.velocity is not None:
+        lever = cross(motion.omega, np.broadcast_to(vehicle.dvl.arm_m, motion.omega.shape))
+        measured = at_origin(motion.t_s, motion.velocity + lever)
+    check = sway_check(velocity, measured, convention)
     result = Found(convention, smoothed.bias.mean(axis=0), velocity_sd=spread, installation=said, **check)
     if track is not None:
         result = replace(result, current=current_document(smoothed), drift=drift(smoothed, on_clock, motion.euler))

@@ -36,7 +36,7 @@ class Finding:
 def findings(card: Document) -> tuple[Finding, ...]:
     """Damping per axis where a term in that axis's own velocity is identified, then constant forces, then the number of couplings.
 
-    Standard errors allow for coloured residuals and take the assumed figures of the vehicle as exact.
+    Standard errors are those of the model card and take the assumed figures of the vehicle as exact.
     """
     found = [
         Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))

@@ -76,6 +76,9 @@ def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> Non
     assert all(found.fusion["installation"]["dvl_arm_determined"])
     np.testing.assert_allclose(found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02)  # m
     assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
+    # m/s: sway is held against the velocity log as it was found to sit, not as the vehicle file says.
+    turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
+    assert found.fusion["integrated_sway_rms_m_s"] < 0.5 * turned
 
 
 def test_refuses_without_its_sensors(motion: Motion) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from data_schemas.documents import check_document
@@ -15,7 +16,7 @@ from hydro.dynamics.viscous_models import MODELS, ViscousModel, model_named, wit
 from hydro.identification.separability import breaks_symmetry, one_sided_groups
 from stages import synthesise
 from stages.base import collection
-from stages.signals import AXES, Array
+from stages.signals import AXES, VELOCITY_SD, Array
 from tests.support.motions import ratio_of, residual_table, rich_motion, segment_document, vehicle_document
 
 Leg = tuple[Array, Array, Array | None]
@@ -254,6 +255,28 @@ def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
         for item in card["axes"][axis]["terms"]
     ]
     assert 0.5 < np.sqrt(np.mean(np.square(score))) < 2.0  # 36 scores, white errors would give about 7
+
+
+def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
+    nu = rich_motion(120.0, seed=6).nu
+    table = residual_table(nu, -20.0 * nu + 0.1 * np.random.default_rng(4).normal(size=nu.shape))
+    known = table
+    for name, sd in zip(VELOCITY_SD, (0.01, 0.05, 0.01, 0.002, 0.002, 0.002), strict=True):
+        known = known.append_column(name, pa.array(np.full(len(nu), sd)))
+    segment, vehicle = {"one": segment_document("one")}, vehicle_document("bluerov2_heavy")
+    cards = [
+        synthesise.run(synthesise.Inputs(collection({"one": item}), collection(segment), vehicle), synthesise.Params(models=("linear",)))
+        for item in (table, known)
+    ]
+    exact, wide = (item.model_card["linear"] for item in cards)
+    assert not exact["velocity_errors"]
+    assert wide["velocity_errors"]
+    assert wide["solution"] == exact["solution"]
+    before, after = (card["axes"]["Y"]["covariance"]["lower"] for card in (exact, wide))
+    assert all(new[-1] >= old[-1] for old, new in zip(before, after, strict=True))
+    assert after[1][1] > 1.5 * before[1][1]  # of v, whose error is the largest
+    assert "take the velocities as exact" in str(cards[0].section)
+    assert "errors of the velocities" in str(cards[1].section)
 
 
 def test_fewer_samples_than_terms_gives_numbers_without_errors() -> None:
