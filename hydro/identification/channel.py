@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import AXES, VELOCITIES, Array
@@ -25,11 +26,16 @@ CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
 """Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
 SIMPLER_WITHIN = 1.05
-"""A damping model with fewer terms is taken when its held-out error is within 5 % of the best."""
+CLEAR_TERM = 4.0
+"""A damping model with fewer terms is taken when its held-out error is within 5 % of the best, unless the term that it leaves out is that
+many standard errors from zero: the one that stays would bear it, outside its interval."""
+WRONG_SIGN = "wrong sign"
+"""Verdict on an added mass or damping that is clearly positive, which no body in water has."""
 SOUND_WITHIN = 1.5
 """A damping model that fits the run itself worse than the best by more than this is not chosen, whatever it predicts."""
 HELD_OUT = 1.0 / 3.0
 """Last part of a run, by which the damping model is chosen: it is predicted with figures from the first."""
+BOTH = "linear and quadratic"
 PARAMETERS = ("M", "D_1", "D_2", "C")
 
 
@@ -127,6 +133,18 @@ class ChannelEstimate:
     chosen: str
 
 
+def choose_damping(held_out: Mapping[str, float], terms: ArrayLike, errors: ArrayLike) -> str:
+    """Damping model by the error on what was not fitted; the simpler of nearly equal ones.
+
+    terms (2,) and errors (2,): linear and quadratic damping of the model with both, and their standard errors.
+    """
+    best = min(held_out.values())
+    near = [name for name, error in held_out.items() if error <= SIMPLER_WITHIN * best]
+    chosen = min(near, key=lambda name: (sum(DAMPING[name]), held_out[name]))
+    dissipates = bool(np.all(np.asarray(terms) < -CLEAR_TERM * np.asarray(errors)))
+    return BOTH if BOTH in near and dissipates else chosen
+
+
 def estimate_channel(
     data: ChannelRun,
     *,
@@ -155,10 +173,8 @@ def estimate_channel(
         recursive[name] = _recursive_fit(part, estimate, columns)
         fits[name] = _output_error(data, name, recursive[name].values[-1], float(end))
     least = min(item.rmse for item in fits.values())
-    sound = {name: item for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
-    best = min(item.held_out for item in sound.values())
-    held = [name for name, item in sound.items() if item.held_out <= SIMPLER_WITHIN * best]
-    chosen = min(held, key=lambda name: (sum(DAMPING[name]), fits[name].held_out))
+    sound = {name: item.held_out for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
+    chosen = choose_damping(sound, fits[BOTH].values[1:3], fits[BOTH].standard_errors[1:3])
     return ChannelEstimate(fits, recursive, excited, chosen)
 
 

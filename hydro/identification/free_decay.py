@@ -16,7 +16,7 @@ import numpy as np
 
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import Array
-from hydro.identification.channel import DAMPING, SIMPLER_WITHIN
+from hydro.identification.channel import BOTH, DAMPING, choose_damping
 from hydro.identification.output_error import Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
 from hydro.identification.pendulum import GONE
 from hydro.identification.persistence import Excitation, excitation
@@ -25,6 +25,8 @@ from hydro.identification.recursive import RecursiveEstimate, StaticRegression, 
 FILTER_SHARE = 0.5
 """Rate of the regression filter as a share of the swing's angular frequency."""
 PRIOR_SPREAD = 1e6
+PLAUSIBLE = 0.7, 1.6
+"""k of a regression over the square of the swing's frequency: damping and large swings lower the frequency, up to this."""
 HELD_OUT = 0.4
 """Last share of the swings, by which the damping model is chosen."""
 
@@ -124,10 +126,7 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
     """All damping models by all three methods. Raises `DataError` as `fit_output_error` does."""
     run = decay.run
     theta, theta_dot, times = _signals(decay)
-    rate = FILTER_SHARE * decay.frequency
-    one, two = theta_dot, theta_dot * np.abs(theta_dot)
-    columns = np.column_stack([decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)])
-    form = static_form(times, theta_dot, columns, rate=rate)
+    rough = _static(decay, theta, theta_dot, times)
     output: dict[str, Ratios] = {}
     recursive: dict[str, Ratios] = {}
     batch: dict[str, Ratios] = {}
@@ -137,12 +136,19 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
     over = times[np.flatnonzero(np.abs(theta_dot) > GONE * np.abs(theta_dot).max())[-1]]
     end = times[0] + (1.0 - HELD_OUT) * (over - times[0])
     late = (run.grid_s > end) & (run.grid_s <= over)
+    fits: dict[str, OutputErrorFit] = {}
+    guesses: dict[str, Array] = {}
     for name, terms in DAMPING.items():
-        used = [0, *(index + 1 for index, has in enumerate(terms) if has)]
-        part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, [*used, 3]]), form.rate)
+        used = _used(terms)
+        guesses[name] = recursive_least_squares(_columns(rough, used), prior_spread=PRIOR_SPREAD).theta[-1, :-1]
+        fits[name] = _fit(decay, run, guesses[name], used)
+    # The regressions shown are those without the constants and drifts of the sensors: an integrated gyro drifts far.
+    form = _static(decay, *_signals(decay, fits[BOTH]))
+    for name, terms in DAMPING.items():
+        used, fitted = _used(terms), fits[name]
+        part = _columns(form, used)
         recursion = recursive_least_squares(part, prior_spread=PRIOR_SPREAD)
-        fitted = _fit(decay, run, recursion.theta[-1, :-1], used)
-        first = _fit(decay, run.until(float(end)), recursion.theta[-1, :-1], used)
+        first = _fit(decay, run.until(float(end)), guesses[name], used)
         history[name] = recursion
         simulated[name] = simulate_run(run, fitted.coefficients, fitted.start)[1]
         measured[name] = measured_angle(run, fitted)
@@ -152,14 +158,15 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
         batched, gamma = batch_least_squares(part, prior_spread=PRIOR_SPREAD)
         for found, theta_hat, spread in ((recursive, recursion.theta[-1], recursion.gamma), (batch, batched, gamma)):
             found[name] = _by_regression(decay, fitted.start, measured[name], part, theta_hat, spread, used)
-    best = min(item.held_out_rad for item in output.values())
-    chosen = min(
-        (name for name, item in output.items() if item.held_out_rad <= SIMPLER_WITHIN * best),
-        key=lambda name: (sum(DAMPING[name]), output[name].held_out_rad),
-    )
+    chosen = choose_damping({name: item.held_out_rad for name, item in output.items()}, *clear_of_zero(output[BOTH], decay.known))
     return DecayEstimate(
         output, recursive, batch, history, simulated, measured[chosen], excitation(form.t_s, form.regressor[:, :3]), chosen
     )
+
+
+def clear_of_zero(both: Ratios, known: tuple[float, float]) -> tuple[Array, Array]:
+    """D_1/I and D_2/I (2,) beyond what is known, and their standard errors (2,), of the damping model with both."""
+    return both.values[1:] - both.values[0] * np.asarray(known), np.sqrt(np.maximum(np.diag(both.covariance)[1:], 0.0))
 
 
 def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None) -> Derivatives:
@@ -210,13 +217,35 @@ def measured_angle(run: SingleRun, fitted: OutputErrorFit | None = None, *, star
     return np.asarray(np.interp(run.grid_s, time, first + np.concatenate([[0.0], np.cumsum(steps)])))
 
 
-def _signals(decay: Decay) -> tuple[Array, Array, Array]:
-    """theta, theta_dot and their times: at the samples of the rate, or of the angle with a rate from its smoothing spline."""
+def _used(terms: tuple[bool, bool]) -> list[int]:
+    """Columns of the full regression that a damping model has, without the last one."""
+    return [0, *(index + 1 for index, has in enumerate(terms) if has)]
+
+
+def _static(decay: Decay, theta: Array, theta_dot: Array, times: Array) -> StaticRegression:
+    """The regression with all columns: restoring moment with what is known of damping, both dampings, the constant of the angle's zero."""
+    one, two = theta_dot, theta_dot * np.abs(theta_dot)
+    columns = np.column_stack([decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)])
+    return static_form(times, theta_dot, columns, rate=FILTER_SHARE * decay.frequency)
+
+
+def _columns(form: StaticRegression, used: Sequence[int]) -> StaticRegression:
+    return StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, [*used, 3]]), form.rate)
+
+
+def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array, Array, Array]:
+    """theta, theta_dot and their times: at the samples of the rate, or of the angle with a rate from its smoothing spline.
+
+    fitted: constants and drifts of the sensors are those that it found; else a constant of the gyro is guessed.
+    """
     from hydro.identification.splines import smoothing_spline
 
     run = decay.run
     if run.rate.size:
         time = run.grid_s[run.rate_at]
+        if fitted is not None:
+            rate = run.rate - fitted.bias[0] - fitted.bias[1] * (time - run.grid_s[0])
+            return np.interp(time, run.grid_s, measured_angle(run, fitted)), rate, time
         plain = replace(run, rate=run.rate - _constant_rate(run))
         return np.interp(time, run.grid_s, measured_angle(plain, start=float(decay.start[1]))), plain.rate, time
     time = run.grid_s[run.position_at]
@@ -241,12 +270,29 @@ def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
 
 
 def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> OutputErrorFit:
-    first = np.array(theta, dtype=np.float64)
-    first[0] = np.log(theta[0] if theta[0] > 0 else decay.frequency**2)
-    first[1:] = np.minimum(first[1:], 0.0)
+    """Output error from a regression; where its k is far from what the swing's period says, also from period and fading."""
+    plausible = PLAUSIBLE[0] < theta[0] / decay.frequency**2 < PLAUSIBLE[1]
+    guesses = [theta] if plausible else [_from_fading(decay, used), *([theta] if theta[0] > 0.0 else [])]
     gyro, attitude = bool(run.rate.size), bool(run.position.size)
     nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
-    return fit_output_error(run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance)
+    tried = []
+    for guess in guesses:
+        first = np.concatenate([[np.log(guess[0])], np.minimum(guess[1:], 0.0)])
+        tried.append(fit_output_error(run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance))
+    return min(tried, key=lambda item: _rms(item.rate_error) if gyro else _rms(item.position_error))
+
+
+def _from_fading(decay: Decay, used: Sequence[int]) -> Array:
+    """k, D_1/I, D_2/I as used, from the period and from how the swing grows smaller between the halves of its recording."""
+    _, rate, times = _signals(decay)
+    half, span = rate.size // 2, times[-1] - times[0]
+    size = [max(float(np.std(part)), np.finfo(float).tiny) for part in (rate[:half], rate[half:])]
+    fading = max(2.0 * np.log(size[0] / size[1]) / span, 0.0)
+    # A swing of amplitude a loses as much by D_2 as by D_1 = 8 a / (3 pi) D_2.
+    guess = np.array([decay.frequency**2, -2.0 * fading, -2.0 * fading * 3.0 * np.pi / (8.0 * np.sqrt(2.0) * size[0])])
+    if len(used) == 3:
+        guess[2] = 0.0
+    return guess[list(used)]
 
 
 def _totals(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -70,10 +71,12 @@ def swing_axis(gyro: ArrayLike) -> SwingAxis:
     values, vectors = np.linalg.eigh(centred.T @ centred)
     # White noise turns about all axes alike; its size shows in the second differences of the stillest one.
     still = np.diff(centred @ vectors[:, 0], 2)
-    values = np.maximum(values - len(rates) * float(still @ still) / (6.0 * max(still.size, 1)), 0.0)
-    if values[-1] <= 0.0:
+    noise = len(rates) * float(still @ still) / (6.0 * max(still.size, 1))
+    values = np.maximum(values - noise, 0.0)
+    # Noise alone leaves 2 sqrt(3/n) of itself in the largest of three eigenvalues.
+    if values[-1] <= noise * 4.0 * np.sqrt(3.0 / len(rates)):
         raise DataError(
-            "the gyro shows no rotation at all", field="gyro", remedy="Check that the recorder was on the pendulum and running."
+            "the gyro shows no rotation above its noise", field="gyro", remedy="Check that the recorder was on the pendulum and running."
         )
     axis = vectors[:, -1]
     main = int(np.argmax(np.abs(axis)))
@@ -111,11 +114,20 @@ def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
 
 
 def angle_per_rate(t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle: ArrayLike) -> float:
-    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where they agree, whatever their zeros and drifts."""
-    t, at = np.asarray(t_s, dtype=np.float64), np.asarray(angle_t_s, dtype=np.float64)
+    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where they agree, whatever their zeros and drifts.
+
+    By the first three swings: over more of them the noise of the rate adds up. NaN where the angle has too few samples in them.
+    """
+    t, x, at = (np.asarray(part, dtype=np.float64) for part in (t_s, rate, angle_t_s))
+    strong = np.flatnonzero(np.abs(x - np.median(x)) > 0.3 * np.abs(x - np.median(x)).max())
+    turns = strong[1:][np.diff(np.sign(x[strong] - np.median(x))) != 0.0]
+    end = turns[6] if turns.size > 6 else strong[-1]
+    t, x = t[: end + 1], x[: end + 1]
     inside = (at >= t[0]) & (at <= t[-1])
-    x, at = np.asarray(rate, dtype=np.float64), at[inside]
-    turned = np.interp(at, t, np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))]))
+    at = at[inside]
+    if at.size < 8 or t.size < 8:
+        return float("nan")
+    turned = CubicSpline(t, x).antiderivative()(at)
     time = (at - at[0]) / (at[-1] - at[0])
     columns = np.column_stack([turned, np.ones_like(time), time, time**2])
     return float(np.linalg.lstsq(columns, np.asarray(angle, dtype=np.float64)[inside], rcond=None)[0][0])
@@ -132,6 +144,18 @@ def release_index(rate: ArrayLike) -> int:
     return int(before[-1]) + 1 if before.size else 0
 
 
+def check_rate(t_s: ArrayLike, period_s: float) -> None:
+    """Raises `DataError` for times (n,) [s] too far apart for a swing."""
+    step = float(np.median(np.diff(np.asarray(t_s, dtype=np.float64))))
+    if period_s < FEWEST_SAMPLES_PER_PERIOD * step:
+        raise DataError(
+            "the recording is too slow for the swing",
+            value=f"period {period_s:.3g} s, a sample every {step:.3g} s",
+            allowed=f"at least {FEWEST_SAMPLES_PER_PERIOD:g} samples per period",
+            remedy="Log the gyro faster.",
+        )
+
+
 def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
     """Raises `DataError` when a rate (n,) that swings from t_s[0] on grows to twice of what it had fallen to: pushed or released anew."""
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
@@ -140,9 +164,11 @@ def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
     fallen = np.minimum.accumulate(largest)
     again = np.flatnonzero((largest[1:] > 2.0 * fallen[:-1]) & (largest[1:] > RELEASED * largest[0])) + 1
     if again.size:
+        begin = begins[again[0]]
+        grown = begin + int(np.argmax(np.abs(x[begin:] - np.median(x)) > 2.0 * fallen[again[0] - 1]))
         raise DataError(
             "the swing grows again: it was pushed, or released a second time",
-            value=f"at {t[begins[again[0]]]:.1f} s",
+            value=f"at {t[grown]:.1f} s",
             remedy="Give each swing a leg of its own: set start_s and end_s in the manifest.",
         )
 
@@ -215,8 +241,7 @@ def fit_swing(
     start = t[first]
     rows = (np.arange(t.size) >= first) & keep
     time, y = t[rows] - start, x[rows]
-    if period / np.median(np.diff(t)) < FEWEST_SAMPLES_PER_PERIOD:
-        raise DataError("the recording is too slow for the swing", value=f"period {period:.3g} s", remedy="Log the gyro faster.")
+    check_rate(t, period)
     check_one_swing(t[first:], x[first:], period)
     size = float(np.abs(y - np.median(y)).max())
 

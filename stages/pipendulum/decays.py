@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.errors import CampaignError, DataError
 from hydro.dynamics.quantities import Quantities
 from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import DAMPING, SIMPLER_WITHIN, symbols
+from hydro.identification.channel import BOTH, DAMPING, WRONG_SIGN, choose_damping, symbols
 from hydro.identification.free_decay import (
     Decay,
     DecayEstimate,
@@ -19,19 +19,20 @@ from hydro.identification.free_decay import (
     Hanging,
     Part,
     Ratios,
+    clear_of_zero,
     derivatives,
     estimate_decay,
     hanging,
     judge,
 )
 from hydro.identification.output_error import SingleRun
-from hydro.identification.pendulum import GONE, check_one_swing, release_index, swing_back_period
+from hydro.identification.pendulum import GONE, check_one_swing, check_rate, release_index, swing_back_period
 from hydro.identification.persistence import NOT_EXCITED
 from stages.base import Document
 from stages.sections import Figure, figure
 from stages.signals import Array
 
-from .recordings import Logs, Recording, naming
+from .recordings import Logs, Recording, naming, not_negative
 
 FEWEST_SWINGS, GOOD_SWINGS = 0.5, 2.0
 """Swings before the rate falls to a twentieth: with less than half of one nothing oscillates; below two the ratios hang on few turns."""
@@ -102,9 +103,12 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
         at = one.number("arm", "m")
         displaced = one.number("displaced_mass", "kg", default=0.0)
         inertia = one.number("inertia", "kg*m^2", default=0.0)
-        parts.append(Part(one.number("mass", "kg"), at, displaced, one.number("displaced_arm", "m", default=at), inertia))
+        mass = one.number("mass", "kg")
+        not_negative(f"free_decay.parts[{index}]", mass=mass, displaced_mass=displaced, inertia=inertia)
+        parts.append(Part(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia))
     mass = read.number("vehicle_mass", "kg", default=vehicle.mass_kg)
     displaced = read.number("vehicle_displaced_mass", "kg", default=vehicle.displaced_mass_kg)
+    not_negative("free_decay", vehicle_mass=mass, vehicle_displaced_mass=displaced)
     return Apparatus(arm, tuple(parts), Part(mass, arm, displaced, arm), vehicle.gravity)
 
 
@@ -143,8 +147,7 @@ def _decay(entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty:
     else:
         judged_on = "the last swings"
         held = {name: _root_mean([item.estimate.output_error[name].held_out_rad for item in training]) for name in DAMPING}
-    best = min(held.values())
-    chosen = min((name for name in DAMPING if held[name] <= SIMPLER_WITHIN * best), key=lambda name: (sum(DAMPING[name]), held[name]))
+    chosen = choose_damping(held, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known))
     results = {}
     for name in DAMPING:
         for method in METHODS:
@@ -176,6 +179,7 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
         raise DataError(words, value=t.size - first, remedy="Record longer or faster.")
     with naming(recording.leg):
         period = swing_back_period(t[first:], rate[first:])
+        check_rate(t, period)
         check_one_swing(t[first:], rate[first:], period)
     centred = np.abs(rate - np.median(rate))
     last = int(np.flatnonzero(centred > GONE * centred.max())[-1])
@@ -236,9 +240,7 @@ def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
                 if not has[index]:
                     continue
                 value, error = float(result.values[index]), float(result.standard_errors[index])
-                verdict = None
-                if method == "output error":
-                    verdict = NOT_EXCITED if excited.status == NOT_EXCITED else "identified" if abs(value) >= 2.0 * error else "weak"
+                verdict = _verdict(value, error, excited.status == NOT_EXCITED) if method == "output error" else None
                 note = f"{damping} damping, output error" if not suffix else None
                 headline = not suffix and item.entry["role"] == "vehicle"
                 more: dict[str, Any] = {"verdict": verdict, "note": note}
@@ -258,6 +260,12 @@ def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
         )
         rows.append(figure(f"{name}: {item.quantities[0]} per 1 % of restoring moment", sensitivity(item), "kg"))
     return rows
+
+
+def _verdict(value: float, error: float, still: bool) -> str:
+    if still:
+        return NOT_EXCITED
+    return "weak" if abs(value) < 2.0 * error else WRONG_SIGN if value > 0.0 else "identified"
 
 
 def sensitivity(item: Decayed) -> float:

@@ -134,13 +134,9 @@ def _unclipped(gyro: Array, leg: str, warnings: list[str]) -> npt.NDArray[np.boo
 
 def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Samples | None:
     """The angle of the attitude, or None where it does not show the turn of the gyro."""
-    first = float(t[release_index(rate)])
-    inside = t >= first
-    if np.count_nonzero(angle.t_s >= first) < FEWEST or np.count_nonzero(inside) < FEWEST:
-        return angle
-    after = angle.between(first, np.inf)
-    share = angle_per_rate(t[inside], rate[inside], after.t_s, after.values[:, 0])
-    if abs(share - 1.0) <= LEVELLED:
+    first = release_index(rate)
+    share = angle_per_rate(t[first:], rate[first:], angle.t_s, angle.values[:, 0])
+    if not abs(share - 1.0) > LEVELLED:
         return angle
     warnings.append(
         f"The logged attitude shows {100.0 * share:.0f} % of the swing that the gyro shows and is not used: an autopilot takes the "
@@ -178,6 +174,13 @@ def naming(leg: str) -> Iterator[None]:
     except DataError as fault:
         words = fault.message if f"'{leg}'" in fault.message else f"leg '{leg}': {fault.message}"
         raise DataError(words, field=fault.field, value=fault.value, allowed=fault.allowed, remedy=fault.remedy) from fault
+
+
+def not_negative(field: str, **values: float) -> None:
+    """Raises `CampaignError` for the first of these masses and inertias that is negative."""
+    for name, value in values.items():
+        if value < 0.0:
+            raise CampaignError("a mass or inertia below zero", field=f"{field}.{name}", value=value, allowed="0 or more")
 
 
 def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:

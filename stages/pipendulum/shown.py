@@ -109,7 +109,7 @@ def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
         values, errors = (getattr(decayed.derivatives[decayed.chosen, "output error"], key) for key in ("values", "standard_errors"))
         wrong = [name for name, value, error in zip(decayed.quantities, values, errors, strict=True) if value > 2.0 * error > 0.0]
         if wrong:
-            words = f"{decayed.entry['id']}: {', '.join(wrong)} come out positive, which no body in water has: check masses, arms and legs."
+            words = f"{decayed.entry['id']}: positive {', '.join(wrong)}, which no body in water has: check masses, arms and legs."
             blocks.append(remark(words, "warning"))
     if decays and not any(item.entry["role"] == "empty_pendulum" for item in decays):
         blocks.append(remark("No decay of the empty pendulum: added mass and damping of the pole are counted to the vehicle.", "warning"))
@@ -201,7 +201,10 @@ def _methods_table(item: Decayed) -> Block:
                 row += [result.values[index], Z95 * result.standard_errors[index]]
             rows.append([*row, item.point_mass.values[index]])
     heads = ["figure", "unit", *(word for method in METHODS[::-1] for word in (method, "± 95 %")), "output error, point mass"]
-    note = "The empty pendulum is taken off. Output error gives the figures to take; point mass: everything at the arm, as (66) has it."
+    note = (
+        "The empty pendulum is taken off. Output error gives the figures to take; intervals of the regressions hold their noise, not the "
+        "bias that noise in the regressors brings. Point mass: everything at the arm, as (66) has it."
+    )
     return table(f"{item.entry['id']}: methods side by side, {item.chosen} damping", heads, rows, note=note)
 
 

@@ -27,7 +27,7 @@ from hydro.identification.quadrifilar import (
 from stages.base import Document
 from stages.sections import Figure, figure
 
-from .recordings import Logs, Recording, naming
+from .recordings import Logs, Recording, naming, not_negative
 
 STOP_WATCH_SD_S = 0.2
 
@@ -83,6 +83,7 @@ def _swing(entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Log
         if "mass" not in read:
             raise CampaignError("an object on the tray needs its mass", field=f"{field}.mass", remedy="Weigh it, without the tray.")
         mass = read.number("mass", "kg")
+        not_negative(field, mass=mass)
     total = geometry.tray_mass + mass
     soft = SIMPLE
     recordings = [logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.get("legs") or ()]

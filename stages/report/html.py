@@ -36,6 +36,8 @@ VERDICTS = {
     "truncated": "fair",
     "inseparable": "fair",
     "not excited": "poor",
+    "not persistently exciting": "poor",
+    "wrong sign": "poor",
     "damaged": "poor",
     "not applicable": "none",
 }

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import CHANNELS, DAMPING, ChannelEstimate, ChannelFit, RecursiveFit, Symbols, symbols
+from hydro.identification.channel import CHANNELS, DAMPING, WRONG_SIGN, ChannelEstimate, ChannelFit, RecursiveFit, Symbols, symbols
 from hydro.identification.persistence import NOT_EXCITED, PERSISTENT
 from stages.sections import Figure, figure
 from stages.signals import Array
@@ -23,7 +23,7 @@ from .run_of_leg import LegRun
 TOO_FAST = "the run answers its force faster than it was sampled: only steady speeds are seen"
 CLEAR = 2.0
 """A figure is identified from this many standard errors on."""
-IDENTIFIED, WEAK = "identified", "weak"
+IDENTIFIED, WEAK, CONSTANT = "identified", "weak", "constant force"
 
 
 def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
@@ -68,10 +68,13 @@ def _status(estimate: ChannelEstimate, name: str) -> str:
     return str(estimate.excitation[name].status)
 
 
-def _verdict(status: str, value: float, error: float) -> str:
+def _verdict(status: str, value: float, error: float, *, signed: bool = False) -> str:
+    """signed: an added mass or damping, which is negative."""
     if status != PERSISTENT:
         return status
-    return IDENTIFIED if abs(value) >= CLEAR * error else WEAK
+    if abs(value) < CLEAR * error:
+        return WEAK
+    return WRONG_SIGN if signed and value > 0.0 else IDENTIFIED
 
 
 def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
@@ -90,7 +93,7 @@ def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: st
             ((names.linear, "1/s"), (names.quadratic, per_length(found.channel)), ("1", per_command(found)))
         ):
             if theta[index] != 0.0:
-                verdict = _verdict(status, theta[index], spread[index])
+                verdict = _verdict(status, theta[index], spread[index], signed=index < 2)
                 quantity = f"{quantity}/({total}){suffix}"
                 rows.append(figure(quantity, theta[index], unit, spread[index], verdict=verdict, note=note, headline=headline))
         return rows
@@ -104,15 +107,15 @@ def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: st
     verdict = _verdict(status, values[0], errors[0])
     rows.append(figure(total + suffix, values[0], mass_unit, errors[0], interval=(low, high), verdict=verdict, **more))
     added = figure(names.added + suffix, dry - values[0], mass_unit, errors[0], interval=(dry - high, dry - low), **more)
-    rows.append(added | {"verdict": _verdict(status, dry - values[0], errors[0])})
+    rows.append(added | {"verdict": _verdict(status, dry - values[0], errors[0], signed=True)})
     return rows + _damping_figures(names, fit, status, suffix, more)
 
 
 def _damping_figures(names: Symbols, fit: ChannelFit, status: str, suffix: str, more: Mapping[str, Any]) -> list[Figure]:
     """Damping and constant force, as far as the damping model has them."""
-    heads = zip((names.linear, names.quadratic, "constant force"), names.units[1:], fit.values[1:], fit.standard_errors[1:], strict=True)
+    heads = zip((names.linear, names.quadratic, CONSTANT), names.units[1:], fit.values[1:], fit.standard_errors[1:], strict=True)
     return [
-        figure(quantity + suffix, value, unit, error, verdict=_verdict(status, value, error), **more)
+        figure(quantity + suffix, value, unit, error, verdict=_verdict(status, value, error, signed=quantity != CONSTANT), **more)
         for quantity, unit, value, error in heads
         if error > 0.0
     ]
@@ -125,7 +128,7 @@ def _in_commands(found: LegRun, fit: ChannelFit, status: str, suffix: str, note:
     inside = Symbols(names.mass, names.added, f"{names.linear} in commands", f"{names.quadratic} in commands", units)
     rows = _damping_figures(inside, fit, status, suffix, {"note": note, "headline": headline})
     for item in rows:
-        item["quantity"] = str(item["quantity"]).replace("constant force", "constant force in commands")
+        item["quantity"] = str(item["quantity"]).replace(CONSTANT, f"{CONSTANT} in commands")
     return rows
 
 
