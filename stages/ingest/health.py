@@ -21,7 +21,8 @@ from .clean import Rejected
 from .merge import Part
 from .streams import Stream
 
-ORDER = 10
+ORDER = 90
+"""Behind what was found: losses and faults are warnings, which stand on the first screen."""
 ON_CHANGE = ("mode", "events")
 STATUS = ("complete", "truncated", "damaged")
 FIRMWARE = re.compile(r"^(Ardu\w+|PX4|APM:\w+) ?V?\d")
@@ -150,7 +151,7 @@ def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected], found:
         blocks.append(remark(f"The log is {info['status']}: the table of files says how much was lost.", "warning"))
     blocks += [*found, *(remark(note) for note in info["notes"])]
     return section(
-        f"Log {info['log']}",
+        f"Health of log {info['log']}",
         blocks,
         order=ORDER,
         look_for="Rates that differ from the sensor's, long gaps, rejected samples, damaged files.",

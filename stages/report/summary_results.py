@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from stages.report.summary import Fact, Figure, Level, Summary, assumed_figures, plural, remarks
+from stages.sections import Z95
 
 Document = Mapping[str, Any]
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
 BOUNDS = ("met", "missed")
-SHOWN = 40
 
 
 def summarise_results(
@@ -43,7 +43,7 @@ def summarise_results(
         identified=(),
         missing=(*_undetermined(doubtful), *_damaged(logs), *assumed_figures(vehicle)),
         warnings=warned,
-        figures=tuple(_figure(part, row) for part, row in shown[:SHOWN]),
+        figures=tuple(_figure(part, row) for part, row in shown),
     )
 
 
@@ -87,22 +87,24 @@ def _damaged(logs: Mapping[str, Document]) -> list[str]:
 
 
 def _figure(part: str, row: Document) -> Figure:
-    value, error = row["value"], row.get("standard_error")
-    words = "not determined" if value is None else f"{_number(value, error)} {_unit(row)}".rstrip()
-    low, high = row.get("low"), row.get("high")
-    interval = "" if low is None or high is None else f"{low:.4g} to {high:.4g}"
-    if not interval and error is not None and value is not None:
-        interval = f"± {error:.2g}"
+    value, error, low, high = row["value"], row.get("standard_error"), row.get("low"), row.get("high")
+    places = _places(value, error)
+    words = "not determined" if value is None else f"{value:{places}} {_unit(row)}".rstrip()
+    interval = "" if low is None or high is None else f"{low:{places}} to {high:{places}}"
+    narrow = interval and f"{low:{places}}" == f"{high:{places}}"
+    if (not interval or narrow) and error is not None and value is not None:
+        interval = f"± {Z95 * error:.2g}"
     return Figure(part, str(row["quantity"]), words, interval, str(row.get("verdict") or ""), str(row.get("note") or ""))
 
 
 def _unit(row: Document) -> str:
-    return "" if row["unit"] in ("1", "") else str(row["unit"])
+    """kg*m^2 as kg m²."""
+    return "" if row["unit"] in ("1", "") else str(row["unit"]).replace("^2", "²").replace("*", " ")
 
 
-def _number(value: float, error: float | None) -> str:
-    """As many digits as the standard error supports, at least three significant ones."""
-    if not error or not math.isfinite(error):
-        return f"{value:.4g}"
-    places = max(0, 1 - math.floor(math.log10(error)))
-    return f"{value:.{min(places, 9)}f}"
+def _places(value: float | None, error: float | None) -> str:
+    """Format with as many digits as the standard error supports, three to six significant ones."""
+    if not value or not error or not math.isfinite(error):
+        return ".4g"
+    places = 1 - math.floor(math.log10(error))
+    return f".{max(0, min(places, 5 - math.floor(math.log10(abs(value)))))}f"

@@ -37,7 +37,7 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
     assert "Log tank is damaged." in summary.missing
     assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
     assert summary.figures[0].value == "206.4 kg"
-    assert summary.figures[0].interval == "203.9 to 209"
+    assert summary.figures[0].interval == "203.9 to 209.0"
     assert summary.figures[1].value == "not determined"
 
 
@@ -61,10 +61,18 @@ def test_all_determined_and_no_warning_is_good() -> None:
     assert (summary.level, summary.warnings) == ("fair", ("the bias drifts",))
 
 
-@pytest.mark.parametrize(("error", "words"), [(1.3, "206.4 kg"), (0.013, "206.432 kg"), (40.0, "206 kg"), (None, "206.4 kg")])
+@pytest.mark.parametrize(
+    ("error", "words"), [(1.3, "206.4 kg"), (0.013, "206.432 kg"), (1e-7, "206.432 kg"), (40.0, "206 kg"), (None, "206.4 kg")]
+)
 def test_digits_follow_the_standard_error(error: float | None, words: str) -> None:
     one = {"x": {"title": "T", "rows": [row("q", 206.4321, standard_error=error)]}}
     assert summarise_results(one, {}, {}, VEHICLE).figures[0].value == words
+
+
+def test_a_narrow_interval_is_given_as_its_width() -> None:
+    exact = row("I_x", 1.7428, standard_error=1e-8, low=1.74279998, high=1.74280002)
+    shown = summarise_results({"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE).figures[0]
+    assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2e-08")
 
 
 def test_page_shows_the_figures_escaped() -> None:
