@@ -4,39 +4,26 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from data_schemas.errors import DataError, PipelineError, nearest
-from pipeline import artefacts, engines, golden, history, inspection, session
+from data_schemas.errors import DataError
+from pipeline import golden, inspection, session
 from pipeline.files import write_atomically
 from pipeline.golden import Departure, Tables
-from pipeline.runner import Run
+from pipeline.sides import Loaded, common, load
 from pipeline.terminal import plain
-from stages.base import make_params
 from stages.report.difference import FigureChange, Pair, Side, SignalChange, coefficient_changes, differs, pairs, signal_changes
 from stages.report.recording_text import table_lines
 from stages.signals import AXES
 
-VARIANT = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)=(.+)")
-VARIANTS = ".variants"
 SHOWN = 20
 RELATIVE = 1e-6
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A side with its error tables in golden layout, and the folder of the tolerances that it brings along."""
-
-    side: Side
-    tables: Tables
-    tolerances: Path | None = None
+ROUNDING = 1e-9
+"""Differences below this share of the largest signal of the same kind and unit are rounding: a roll of 1e-16 rad is none."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +63,15 @@ def diff(
 ) -> bool:
     """Print what changed and write the recording or its picture if wanted; True if all is equal within tolerance."""
     one, two = load(first), load(second)
-    tables_only = [item.side.name for item in (one, two) if not (item.side.segments or item.side.cards or item.side.results)]
-    if tables_only:
-        one, two = (Loaded(Side(item.side.name, item.side.model), item.tables, item.tolerances) for item in (one, two))
+    partial = [item.side.name for item in (one, two) if item.partial]
+    if partial:
+        one, two = common(one, two)
     found, alone = pairs(one.side, two.side)
     changed = difference(one, two, found, alone, relative)
-    if tables_only and not as_json:
-        print(f"error tables alone are compared: {tables_only[0]} holds nothing else")
+    if not any(changed.compared.values()) and changed.equal:
+        raise DataError("the two hold nothing that could be compared", value=f"{first}, {second}", remedy="Compare two whole runs.")
+    if partial and not as_json:
+        print(f"{'error tables and figures' if one.side.results else 'error tables'} alone are compared: {partial[0]} holds nothing else")
     if as_json:
         print(json.dumps(changed.document, indent=1, ensure_ascii=False, allow_nan=False))
     else:
@@ -102,7 +91,13 @@ def difference(one: Loaded, two: Loaded, found: Sequence[Pair], alone: Sequence[
         lonely = [*lonely, f"error tables only in {(one if old else two).side.name}"]
     cells = sum(len(row) for table in old.values() for row in table.values())
     moved = [item for item in figures if differs(item.old, item.new, relative) or item.old_verdict != item.new_verdict]
-    apart = [item for item in signals if item.rms_difference > relative * item.rms]
+    sizes: dict[tuple[str, str, str], float] = {}
+    for item in signals:
+        key = (item.segment, item.kind, item.unit)
+        sizes[key] = max(sizes.get(key, 0.0), item.rms, item.rms_difference)
+    apart = [
+        item for item in signals if item.rms_difference > max(relative * item.rms, ROUNDING * sizes[item.segment, item.kind, item.unit])
+    ]
     return Difference(
         (one.side.name, two.side.name),
         held,
@@ -112,84 +107,6 @@ def difference(one: Loaded, two: Loaded, found: Sequence[Pair], alone: Sequence[
         [*alone, *lonely],
         {"cells": cells, "figures": len(figures), "signals": len(signals)},
     )
-
-
-def load(word: str) -> Loaded:
-    """A side of the command line: campaign, run folder or folder of golden tables, with `@MODEL`, `@RUN` of the
-    history or `@STAGE.PARAMETER=VALUE` behind it.
-
-    Raises `PipelineError` for what is none of these, has not been run, or has no such model or parameter.
-    """
-    what, _, narrow = (word, "", "") if Path(word).expanduser().is_dir() else word.partition("@")
-    path = Path(what).expanduser()
-    if path.is_dir() and not (path / "campaign.yaml").is_file():
-        tables = golden.read_tables(path) if list(path.glob("*.csv")) else {}
-        loaded = Loaded(Side(what), tables, path) if tables else _from_folder(what, path)
-    else:
-        run = session.open_run(what)
-        variant = VARIANT.fullmatch(narrow)
-        if variant is not None:
-            return _from_folder(word, _variant(run, *variant.groups()))
-        if narrow.isdigit():
-            return Loaded(Side(word), history.entry_of(run, int(narrow)).error_tables)
-        loaded = _from_folder(what, run.folder)
-    if not narrow:
-        return loaded
-    models = list(loaded.side.cards) or list(dict.fromkeys(model for table in loaded.tables.values() for model in table))
-    if narrow not in models:
-        remedy = nearest(narrow, models) or "Behind @ stands a model, or STAGE.PARAMETER=VALUE."
-        raise DataError("no such model", file=what, value=narrow, allowed=models, remedy=remedy)
-    return Loaded(Side(**{**_parts(loaded.side), "name": word, "model": narrow}), loaded.tables, loaded.tolerances)
-
-
-def _parts(side: Side) -> dict[str, Any]:
-    return {name: getattr(side, name) for name in side.__dataclass_fields__}
-
-
-def _from_folder(name: str, folder: Path) -> Loaded:
-    """A side from the artefacts in the folder of a run."""
-    table = next(iter(_found(folder, "*/error_table.parquet", "error_table").values()), None)
-    side = Side(
-        name,
-        segments=_found(folder, "*/*/segment.json", "segment"),
-        logs=_found(folder, "ingest/*/log_info.json", "log_info"),
-        cards=_found(folder, "*/model_card/*.json", "model_card"),
-        results={path.parent.name: artefacts.load(path, "results") for path in sorted(folder.glob("*/results.json"))},
-        fused=_found(folder, "fuse/*/fused.parquet", "fused"),
-        residual=_found(folder, "residual/*/residual.parquet", "residual"),
-        predictions=_found(folder, "*/predictions/*.parquet", "predictions"),
-    )
-    if table is None and not (side.cards or side.results or side.fused):
-        remedy = f"auvid run {name}" if not Path(name).is_dir() else "It is no folder of a run, and holds no golden tables (training.csv)."
-        raise PipelineError("there is nothing to compare", file=folder, remedy=remedy)
-    return Loaded(side, golden.tables_of(table.to_pylist()) if table is not None else {})
-
-
-def _found(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
-    """Artefacts by item: the name of their folder, or of the file where all lie in one."""
-    own = pattern.endswith(("*.json", "*.parquet"))
-    return {path.stem if own else path.parent.name: artefacts.load(path, schema) for path in sorted(folder.glob(pattern))}
-
-
-def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
-    """Run a campaign with one parameter changed, in a folder of its own beside the runs; what is up to date there is not made again."""
-    stage = run.graph.stage(stage_name)
-    given = {name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__}
-    params = make_params(stage.params, {**given, parameter: _scalar(value)}, stage=stage_name, file="command line")
-    folder = run.folder.parent / VARIANTS / re.sub(r"[^\w.=-]", "_", f"{run.campaign.name}@{stage_name}.{parameter}={value}")
-    other = Run(run.campaign, run.graph, {**run.params, stage_name: params}, folder)
-    chosen = [item for item in run.graph.stages if item.name != "report"]
-    with session.progress() as progress:
-        other.execute(chosen, engines.make_engine(None, None), progress)
-    return folder
-
-
-def _scalar(text: str) -> Any:
-    """A value as params.yaml would hold it; text that is no YAML stays text."""
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError:
-        return text
 
 
 def _narrowed(loaded: Loaded) -> Tables:

@@ -18,7 +18,7 @@ from pipeline.artefacts import to_json, to_plain
 from pipeline.files import write_atomically
 from pipeline.fingerprints import as_document
 from pipeline.golden import Tables
-from pipeline.graph import WHOLE
+from stages.report.summary_results import DETERMINED
 
 if TYPE_CHECKING:
     from pipeline.runner import Run
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FOLDER = "history"
 FORMAT = 1
 KEPT = 200
+KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def _entry(run: Run, number: int) -> Entry:
     for document in _artefacts(run, "error_table"):
         tables = golden.tables_of(document.to_pylist())
     figures = {
-        f"{document['title']}: {row['quantity']}": {name: row.get(name) for name in ("value", "unit", "standard_error", "verdict")}
+        f"{document['title']}: {row['quantity']}": {"of": document["title"], **{name: row.get(name) for name in KEPT_OF_FIGURES}}
         for document in _artefacts(run, "results")
         for row in document["rows"]
     }
@@ -99,9 +100,9 @@ def _entry(run: Run, number: int) -> Entry:
 
 def _artefacts(run: Run, schema: str) -> Iterator[Any]:
     for port in run.graph.producers(schema):
-        artefact = run.artefacts_of(port, WHOLE).get(None)
-        if artefact is not None:
-            yield artefact.load()
+        for item in run.manifests[port.stage.name].records:
+            for artefact in run.artefacts_of(port, item).values():
+                yield artefact.load()
 
 
 def entry_of(run: Run, number: int) -> Entry:
@@ -111,6 +112,23 @@ def entry_of(run: Run, number: int) -> Entry:
         allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
         raise DataError("no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed)
     return entries[number]
+
+
+def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
+    """The figures of an entry as documents of schema `results`, by their titles."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, item in entry.figures.items():
+        title = str(item.get("of") or name.partition(": ")[0])
+        row = {"quantity": name.removeprefix(f"{title}: "), **item}
+        found.setdefault(title, {"title": title, "rows": []})["rows"].append(row)
+    return found
+
+
+def judged(entry: Entry) -> tuple[int, int]:
+    """How many of the figures that a run shows first were determined (or held, or within their bound), and of how many."""
+    with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
+    shown = [item for item in with_verdict if item.get("headline")] or with_verdict
+    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(shown)
 
 
 def changes(old: Entry | None, new: Entry) -> list[str]:

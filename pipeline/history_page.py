@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from data_schemas.errors import DataError
 from pipeline import golden, session
 from pipeline.files import write_atomically
 from pipeline.graph import WHOLE
-from pipeline.history import Entry, best, changes, entry_of, read
+from pipeline.history import Entry, best, changes, entry_of, judged, read
 from pipeline.runner import Place, Run
 from pipeline.terminal import plain
 from stages import report
@@ -42,11 +42,16 @@ def show(campaign: str, *, number: int | None, as_json: bool) -> None:
 
 def _print_list(entries: Sequence[Entry]) -> None:
     grid = Table(box=None, pad_edge=False, header_style="dim")
-    for name in ("run", "finished (UTC)", "best model", "training", "validation", "changed since the run before"):
+    models = any(best(entry) for entry in entries)
+    heads = ("best model", "training", "validation") if models else ("figures determined",)
+    for name in ("run", "finished (UTC)", *heads, "changed since the run before"):
         grid.add_column(name, justify="right" if name in ("run", "training", "validation") else "left", overflow="fold")
     for before, entry in zip((None, *entries), entries, strict=False):
         found = best(entry)
-        figures = ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
+        figures: tuple[str, ...] = ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
+        if not models:
+            good, of = judged(entry)
+            figures = (f"{good} of {of}" if of else f"{len(entry.figures)} found",)
         grid.add_row(str(entry.number), entry.finished_utc, *map(plain, figures), plain("; ".join(changes(before, entry))))
     Console(highlight=False).print(grid)
 
@@ -60,7 +65,16 @@ def _print_entry(entry: Entry) -> None:
         print(f"\n{use}")
         print(golden.to_csv(models).decode(), end="")
     for name, item in entry.figures.items():
-        print(plain(f"{name}: {item['value']} {item['unit']} ({item['verdict']})"))
+        value = "not determined" if item["value"] is None else f"{item['value']:.6g}"
+        unit = "" if item["unit"] == "1" else f" {item['unit']}"
+        verdict = f" ({item['verdict']})" if item["verdict"] else ""
+        print(plain(f"{name}: {value}{unit}{verdict}"))
+
+
+def _then_and_now(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
+    """A row of the table of figures; the change in percent where both are known and the first is not zero."""
+    change = 100.0 * (float(new["value"]) / float(old["value"]) - 1.0) if old["value"] and new["value"] is not None else None
+    return [name, old["value"], new["value"], change, new["unit"]]
 
 
 def _ratio(value: float | None) -> str:
@@ -102,8 +116,8 @@ def comparison(old: Entry, new: Entry) -> dict[str, Any]:
         blocks.append(table(use.capitalize(), heads, rows))
     names = [name for name in new.figures if name in old.figures]
     if names:
-        rows = [[name, old.figures[name]["value"], new.figures[name]["value"], new.figures[name]["unit"]] for name in names]
-        blocks.append(table("Figures", ["figure", "then", "now", "unit"], rows))
+        rows = [_then_and_now(name, old.figures[name], new.figures[name]) for name in names]
+        blocks.append(table("Figures", ["figure", "then", "now", ("change", "%"), "unit"], rows))
     return section(
         f"Against run {old.number} of {old.finished_utc} UTC", blocks, order=ORDER, look_for="What the change of a parameter did."
     )

@@ -75,11 +75,11 @@ def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> rrb.Bluepr
         tabs[str(visible(group["tab"]))].append((owner, group))
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
     answer = _plots(tabs.pop(ANSWER, []), groups, seen)
-    left = _pages(answer, None, 2, leg) if answer else path_view(seen.corners) if seen.corners is not None else None
+    left = in_pages(answer, None, 2, leg) if answer else path_view(seen.corners) if seen.corners is not None else None
     pages: list[Any] = [rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER) if left is not None else words]
     pages += [path_view(seen.corners)] if seen.corners is not None else []
     plots = {name: _plots(items, groups, seen) for name, items in tabs.items()}
-    pages += [_pages(views, name, 2, leg) for name, views in plots.items() if views]
+    pages += [in_pages(views, name, 2, leg) for name, views in plots.items() if views]
     texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
@@ -175,7 +175,7 @@ def _names(units: Mapping[str, str]) -> dict[str, str]:
     return {origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:]) for origin, found in parts.items()}
 
 
-def _pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = "") -> Any:
+def in_pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = "") -> Any:
     """The plots of a tab in a grid, or, where they are many, in pages that keep legs (second parts of entities) whole; `leg` is open."""
     if len(plots) <= MOST_PLOTS:
         return rrb.Grid(*plots.values(), grid_columns=columns if len(plots) > 2 else 1, name=name)

@@ -29,7 +29,10 @@ FORCE, MODEL = "residual force", "model"
 
 @dataclass(frozen=True)
 class Side:
-    """One of two: the run by name, its documents and its tables by segment; `model` narrows it to one model."""
+    """One of two: the run by name, its documents and its tables by segment; `model` narrows it to one model.
+
+    `viewed`: the signals that the views of a bench or control run name, by `place_of_view`.
+    """
 
     name: str
     model: str | None = None
@@ -40,6 +43,7 @@ class Side:
     fused: Mapping[str, pa.Table] = field(default_factory=dict)
     residual: Mapping[str, pa.Table] = field(default_factory=dict)
     predictions: Mapping[str, pa.Table] = field(default_factory=dict)
+    viewed: Mapping[tuple[str, str], Signals] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,7 @@ def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
 
     A side that is narrowed to one model calls its force `model`, so that two different ones are partners.
     """
-    found = {}
+    found = dict(side.viewed)
     for segment, document in side.segments.items():
         start = float(document["leg_start_s"])
         if segment in side.fused:
@@ -134,6 +138,26 @@ def _signals(table: pa.Table, columns: tuple[str, ...], start_s: float, names: t
     short = names or tuple(name.split("_")[0] for name in columns)
     units = tuple(AXIS_UNITS[name] for name in names) or tuple(UNITS[name.partition("_")[2]] for name in columns)
     return Signals(column(table, "t_s") + start_s, matrix(table, columns), short, units)
+
+
+def place_of_view(group: Document) -> tuple[str, str]:
+    """What a group of a view belongs to (leg, swing, flight) and what it shows: `rlse/dive/mass/history` -> dive, mass history."""
+    parts = str(group["entity"]).split("/")
+    own = parts[1:] if len(parts) > 2 else parts
+    return own[0], " ".join(own[1:])
+
+
+def signals_of_view(group: Document, table: pa.Table) -> Signals | None:
+    """The series of a group of a view on their own clock; None for a table without one, or where nothing of it is left."""
+    columns = tuple(map(str, group["columns"]))
+    if not has_columns(table, ("t_s", *columns)):
+        return None
+    for name, value in (group.get("filter") or {}).items():
+        table = table.filter(pc.equal(table[name], value))
+    if not table.num_rows:
+        return None
+    names, unit = tuple(map(str, group["names"])), str(group["unit"])
+    return Signals(column(table, "t_s"), matrix(table, columns), names, (unit,) * len(names))
 
 
 def pairs(first: Side, second: Side) -> tuple[list[Pair], list[str]]:

@@ -8,7 +8,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from stages.report.blueprint import Sent, opened, outer, time_plot
+from stages.report.blueprint import Sent, in_pages, opened, outer, time_plot
 from stages.report.colours import AXES, ROLES, Ink, ink
 from stages.report.difference import FORCE, MODEL, Pair, Side, Signals
 from stages.report.html import visible
@@ -25,10 +25,10 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
     starts = make_clock(first.segments, first.logs).logs
     sent: dict[str, dict[str, Sent]] = {}
     for pair in found:
-        shift = starts.get(str(first.segments[pair.segment]["log"]), 0.0)
+        shift = starts.get(str(first.segments[pair.segment]["log"]), 0.0) if pair.segment in first.segments else 0.0
         kind = _entity(pair.kind)
         for place, name in enumerate(pair.first.names):
-            origin = f"{kind}/{name}"
+            origin = _origin(first, pair, name)
             lanes = sent.setdefault(kind, {})
             for side, drawn, line in ((first, pair.first, FIRST), (second, pair.second, SECOND)):
                 entity = f"{origin}/{'first' if side is first else 'second'}"
@@ -46,7 +46,14 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
                 pair.difference[:, place],
                 others.get(apart),
             )
-    return out.finish(_blueprint(found, sent))
+    units = {_origin(first, pair, name): unit for pair in found for name, unit in zip(pair.first.names, pair.first.units, strict=True)}
+    return out.finish(_blueprint(found, sent, units))
+
+
+def _origin(first: Side, pair: Pair, name: str) -> str:
+    """Segments follow one another on the clock of their log and share a plot; bench legs and flights begin at zero, each in its own."""
+    parts = [_entity(pair.kind), *([] if pair.segment in first.segments else [pair.segment]), name]
+    return "/".join(rr.escape_entity_path_part(str(visible(part))) for part in parts)
 
 
 def _entity(kind: str) -> str:
@@ -69,31 +76,27 @@ def _send(out: Recording, entity: str, name: str, line: Ink, times: Array, value
     return (before or Sent()).add(times, column)
 
 
-def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]]) -> rrb.Blueprint:
-    units = {f"{_entity(pair.kind)}/{name}": unit for pair in found for name, unit in zip(pair.first.names, pair.first.units, strict=True)}
+def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> rrb.Blueprint:
     kinds = list(dict.fromkeys(pair.kind for pair in found))
     words = rrb.TextDocumentView(origin="answer/text", name="What changed")
     opening = next((kind for kind in (MODEL, FORCE, *kinds) if kind in kinds), None)
     if opening is None:
         return opened([words])
     left = _plots(f"difference/{_entity(opening)}", sent, units)
-    pages: list[Any] = [rrb.Horizontal(rrb.Grid(*left, grid_columns=2), words, column_shares=[6, 4], name="Answer")]
+    pages: list[Any] = [rrb.Horizontal(in_pages(left, None, 2), words, column_shares=[6, 4], name="Answer")]
     for kind in kinds:
         overlaid, apart = (_plots(f"{prefix}{_entity(kind)}", sent, units) for prefix in ("", "difference/"))
-        pages.append(
-            rrb.Tabs(
-                rrb.Grid(*overlaid, grid_columns=2, name="both"), rrb.Grid(*apart, grid_columns=2, name="second less first"), name=kind
-            )
-        )
+        pages.append(rrb.Tabs(in_pages(overlaid, "both", 2), in_pages(apart, "second less first", 2), name=kind))
     return opened(pages)
 
 
-def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> list[rrb.TimeSeriesView]:
+def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> dict[str, rrb.TimeSeriesView]:
     lanes = sent[kind]
     times = outer(item.times for item in lanes.values())
-    plots: list[rrb.TimeSeriesView] = []
+    plots: dict[str, rrb.TimeSeriesView] = {}
     for origin, item in lanes.items():
-        unit = units[origin.removeprefix("difference/")]
-        change = "Δ" if origin.startswith("difference/") else ""
-        plots.append(time_plot(origin, f"{change}{origin.rpartition('/')[2]} [{unit}]", times, item.values, legend=not plots))
+        own = origin.removeprefix("difference/")
+        change = "Δ" if origin != own else ""
+        words = " ".join(own.split("/")[1:]).replace("\\", "")
+        plots[own] = time_plot(origin, f"{change}{words} [{units[own]}]", times, item.values, legend=not plots)
     return plots

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from data_schemas.errors import PipelineError
 from data_schemas.tables import column, make_table
-from pipeline import cli, golden, viewer
+from pipeline import cli, diff, golden, sides, viewer
 from pipeline.artefacts import encode
 from stages.report.difference import FigureChange, Side, coefficient_changes, differs, pairs, signal_changes
 from tests.support.example_run import ExampleRun, example_run
@@ -167,3 +167,52 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path, word: str, said: str
 def test_unknown_model_names_the_nearest(tmp_path: Path) -> None:
     folder = write(tmp_path / "run", small())
     assert "Did you mean 'linear'" in call("diff", f"{folder}@lineal", folder)[1]
+
+
+def bench_folder(folder: Path, *, shift: float = 0.0, value: float = -13.5) -> Path:
+    """A bench run with one leg: its results, views and series, where the stage `rlse` leaves them."""
+    leg = folder / "rlse" / "tank"
+    leg.mkdir(parents=True)
+    t = np.linspace(0.0, 5.0, 11)
+    names = ("measured", "linear", "quadratic", "linear_and_quadratic")
+    columns = {"t_s": t, "force": np.zeros(t.size), **{name: np.sin(t) + (shift if name == "linear" else 0.0) for name in names}}
+    (leg / "channel_run.parquet").write_bytes(encode(make_table("channel_run", columns), "channel_run", file=leg))
+    view = {"entity": "rlse/tank/run", "table": "channel_run", "columns": list(names), "names": list(names), "roles": list(names)}
+    views = {"groups": [{**view, "tab": "Answer", "unit": "m/s"}]}
+    row = {"quantity": "X_udot", "value": value, "unit": "kg", "standard_error": 0.1, "verdict": "identified"}
+    (leg / "views.json").write_bytes(encode(views, "views", file=leg))
+    (leg / "results.json").write_bytes(encode({"title": "surge of leg tank", "rows": [row]}, "results", file=leg))
+    return folder
+
+
+def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_their_views(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = bench_folder(tmp_path / "a"), bench_folder(tmp_path / "b", shift=0.1, value=-14.0)
+    assert diff.diff(str(first), str(first), as_json=True)
+    assert json.loads(capsys.readouterr().out)["compared"] == {"cells": 0, "figures": 1, "signals": 4}
+    assert not diff.diff(str(first), str(second), as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    assert [(item["of"], item["name"], item["new"]) for item in found["figures"]] == [("surge of leg tank", "X_udot", -14.0)]
+    assert [(item["segment"], item["kind"], item["name"]) for item in found["signals"]] == [("tank", "run", "linear")]
+    assert found["signals"][0]["rms_difference"] == pytest.approx(0.1)
+
+
+def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = sides.Loaded(Side("old@1"), {}, partial=True)
+    monkeypatch.setattr(diff, "load", lambda word: nothing)
+    with pytest.raises(PipelineError, match="nothing that could be compared"):
+        diff.diff("old@1", "old@1")
+
+
+def test_signals_of_the_size_of_rounding_are_equal(tmp_path: Path) -> None:
+    run = small()
+    side = side_of(run, "a")
+    fused = dict(run.fused)
+    index = fused["train"].column_names.index("v_m_s")
+    noise = 1e-16 * np.random.default_rng(0).standard_normal(fused["train"].num_rows)
+    still = fused["train"].set_column(index, fused["train"].schema.field("v_m_s"), [np.zeros(noise.size)])
+    moved = fused["train"].set_column(index, fused["train"].schema.field("v_m_s"), [noise])
+    one, two = replace(side, fused={**fused, "train": still}), replace(side, fused={**fused, "train": moved})
+    found, alone = pairs(one, two)
+    assert diff.difference(sides.Loaded(one, {}), sides.Loaded(two, {}), found, alone, 1e-6).signals == []

@@ -93,7 +93,7 @@ def test_section_against_an_earlier_run_has_both_figures_and_the_change() -> Non
     section = history_page.comparison(ENTRY, replace(ENTRY, error_tables=table))
     tables = {block["title"]: block["rows"] for block in section["blocks"] if block["kind"] == "table"}
     assert tables["Validation"][0] == ["linear", 36, 36, 2.0, 2.0, 0.5, 0.4, pytest.approx(-20.0)]
-    assert tables["Figures"] == [["pendulum: I_x", 0.2, 0.2, "kg m^2"]]
+    assert tables["Figures"] == [["pendulum: I_x", 0.2, 0.2, 0.0, "kg m^2"]]
 
 
 @pytest.fixture
@@ -131,3 +131,14 @@ def test_two_remembered_runs_are_compared() -> None:
     done = CliRunner().invoke(cli.app, ["diff", "example@1", "example@2"])
     assert done.exit_code == 0, done.output
     assert "equal within tolerance" in done.output
+
+
+def test_figures_come_back_as_results_and_are_counted() -> None:
+    figures = {
+        "surge of leg a: X_udot": {"of": "surge of leg a", "value": -1.0, "unit": "kg", "verdict": "identified", "headline": True},
+        "surge of leg a: X_u": {"of": "surge of leg a", "value": None, "unit": "kg/s", "verdict": "weak", "headline": True},
+        "surge of leg a: X_u (linear)": {"of": "surge of leg a", "value": 3.0, "unit": "kg/s", "verdict": "weak", "headline": False},
+    }
+    entry = replace(ENTRY, figures=figures)
+    assert [row["quantity"] for row in history.results_of(entry)["surge of leg a"]["rows"]] == ["X_udot", "X_u", "X_u (linear)"]
+    assert history.judged(entry) == (1, 2)
