@@ -86,7 +86,8 @@ def _check_bounds(value: object, spec: Mapping[str, Any], path: str, where: obje
         return
     low, high = spec.get("low"), spec.get("high")
     if not (low is None or value >= low) or not (high is None or value <= high):
-        faults.append(SchemaError("out of range", file=where, field=path, value=value, allowed=f"{low} to {high}"))
+        allowed = f"at least {low}" if high is None else f"at most {high}" if low is None else f"{low} to {high}"
+        faults.append(SchemaError("out of range", file=where, field=path, value=value, allowed=allowed))
 
 
 def _check_quantity(value: object, spec: Mapping[str, Any], path: str, where: object, faults: list[PipelineError]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from data_schemas.errors import CampaignError, nearest
 from hydro.dynamics.vehicle import vehicle_from_document
+from hydro.dynamics.viscous_models import MODELS
 from pipeline.files import readable
 from pipeline.yaml_files import YamlFile, load_yaml
 from stages.simulate.bench_plans import bench_entries, bench_plan
@@ -25,14 +26,20 @@ def load_twin(
 
     `plan` is the path of the plan, `file` the manifest (or command) that names it. Raises `CampaignError` or `SchemaError`.
     """
+    accelerometer, format = entry.get("accelerometer", "specific_force"), entry.get("format", "bin")
+    if accelerometer != "specific_force" and format != "csv":
+        remedy = "Write CSV, or leave accelerometer out."
+        raise CampaignError(
+            f"logs of format {format} hold specific force", file=file, field="simulate.accelerometer", value=accelerometer, remedy=remedy
+        )
     found = load_plan(plan, vehicle, file=file)
     truth = load_truth(str(entry.get("truth", PHYSICS)), vehicle_file=vehicle_file, folder=folder, file=file)
     return {
         "plan": found.value,
         "truth": truth,
         "seed": int(entry.get("seed", 0)),
-        "format": entry.get("format", "bin"),
-        "accelerometer": entry.get("accelerometer", "specific_force"),
+        "format": format,
+        "accelerometer": accelerometer,
     }
 
 
@@ -59,7 +66,18 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
     published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]
     if text.startswith(REFIT):
-        return {"kind": "refit", "name": text.removeprefix(REFIT), "source": "refitted to the flow physics"}
+        known = tuple(model.name for model in MODELS)
+        name = text.removeprefix(REFIT)
+        if name not in known:
+            raise CampaignError(
+                "no such model",
+                file=file,
+                field="simulate.truth",
+                value=text,
+                allowed=[f"{REFIT}{each}" for each in known],
+                remedy=nearest(name, known),
+            )
+        return {"kind": "refit", "name": name, "source": "refitted to the flow physics"}
     if text.endswith(".json"):
         return _of_card(Path(text) if Path(text).is_absolute() else folder / text, file)
     if text not in published:

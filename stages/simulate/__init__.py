@@ -14,6 +14,7 @@ from data_schemas.errors import DataError
 from data_schemas.tables import column
 from hydro.dynamics.propeller import level_speed
 from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
+from hydro.dynamics.viscous_models import IdentifiedModel
 from stages.base import Document, Stage, port
 from stages.sections import panel, plot, remark, section, series, table, text
 from stages.signals import ATTITUDE, VELOCITY
@@ -78,6 +79,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
+    if isinstance(plant.truth, IdentifiedModel):
+        document["coefficients"] = {axis: dict(terms) for axis, terms in plant.truth.coefficients.items()}
     return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
 
 

@@ -16,6 +16,8 @@ from hydro.dynamics.vehicle import Vehicle
 
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 SHORTEST_LEG_S = 1.0
+LONGEST_LEG_S = 7200.0
+"""The flight of a leg is held in memory, at the rate of the integration."""
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,10 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
             "the plan has no legs", "legs", [], remedy="List the legs; a plan with bench is flown by a campaign of kind bench_twin."
         )
         return
+    endless = list(_not_finite(document, ""))
+    yield from (fault("not a finite number", at, value) for at, value in endless)
+    if endless:
+        return
     if margin_s(document) > float(document.get("settle_s", 40.0)):
         yield fault("the log would begin before the vehicle does", "margin_s", margin_s(document), allowed="at most settle_s")
     yield from _list_faults(document, fault)
@@ -209,6 +215,9 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
         if not ID.fullmatch(str(leg["id"])) or str(leg["id"]).lower() in seen:
             yield fault("not a name of its own", f"{at}.id", leg["id"], allowed="letters, digits, _ and -, each name once")
         seen.add(str(leg["id"]).lower())
+        if leg["duration_s"] > LONGEST_LEG_S:
+            longest = f"at most {LONGEST_LEG_S:g} s"
+            yield fault("the leg is too long to be flown in one", f"{at}.duration_s", leg["duration_s"], allowed=longest)
         if not leg["duration_s"] >= SHORTEST_LEG_S:
             yield fault("the leg has no length", f"{at}.duration_s", leg["duration_s"], allowed=f"at least {SHORTEST_LEG_S:g} s")
         if not 0.0 < leg["rpm"] <= fastest:
@@ -223,6 +232,18 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
         yield fault("a depth step goes above the surface", "depth_steps.values_m", f"{shallowest:g} m", allowed="depths below 0 m")
     if _depth(document) <= 0.0:
         yield fault("the vehicle would run at the surface", "depth_m", _depth(document), allowed="more than 0 m")
+
+
+def _not_finite(value: object, at: str) -> Iterator[tuple[str, float]]:
+    """Every number of a document that is infinite or none, with its place."""
+    if isinstance(value, float) and not np.isfinite(value):
+        yield at, value
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _not_finite(item, f"{at}.{key}".lstrip("."))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _not_finite(item, f"{at}[{index}]")
 
 
 def _list_faults(document: Mapping[str, Any], fault: Any) -> Iterator[PipelineError]:

@@ -118,6 +118,7 @@ def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
     twin = {"plan": document, "truth": truth, "seed": 0, "format": "csv", "accelerometer": "specific_force"}
     outputs = simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
     model, _ = refit(name, plan_from_document(document, VT690), VT690)
+    assert outputs.simulation["coefficients"] == model.coefficients
     return {axis: dict(terms) for axis, terms in model.coefficients.items()}, list(outputs.truth.values())
 
 

@@ -20,6 +20,7 @@ from hydro.dynamics.sensor_models import specific_force
 from hydro.dynamics.simulation import Plant
 from hydro.dynamics.vehicle import vehicle_from_document
 from hydro.identification.bias import inertial_acceleration
+from pipeline.twin import load_twin
 from stages import ingest, simulate
 from stages.base import RawLog
 from stages.ingest.decoded import RawFile
@@ -203,6 +204,23 @@ def test_truth_is_the_equation_of_motion(logs: dict[str, simulate.Outputs]) -> N
     assert (truth.num_rows, truth["time_us"][0].as_py()) == (501, 10_000_000)
 
 
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"accelerometer": "inertial", "format": "bin"}, "hold specific force"),
+        ({"truth": "refit:lin"}, "no such model.*refit:linear"),
+        ({"truth": "refit:"}, "no such model"),
+    ],
+)
+def test_what_a_twin_cannot_do_is_refused_before_it_flies(entry: dict[str, str], words: str, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(yaml.safe_dump(dict(PLAN)), encoding="utf-8")
+    file = ROOT / "vehicles/vt690.yaml"
+    vehicle = yaml.safe_load(file.read_text(encoding="utf-8"))
+    with pytest.raises(CampaignError, match=words):
+        load_twin(entry, vehicle, plan=plan, vehicle_file=file, folder=tmp_path, file="campaign.yaml")
+
+
 def test_manifest_of_a_plan() -> None:
     entries = manifest_entries(PLAN, format="csv")
     assert entries[0][0]["files"][1] == {"file": "yaw_dvl.csv", "columns": "columns/dvl.yaml"}
@@ -217,6 +235,9 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "TOO_FAST": (leg(rpm=4000), "cannot run at this speed"),
     "STANDING": (leg(rpm=0), "cannot run at this speed"),
     "NO_LENGTH": (leg(duration_s=0), "the leg has no length"),
+    "ENDLESS": (leg(duration_s=1.0e9), "too long to be flown"),
+    "INFINITE_SCALE": ({"yaw_scale": float("inf")}, "not a finite number"),
+    "NO_NUMBER_DEEP_INSIDE": ({"sensors": {"dvl": {"arm_error_m": [0.0, float("nan"), 0.0]}}}, "sensors.dvl.arm_error_m\\[1\\]"),
     "ABOVE_THE_SURFACE": (leg(manoeuvre="depth_steps") | {"depth_m": 0.8}, "above the surface"),
     "AT_THE_SURFACE": ({"depth_m": 0.0}, "run at the surface"),
     "NO_LEGS": ({"legs": []}, "no legs"),
