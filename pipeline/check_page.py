@@ -41,9 +41,10 @@ def alignment_text(found: Alignment) -> str:
     offset = found.offset
     digits = 4 if offset.std_s >= 1e-4 else 6
     seconds = round(offset.offset_s, digits) + 0.0  # no minus before a zero
+    spread = max(offset.std_s, 10.0**-digits)  # not known better than it is printed
     return (
         f"clock of {plain(found.second)} {seconds:+.{digits}f} s = clock of {plain(found.first)} (standard deviation "
-        f"{offset.std_s:.{digits}f} s; {found.signal}, correlation {offset.correlation:.2f} over {offset.overlap_s:.0f} s)"
+        f"{spread:.{digits}f} s; {found.signal}, correlation {offset.correlation:.2f} over {offset.overlap_s:.0f} s)"
     )
 
 

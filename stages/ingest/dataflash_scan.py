@@ -249,13 +249,24 @@ class Walk:
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
         """The times that a record between candidates `before` and `after` can have; nothing if neither side shows a clock."""
-        early, late = self.times_us[max(before + 1 - NEAR, 0) : before + 1][::-1], self.times_us[after : after + NEAR]
-        sides = (self._first_us(early), self._first_us(late))
+        early = self._steps(max(before + 1 - 2 * NEAR, 0), before + 1)[: -NEAR - 1 : -1]
+        late = self._steps(after, min(after + 2 * NEAR, self.count))[:NEAR]
+        sides = (self._first_us(self.times_us[early]), self._first_us(self.times_us[late]))
         known = [time for time in sides if time is not None]
         if not known:
             return 1, 0
         slack = SLACK_US if len(known) == 2 else FAR_US
         return max(min(known) - slack, 0), max(known) + slack
+
+    def _steps(self, start: int, stop: int) -> list[int]:
+        """The candidates `start:stop` without those inside a record before them: for 65 ms every 72 minutes all time stamps hold the
+        magic bytes, and what is read as time behind these is none."""
+        found, end = [], 0
+        for place in range(start, stop):
+            if self.offset[place] >= end:
+                found.append(place)
+                end = int(self.end[place]) if self.valid[place] else 0
+        return found
 
     @staticmethod
     def _first_us(times_us: Ints) -> int | None:
