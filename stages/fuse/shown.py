@@ -52,6 +52,7 @@ def fuse_section(
     biases += [["accelerometer " + axis, value, "m/s^2"] for axis, value in zip("xyz", fusion["accel_bias_m_s2"] or [], strict=False)]
     blocks = [remark(words, "warning") for words in fusion["warnings"]]
     blocks += current_blocks(fusion["current"])
+    blocks += installation_blocks(fusion["installation"])
     blocks += uneven_bandwidth(segment["smoothing"], fusion["cutoff_hz"])
     blocks += [
         plot(
@@ -65,6 +66,28 @@ def fuse_section(
         table("RMS of raw minus fused", ["channel", "RMS", "unit"], rows, note="It holds the lever arm and the bias too."),
     ]
     return section(f"State of {segment['id']} ({fusion['method']})", blocks, order=30)
+
+
+def installation_blocks(found: Mapping[str, Any] | None) -> list[Block]:
+    """What was found of the velocity sensor's arm and mounting, and a warning for what this segment leaves open."""
+    if found is None:
+        return []
+    rows: list[list[Any]] = []
+    left_open: list[str] = []
+    for part, key, unit in (("arm", "dvl_arm", "m"), ("mounting", "dvl_mounting", "rad")):
+        values, errors = (found[f"{key}{ending}_{unit}"] for ending in ("", "_sd"))
+        for axis, value, error, used in zip("xyz", values, errors, found[f"{key}_determined"], strict=True):
+            if value is not None:
+                rows.append([f"{part} {axis}", value, error, unit, "yes" if used else "no"])
+                left_open += [] if used else [f"{part} {axis}"]
+    note = (
+        "Mounting: small rotation in addition to that of the vehicle file. From this segment alone; a standard error too large is not used."
+    )
+    blocks = [table("Velocity sensor as found to sit", ["figure", "value", "standard error", "unit", "used"], rows, note=note)]
+    if left_open:
+        words = f"This segment does not determine the velocity sensor's {', '.join(left_open)}: the vehicle file's word stands there."
+        blocks.insert(0, remark(f"{words} Find them on a leg with turns and dives, and write them into the vehicle file.", "warning"))
+    return blocks
 
 
 def uneven_bandwidth(smoothing: Mapping[str, Any], cutoff_hz: float | None) -> list[Block]:

@@ -14,6 +14,7 @@ from data_schemas.tables import column, has_columns, make_table, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from hydro.dynamics.vehicle import vehicle_from_document
 from stages import fuse, resample
+from stages.fuse.shown import installation_blocks
 from stages.signals import ACCELERATION, POSE_RATE, VELOCITY, named
 from tests.support.motions import ODD, RATE_HZ, Motion, Sensors, log_document, mounted_vehicle, resampled_table, rich_motion
 from tests.unit.test_fuse import sampled
@@ -76,9 +77,20 @@ def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> Non
     assert all(found.fusion["installation"]["dvl_arm_determined"])
     np.testing.assert_allclose(found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02)  # m
     assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
+    assert "Velocity sensor as found to sit" in str(found.section)
+    assert "Velocity sensor as found to sit" not in str(blind.section)
     # m/s: sway is held against the velocity log as it was found to sit, not as the vehicle file says.
     turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
     assert found.fusion["integrated_sway_rms_m_s"] < 0.5 * turned
+
+
+def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
+    found = {"dvl_arm_m": [0.4, 0.1, None], "dvl_arm_sd_m": [0.01, 0.2, None], "dvl_arm_determined": [True, False, False]}
+    found |= {"dvl_mounting_rad": [None] * 3, "dvl_mounting_sd_rad": [None] * 3, "dvl_mounting_determined": [False] * 3}
+    warning, shown = installation_blocks(found)
+    assert "does not determine the velocity sensor's arm y: the vehicle file's word stands there" in str(warning)
+    assert [row[0] for row in shown["rows"]] == ["arm x", "arm y"]
+    assert installation_blocks(None) == []
 
 
 def test_refuses_without_its_sensors(motion: Motion) -> None:
