@@ -98,7 +98,7 @@ def design(
         values = getattr(weights, name)
         if values.shape != (size,) or (values < 0.0).any() or (name.startswith("R") and (values <= 0.0).any()):
             rule = f"{size} numbers {'> 0' if name.startswith('R') else '>= 0'}"
-            raise CampaignError("weights do not fit the vehicle", field=f"weights.{name}", value=values.tolist(), allowed=rule)
+            raise CampaignError("weights do not fit the vehicle", field=name, value=values.tolist(), allowed=rule)
     few = at_every(found, stride)
     A, B = plant.linear(few.chi, few.U, mass_kg=few.mass_kg)
     for index in np.unique(np.linspace(0, len(A) - 1, 9).astype(int)):

@@ -51,12 +51,14 @@ class Trajectory:
 def fly_path(path: Curve, *, speed_m_s: float, step_s: float, duration_s: float | None = None, frame: str = "level") -> Trajectory:
     """The path flown at a constant speed, to its end or for `duration_s` (beyond its end straight on).
 
-    Raises `CampaignError` for a speed that is not positive, an unknown frame, or a path shorter than two steps.
+    Raises `CampaignError` for a speed or step that is not positive, an unknown frame, or a path shorter than two steps.
     """
     if not speed_m_s > 0.0:
         raise CampaignError("a trajectory needs a positive speed", field="speed_m_s", value=speed_m_s)
     if frame not in ("level", "frenet"):
         raise CampaignError("unknown frame", field="frame", value=frame, allowed=("level", "frenet"))
+    if not step_s > 0.0:
+        raise CampaignError("a trajectory needs a positive step", field="step_s", value=step_s)
     duration = path.length_m / speed_m_s if duration_s is None else duration_s
     steps = int(np.floor(duration / step_s + 1e-9))
     if steps < 2:

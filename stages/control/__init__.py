@@ -11,7 +11,7 @@ import pyarrow as pa
 from data_schemas.errors import CampaignError, nearest
 from hydro.control.plants import HybridPlant
 from stages.base import Document, Stage, param, port
-from stages.control.cases import limits_of, trajectories_of, weights_of
+from stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
 from stages.control.flying import Flown, Models, fly_case, models_of, monte_carlo, require_stable
 from stages.control.linear import linear_comparisons, linear_part
 from stages.control.open_loop import coefficients_part, open_loop_part
@@ -102,18 +102,22 @@ def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
 
 def _spread(inputs: Inputs, params: Params, models: Models, flown: list[Flown]) -> tuple[list[Block], list[dict[str, Any]]]:
     """The Monte Carlo of the cases, if they ask for one."""
-    asked = (inputs.cases or {}).get("monte_carlo")
-    if not asked or not params.members:
+    asked = spread_of(inputs.cases or {})
+    if asked is None or not params.members:
         return [], []
     chosen = {(item.case.name, item.flight.name): item for item in flown if item.designed_on == flown[0].designed_on}
-    key = (str(asked["trajectory"]), str(asked["flight"]))
+    key = (asked.trajectory, asked.flight)
     if key not in chosen:
         names = [" / ".join(pair) for pair in chosen]
         raise CampaignError("no such flight", field="monte_carlo", value=" / ".join(key), remedy=nearest(" / ".join(key), names))
     item = chosen[key]
     if item.case.powered is not None:
         raise CampaignError("the Monte Carlo flies trajectories with one controller", field="monte_carlo.trajectory", value=key[0])
-    duration, relative = float(asked["duration"]["value"]), float((asked.get("relative_sd") or {"value": 0.1})["value"])
+    longest = float(item.flown.t_s[-1])
+    if asked.duration_s > longest + 1e-9:
+        allowed = f"at most {longest:g} s, the length of the flight"
+        raise CampaignError("longer than what is flown", field="monte_carlo.duration", value=asked.duration_s, allowed=allowed)
+    duration, relative = asked.duration_s, asked.relative_sd
     hybrid = isinstance(models.plant, HybridPlant)
     errors, track = monte_carlo(
         models, inputs.model_card, item, duration_s=duration, relative_sd=relative, members=params.members, seed=params.seed

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,30 +79,85 @@ class Limits:
     pitch_rad: float
 
 
+MOST_TICKS = 200_000
+"""More are refused: a step that is wrong by a thousand shall not fill the memory."""
+
+
+@contextmanager
+def in_cases(where: str = "") -> Iterator[None]:
+    """Faults of what is called get the document, and the place in it before their own field."""
+    try:
+        yield
+    except CampaignError as fault:
+        fault.file = fault.file or "the cases of the campaign"
+        if where and fault.field and not fault.field.startswith(where):
+            fault.field = f"{where}.{fault.field}"
+        fault.args = (str(fault),)
+        raise
+
+
+def positive(read: Quantities, key: str, unit: str, *, default: float | None = None) -> float:
+    """A quantity above zero. Raises `CampaignError` naming it."""
+    value = read.number(key, unit, default=default)
+    if not value > 0.0:
+        raise CampaignError("must be positive", field=read.where(key), value=value, allowed=f"> 0 {unit}")
+    return value
+
+
 def limits_of(cases: Document) -> Limits:
-    """Key `limits`."""
-    read = Quantities(cases).part("limits")
-    return Limits(
-        read.number("fins", "rad"),
-        read.number("fin_rate", "rad/s"),
-        read.number("thrust_rate", "N/s", default=100.0),
-        read.number("pitch", "rad"),
-    )
+    """Key `limits`. Raises `CampaignError` for what is not above zero."""
+    with in_cases():
+        read = Quantities(cases).part("limits")
+        return Limits(
+            positive(read, "fins", "rad"),
+            positive(read, "fin_rate", "rad/s"),
+            positive(read, "thrust_rate", "N/s", default=100.0),
+            positive(read, "pitch", "rad"),
+        )
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The Monte Carlo that is asked for; `relative_sd` holds where no card gives a covariance."""
+
+    trajectory: str
+    flight: str
+    duration_s: float
+    relative_sd: float
+
+
+def spread_of(cases: Document) -> Spread | None:
+    """Key `monte_carlo`; None where there is none. Raises `CampaignError` for numbers that are not above zero."""
+    asked = cases.get("monte_carlo")
+    if not asked:
+        return None
+    with in_cases():
+        read = Quantities(cases).part("monte_carlo")
+        duration, relative = positive(read, "duration", "s"), positive(read, "relative_sd", "1", default=0.1)
+    return Spread(str(asked["trajectory"]), str(asked["flight"]), duration, relative)
 
 
 def weights_of(cases: Document) -> dict[str, Weights]:
     """Key `weights`: name -> weights."""
-    read = Quantities(cases).part("weights")
-    return {name: Weights(*(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))) for name in cases["weights"]}
+    with in_cases():
+        read = Quantities(cases).part("weights")
+        return {
+            name: Weights(*(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))) for name in cases["weights"]
+        }
 
 
 def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
     """Key `trajectories`.
 
-    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown weights, and a mode switch without waiting reference.
+    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown weights, a mode switch without waiting reference, and
+    trajectories without a flight or with more ticks than `MOST_TICKS`.
     """
     read = Quantities(cases).part("trajectories")
-    return tuple(_trajectory(name, entry, read.part(name), cases["weights"]) for name, entry in cases["trajectories"].items())
+    found = []
+    for name, entry in cases["trajectories"].items():
+        with in_cases():
+            found.append(_trajectory(name, entry, read.part(name), cases["weights"]))
+    return tuple(found)
 
 
 def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[str, Any]) -> TrajectoryCase:
@@ -113,22 +169,33 @@ def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[s
     if entry.get("waiting"):
         part = read.part("waiting")
         waiting = Waiting(
-            part.number("lead", "m"), part.number("catch_up", "s", default=float("inf")), part.number("fastest", "1", default=1.3)
+            positive(part, "lead", "m"), positive(part, "catch_up", "s", default=float("inf")), positive(part, "fastest", "1", default=1.3)
         )
     if entry.get("powered"):
         part = read.part("powered")
         rule = ModeSwitch(
             part.number("on_distance", "m"), part.number("off_distance", "m"), part.number("on_force", "N"), part.number("off_force", "N")
         )
-        powered = Powered(part.number("speed", "m/s"), str(entry["powered"].get("weights", entry["weights"])), rule)
+        if rule.off_m > rule.on_m or rule.off_N > rule.on_N:
+            words = "the propeller would stop before it starts"
+            raise CampaignError(
+                words, field=f"{where}.powered", value=f"off {rule.off_m:g} m, {rule.off_N:g} N", allowed="at most those of on"
+            )
+        powered = Powered(positive(part, "speed", "m/s"), str(entry["powered"].get("weights", entry["weights"])), rule)
         if waiting is None:
             raise CampaignError(
                 "a glide with a propeller needs a waiting reference", field=f"{where}.waiting", remedy="Give waiting: {lead}."
             )
-    speed = read.number("speed", "m/s")
-    if speed <= 0.0:
-        raise CampaignError("must be positive", field=f"{where}.speed", value=speed)
-    path = _path(str(entry["kind"]), read.part("path"))
+    speed, step = positive(read, "speed", "m/s"), positive(read, "step", "s")
+    with in_cases(f"{where}.path"):
+        path = _path(str(entry["kind"]), read.part("path"))
+    duration = positive(read, "duration", "s") if "duration" in read else None
+    slowest = min(speed, powered.speed_m_s) if powered else speed
+    if max(path.length_m / slowest, duration or 0.0) / step > MOST_TICKS:
+        allowed = f"at most {MOST_TICKS} steps along a path of {path.length_m:.4g} m"
+        raise CampaignError("too many steps", field=f"{where}.step", value=step, allowed=allowed)
+    if not entry["flights"]:
+        raise CampaignError("there is no flight", field=f"{where}.flights", remedy="Give flights: {undisturbed: {title: Undisturbed}}.")
     turn = None
     if entry["kind"] == "helix":
         turn = 2.0 * np.pi * read.part("path").number("radius", "m") / (speed * np.cos(path.start_pitch))
@@ -138,14 +205,14 @@ def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[s
         kind=str(entry["kind"]),
         path=path,
         speed_m_s=speed,
-        step_s=read.number("step", "s"),
-        duration_s=read.number("duration", "s") if "duration" in read else None,
+        step_s=step,
+        duration_s=duration,
         weights=str(entry["weights"]),
         riccati=str(entry.get("riccati", "backward")),
         observer=str(entry.get("observer", "kalman")),
         feed_forward=str(entry.get("feed_forward", "target")),
         equilibrium=str(entry.get("equilibrium", "trimmed")),
-        epsilon_rad=read.number("mass_change_over", "rad", default=0.2),
+        epsilon_rad=positive(read, "mass_change_over", "rad", default=0.2),
         transient_s=read.number("transient", "s", default=10.0),
         waiting=waiting,
         powered=powered,

@@ -20,7 +20,7 @@ from hydro.dynamics.arrays import AXES
 from hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from hydro.dynamics.vehicle import vehicle_from_document
 from stages.base import Document
-from stages.control.cases import FlightCase, Limits, TrajectoryCase
+from stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
 Array = npt.NDArray[np.float64]
 DESIGN_EVERY_S = 0.5
@@ -119,8 +119,8 @@ def fly_case(models: Models, case: TrajectoryCase, weights: Mapping[str, Weights
         if index == 0 and not isinstance(models.plant, HybridPlant):
             require_stable(model, schedules[0], allow=allow_unstable)
         if case.powered is not None:
-            faster = replace(case, speed_m_s=case.powered.speed_m_s, duration_s=None)
-            schedules.append(_schedule(model, _trajectory(faster), faster, weights[case.powered.weights], limits))
+            faster = replace(case, speed_m_s=case.powered.speed_m_s, duration_s=None, weights=case.powered.weights)
+            schedules.append(_schedule(model, _trajectory(faster), faster, weights[faster.weights], limits))
         flown += _fly_groups(models.plant, name, trajectory, schedules, replace(case, flights=tuple(chosen)))
     return flown
 
@@ -131,11 +131,13 @@ def _trajectory(case: TrajectoryCase) -> Trajectory:
 
 
 def _schedule(plant: Plant, trajectory: Trajectory, case: TrajectoryCase, weights: Weights, limits: Limits) -> Schedule:
-    found = equilibrium(plant, trajectory, method=case.equilibrium, epsilon_rad=case.epsilon_rad)
-    if case.equilibrium == "trimmed":
-        require_reachable(plant, found, largest_pitch_rad=limits.pitch_rad)
+    with in_cases(f"trajectories.{case.name}"):
+        found = equilibrium(plant, trajectory, method=case.equilibrium, epsilon_rad=case.epsilon_rad)
+        if case.equilibrium == "trimmed":
+            require_reachable(plant, found, largest_pitch_rad=limits.pitch_rad)
     stride = max(1, round(DESIGN_EVERY_S * (0.204 if case.powered else 1.0) / (case.speed_m_s if case.powered else 1.0) / case.step_s))
-    return design(plant, found, weights, riccati=case.riccati, observer=case.observer, feed_forward=case.feed_forward, stride=stride)
+    with in_cases(f"weights.{case.weights}"):
+        return design(plant, found, weights, riccati=case.riccati, observer=case.observer, feed_forward=case.feed_forward, stride=stride)
 
 
 def start_of(trajectory: Trajectory, schedule: Schedule) -> Array:

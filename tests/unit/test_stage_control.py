@@ -156,7 +156,15 @@ def test_an_unstable_model_is_refused_unless_told() -> None:
         (lambda c: c["trajectories"]["helix"]["path"]["radius"].update(value=1.5), "tightest level turn"),
         (lambda c: c["trajectories"]["helix"]["speed"].update(value=3.0), "cannot hold 3"),
         (lambda c: c["trajectories"]["helix"]["path"]["pitch"].update(value=-60), "more pitch than allowed"),
-        (lambda c: c["weights"]["thrust_mode"]["R"].update(value=[1, 1, 1]), "weights do not fit"),
+        (lambda c: c["weights"]["thrust_mode"]["R"].update(value=[1, 1, 1]), r"the cases.*weights\.thrust_mode\.R.*weights do not fit"),
+        (lambda c: c["limits"]["fins"].update(value=-20), r"the cases.*limits\.fins.*must be positive"),
+        (lambda c: c["trajectories"]["helix"]["step"].update(value=0), r"helix\.step.*must be positive"),
+        (lambda c: c["trajectories"]["helix"]["step"].update(value=1e-7), "too many steps"),
+        (lambda c: c["trajectories"]["helix"]["waiting"]["lead"].update(value=0), r"waiting\.lead.*must be positive"),
+        (lambda c: c["trajectories"]["helix"].update(flights={}), "there is no flight"),
+        (lambda c: c["trajectories"]["helix"]["path"]["turns"].update(value=-1), r"trajectories\.helix\.path\.turns.*must be positive"),
+        (lambda c: c["monte_carlo"]["duration"].update(value="long"), r"monte_carlo\.duration\.value.*not numbers"),
+        (lambda c: c["monte_carlo"]["duration"].update(value=1e9), "longer than what is flown"),
         (lambda c: c["monte_carlo"].update(flight="calm"), "no such flight"),
         (lambda c: c.update(linear=["loop"]), "no such open-loop case"),
         (lambda c: c["open_loop"]["straight"].update(duration={"value": 4, "unit": "s"}), "too short to linearise about"),
@@ -172,6 +180,25 @@ def test_bad_cases_are_named(change: Any, words: str) -> None:
     change(cases)
     with pytest.raises(CampaignError, match=words):
         run(HAUV, cases, members=2)
+
+
+@pytest.mark.parametrize(
+    ("place", "key"),
+    [
+        (("path",), "radiuss"),
+        (("waiting",), "leed"),
+        (("flights", "side_force", "force"), "constnt"),
+        (("flights", "undisturbed"), "obsever"),
+    ],
+)
+def test_a_misspelt_key_is_not_passed_over(place: tuple[str, ...], key: str) -> None:
+    cases = short_hauv()
+    part = cases["trajectories"]["helix"]
+    for name in place:
+        part = part[name]
+    part[key] = {"value": 1, "unit": "m"}
+    with pytest.raises(PipelineError, match=rf"{key}'.*unknown key"):
+        check_document(cases, "control_cases", file="cases.yaml")
 
 
 def test_what_is_missing_is_asked_for() -> None:
