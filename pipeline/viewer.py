@@ -17,6 +17,8 @@ PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
 PICTURE_TIMEOUT_S = 180.0
 WINDOW = (1600, 1000)
 COLOURS, STEP = 256, 8
+LEAST_BYTES = 15_000
+"""A picture of the viewer that opened nothing has 11 kB, one with a page of text 40 kB and more."""
 
 
 def program() -> Path:
@@ -81,7 +83,11 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
         if not target.is_file():
             said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
             raise PipelineError("the viewer took no picture", value=said, remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.")
-        return _small(target.read_bytes(), size)
+        drawn = _small(target.read_bytes(), size)
+        if len(drawn) < LEAST_BYTES:
+            remedy = "Too many plots, or a recording of another version: keep it with --save FILE.rrd and look at it in the viewer."
+            raise PipelineError("the viewer took a picture without the recording in it", value=f"{len(drawn)} bytes", remedy=remedy)
+        return drawn
     except subprocess.TimeoutExpired:
         remedy = "Draw less: --save FILE.rrd, and open it on a machine with a graphics card."
         raise PipelineError("the viewer took too long", value=f"{PICTURE_TIMEOUT_S:g} s", remedy=remedy) from None

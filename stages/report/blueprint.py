@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,9 @@ ANSWER, PATH, LOG, TABLES = "Answer", "Path", "Log", "Tables"
 EVER = rrb.TimeRangeBoundary.infinite()
 MARGIN = 0.06
 MOST_PLOTS = 10
+MOST_VIEWS = 120
+"""Plots of one recording: Rerun 0.41 opens none whose blueprint has between 160 and 180 (measured), and says only that it is empty."""
+LEFT_OUT = "answer/left_out"
 EYE = np.array([-0.5, -0.7, -0.65])
 """Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
 NO_RANGE = (np.inf, -np.inf)
@@ -45,10 +48,10 @@ class Sent:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was sent: entity -> its ranges, corners of the path if there is one, stages with texts, times of the spans if there are any."""
+    """What was sent: entity -> its ranges, path -> corners of its box, stages with texts, times of the spans if there are any."""
 
     sent: Mapping[str, Sent]
-    corners: Array | None = None
+    paths: Mapping[str, Array] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
     spans: tuple[float, float] | None = None
 
@@ -64,28 +67,52 @@ def parent(group: Document) -> str:
     return str(visible(group["entity"])).rpartition("/")[0]
 
 
-def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> rrb.Blueprint:
+def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> tuple[rrb.Blueprint, str]:
     """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, texts of the stages, and messages.
 
-    `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty. Raises `DataError` for a tab that there is not.
+    `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty. Also returned is which series have no plot, for
+    the text `LEFT_OUT`; empty if all have. Raises `DataError` for a tab that there is not.
     """
     opening, _, leg = tab.partition("/")
-    tabs: dict[str, list[Owned]] = defaultdict(list)
+    tabs: dict[str, list[Owned]] = {ANSWER: []}
     for owner, group in groups:
-        tabs[str(visible(group["tab"]))].append((owner, group))
-    words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    answer = _plots(tabs.pop(ANSWER, []), groups, seen)
-    left = in_pages(answer, None, 2, leg) if answer else path_view(seen.corners) if seen.corners is not None else None
+        tabs.setdefault(str(visible(group["tab"])), []).append((owner, group))
+    plots, left_out = limited({name: _plots(items, groups, seen) for name, items in tabs.items()}, leg)
+    answer = plots.pop(ANSWER)
+    words: Any = rrb.TextDocumentView(origin="answer/text", name="Summary")
+    if left_out:
+        words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
+    left = in_pages(answer, None, 2, leg) if answer else paths_view(seen.paths) if seen.paths else None
     pages: list[Any] = [rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER) if left is not None else words]
-    pages += [path_view(seen.corners)] if seen.corners is not None else []
-    plots = {name: _plots(items, groups, seen) for name, items in tabs.items()}
+    pages += [path_view("path", seen.paths, PATH)] if seen.paths else []
     pages += [in_pages(views, name, 2, leg) for name, views in plots.items() if views]
     texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
     spans = spans_view("Modes and segments", seen.spans) if seen.spans is not None else None
     pages.append(rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log)
-    return opened(pages, opening)
+    return opened(pages, opening), left_out
+
+
+def limited(
+    tabs: Mapping[str, Mapping[str, rrb.TimeSeriesView]], leg: str = "", most: int = MOST_VIEWS
+) -> tuple[dict[str, dict[str, rrb.TimeSeriesView]], str]:
+    """At most `most` plots, shared among the tabs, those of `leg` first; and which there are none of, in Markdown."""
+    found = {name: dict(plots) for name, plots in tabs.items()}
+    spare = sum(map(len, tabs.values())) - most
+    if spare <= 0:
+        return found, ""
+    lines = ["Rerun opens no recording with more plots than these. The series below are in it, without a plot of their own.", ""]
+    lines += ["A plot of each leg is made by `auvid inspect CAMPAIGN --tab TAB/LEG`.", ""]
+    room, waiting = most, len(found)
+    for name, plots in sorted(found.items(), key=lambda item: len(item[1])):
+        share, waiting = room // waiting, waiting - 1
+        ranked = sorted(plots, key=lambda origin: origin.split("/")[1:2] != [leg])
+        gone = ranked[share:]
+        found[name] = {origin: view for origin, view in plots.items() if origin not in gone}
+        room -= len(found[name])
+        lines += [f"- {name}: {origin}" for origin in gone]
+    return found, "\n".join(lines)
 
 
 def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
@@ -103,12 +130,20 @@ def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
     )
 
 
-def path_view(corners: Array) -> rrb.Spatial3DView:
-    """The 3D view of a path within a box with these corners (2, 3) in m, NED."""
+def paths_view(paths: Mapping[str, Array]) -> Any:
+    """The paths side by side, each in a view of its own; one view where there is one path."""
+    if len(paths) == 1:
+        return path_view("path", paths, PATH)
+    return rrb.Grid(*(path_view(f"path/{rr.escape_entity_path_part(name)}", {name: box}, name) for name, box in paths.items()))
+
+
+def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial3DView:
+    """The 3D view of paths within boxes with these corners (2, 3) in m, NED."""
+    corners = np.array([np.min([box[0] for box in paths.values()], axis=0), np.max([box[1] for box in paths.values()], axis=0)])
     middle, size = corners.mean(axis=0), max(float(np.ptp(corners, axis=0).max()), 2.0)
     eye = rrb.EyeControls3D(position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
     floor = rr.components.Plane3D.XY.with_distance(float(corners[1, 2]) + 0.05 * size)
-    return rrb.Spatial3DView(origin="path", name=PATH, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
+    return rrb.Spatial3DView(origin=origin, name=name, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
 
 
 def spans_view(name: str, times: tuple[float, float]) -> rrb.StateTimelineView:

@@ -10,6 +10,7 @@ import re
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 PAPER = "#ffffff"
 SCREEN = "#14181f"
@@ -86,6 +87,7 @@ MODELS: Mapping[str, Ink] = {
     "fossen": Ink(*GREY, dash="2 3", width=2.0),
 }
 SPARE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, OLIVE)
+DASHES = ("", "6 3", "2 3")
 
 
 def key(role: str) -> str:
@@ -96,15 +98,38 @@ def key(role: str) -> str:
 def ink(role: str) -> Ink:
     """The ink of a role, force component, model or axis; an unknown name gets one that depends on the name alone."""
     name = key(role)
-    for family in (ROLES, COMPONENTS, MODELS, AXES):
-        if name in family:
-            return family[name]
-    return Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
+    return _own(name) or Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
+
+
+def _own(name: str) -> Ink | None:
+    return next((family[name] for family in (ROLES, COMPONENTS, MODELS, AXES) if name in family), None)
 
 
 def distinct(names: Iterable[str]) -> dict[str, Ink]:
     """A colour for each of some names of no fixed colour (flight modes), in the order in which they come; few names get different ones."""
     return {name: Ink(*SPARE[place % len(SPARE)]) for place, name in enumerate(dict.fromkeys(names))}
+
+
+def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
+    """The ink of every role of a page or of a group of lines, by `key`: names without a colour of their own get different ones.
+
+    Those are told apart by hue, then by dash and (in recordings, which have no dashes) by a deeper shade.
+    """
+    names = list(dict.fromkeys(key(role) or "none" for role in roles))
+    own = {name: _own(name) for name in names}
+    free = sorted(name for name, item in own.items() if item is None)
+    made = {}
+    for place, name in enumerate(free):
+        light, dark = SPARE[place % len(SPARE)]
+        turn = place // len(SPARE)
+        made[name] = Ink(light, dark if turn % 2 == 0 else light, dash=DASHES[turn % len(DASHES)])
+    return {name: item or made[name] for name, item in own.items()}
+
+
+def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """All roles in the plots of sections."""
+    blocks = [block for document in sections.values() for block in document["blocks"] if block["kind"] == "plot"]
+    return sorted({str(series["role"]) for block in blocks for panel in block["panels"] for series in panel["series"]})
 
 
 def is_model(role: str) -> bool:

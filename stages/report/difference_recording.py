@@ -8,7 +8,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from stages.report.blueprint import Sent, in_pages, opened, outer, time_plot
+from stages.report.blueprint import LEFT_OUT, MOST_VIEWS, Sent, in_pages, limited, opened, outer, time_plot
 from stages.report.colours import AXES, ROLES, Ink, ink
 from stages.report.difference import FORCE, MODEL, Pair, Side, Signals
 from stages.report.html import visible
@@ -47,7 +47,10 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
                 others.get(apart),
             )
     units = {_origin(first, pair, name): unit for pair in found for name, unit in zip(pair.first.names, pair.first.units, strict=True)}
-    return out.finish(_blueprint(found, sent, units))
+    blueprint, left_out = _blueprint(found, sent, units)
+    if left_out:
+        out.document(LEFT_OUT, left_out)
+    return out.finish(blueprint)
 
 
 def _origin(first: Side, pair: Pair, name: str) -> str:
@@ -76,18 +79,23 @@ def _send(out: Recording, entity: str, name: str, line: Ink, times: Array, value
     return (before or Sent()).add(times, column)
 
 
-def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> rrb.Blueprint:
+def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> tuple[rrb.Blueprint, str]:
     kinds = list(dict.fromkeys(pair.kind for pair in found))
-    words = rrb.TextDocumentView(origin="answer/text", name="What changed")
+    words: Any = rrb.TextDocumentView(origin="answer/text", name="What changed")
     opening = next((kind for kind in (MODEL, FORCE, *kinds) if kind in kinds), None)
     if opening is None:
-        return opened([words])
-    left = _plots(f"difference/{_entity(opening)}", sent, units)
-    pages: list[Any] = [rrb.Horizontal(in_pages(left, None, 2), words, column_shares=[6, 4], name="Answer")]
-    for kind in kinds:
-        overlaid, apart = (_plots(f"{prefix}{_entity(kind)}", sent, units) for prefix in ("", "difference/"))
+        return opened([words]), ""
+    first = limited({opening: _plots(f"difference/{_entity(opening)}", sent, units)}, most=MOST_VIEWS // 4)[0][opening]
+    tabs = {kind: _plots(_entity(kind), sent, units) for kind in kinds}
+    kept, left_out = limited(tabs, most=(MOST_VIEWS - len(first)) // 2)
+    if left_out:
+        words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
+    pages: list[Any] = [rrb.Horizontal(in_pages(first, None, 2), words, column_shares=[6, 4], name="Answer")]
+    for kind, overlaid in kept.items():
+        every = _plots(f"difference/{_entity(kind)}", sent, units)
+        apart = {origin: every[origin] for origin in overlaid}
         pages.append(rrb.Tabs(in_pages(overlaid, "both", 2), in_pages(apart, "second less first", 2), name=kind))
-    return opened(pages)
+    return opened(pages), left_out
 
 
 def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> dict[str, rrb.TimeSeriesView]:

@@ -21,7 +21,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from stages.report.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, ink, is_model, key
+from stages.report.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, inks_of, is_model, key, roles_of
 from stages.report.equations import mathml
 from stages.report.findings import AXIS_WORDS
 from stages.report.plots import lay_out
@@ -96,6 +96,7 @@ def render(
     if summary.take:
         preferred.insert(0, summary.take)
     titles = {model.name: model.title for model in summary.models}
+    colours = inks_of(roles_of(sections))
     words = page.render(
         title=title,
         subtitle=subtitle,
@@ -103,10 +104,10 @@ def render(
         summary=summary,
         axis_words=AXIS_WORDS,
         chapters=arrange(sections),
-        style=Markup(_text("style.css") + inks(_roles(sections))),
+        style=Markup(_text("style.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        lay_out=lambda block, item: lay_out(block, preferred, titles, log_of.get(item, "")),
+        lay_out=lambda block, item: lay_out(block, preferred, titles, log_of.get(item, ""), colours),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
         heat=heat,
@@ -223,21 +224,13 @@ def heat(ratio: float | None) -> str:
     return f"h{sum(ratio >= edge for edge in (0.25, 0.5, 0.75, 1.0))}"
 
 
-def inks(roles: Sequence[str]) -> str:
+def inks(found: Mapping[str, Ink]) -> str:
     """CSS variables of all colours, on paper and on a dark screen."""
-    known: dict[str, Ink] = {**AXES, **MODELS, **COMPONENTS, **ROLES}
-    for role in roles:
-        known.setdefault(key(role) or "none", ink(role))
-    known.setdefault("none", Ink(*SPARE[0]))
+    known = {**AXES, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **found}
     light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
     dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
     system = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}}}}}"
     return f":root{{{light}}}\n{system}\n@media screen{{:root[data-theme=dark]{{{dark}}}}}\n"
-
-
-def _roles(sections: Mapping[str, Document]) -> list[str]:
-    blocks = [block for document in sections.values() for block in document["blocks"] if block["kind"] == "plot"]
-    return sorted({str(series["role"]) for block in blocks for panel in block["panels"] for series in panel["series"]})
 
 
 @cache

@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 from data_schemas.schemas import schema
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
-from stages.report.blueprint import opened, path_view, spans_view, time_plot
+from stages.report.blueprint import opened, paths_view, spans_view, time_plot
 from stages.report.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
 from stages.report.html import visible
 from stages.report.recording import line_inks
@@ -222,7 +222,7 @@ def _blueprint(plots: Sequence[Plot], lanes: bool, corners: Array | None, span: 
     opening += [views[f"raw/{name}"] for name in OPENING if f"raw/{name}" in views][:3]
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
     tabs: list[Any] = [rrb.Horizontal(rrb.Vertical(*opening), words, column_shares=[7, 3], name="Answer") if opening else words]
-    tabs += [path_view(corners)] if corners is not None else []
+    tabs += [paths_view({"path": corners})] if corners is not None else []
     for name, streams in TABS.items():
         chosen = [views[plot.entity] for stream in streams for plot in plots if plot.stream == stream]
         if chosen:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stages.report.colours import ink, is_model, key
+from stages.report.colours import Ink, ink, is_model, key
 
 Array = npt.NDArray[np.float64]
 X_STEPS = 30_000
@@ -25,6 +25,7 @@ MARGIN = 0.06
 MODELS_SHOWN = 3
 PRINTED = {"tau_bar": "residual force τ̄"}
 NO_TITLES: Mapping[str, str] = {}
+NO_INKS: Mapping[str, Ink] = {}
 
 
 @dataclass(frozen=True)
@@ -92,10 +93,17 @@ class Plot:
         return sum(not entry.shown for entry in self.entries)
 
 
-def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = (), titles: Mapping[str, str] = NO_TITLES, clock: str = "") -> Plot:
+def lay_out(
+    block: Mapping[str, Any],
+    preferred: Sequence[str] = (),
+    titles: Mapping[str, str] = NO_TITLES,
+    clock: str = "",
+    inks: Mapping[str, Ink] = NO_INKS,
+) -> Plot:
     """Lay out a plot block. Of many models only `preferred` (best first) are drawn at first; the legend shows the others.
 
-    `titles` are names as printed for lines that are named by a word of the code; `clock` keeps plots of another clock out of the group.
+    `titles` are names as printed for lines that are named by a word of the code; `clock` keeps plots of another clock out of the group;
+    `inks`: colours of roles that have none of their own, those of the whole page.
     A panel without a finite sample keeps its place, so that the reader sees that there was nothing.
     """
     panels = block["panels"]
@@ -104,7 +112,7 @@ def lay_out(block: Mapping[str, Any], preferred: Sequence[str] = (), titles: Map
     times = np.concatenate([x for x in finite if x.size] or [np.array([0.0, 1.0])])
     low, high = float(times.min()), float(times.max())
     high = high if high > low else low + 1.0
-    entries = _entries(panels, preferred, titles)
+    entries = _entries(panels, preferred, titles, inks)
     return Plot(
         title=str(block.get("title", "")),
         look_for=str(block.get("look_for", "")),
@@ -125,14 +133,16 @@ def _samples(series: Mapping[str, Any]) -> tuple[Array, Array]:
     return x, y
 
 
-def _entries(panels: Sequence[Mapping[str, Any]], preferred: Sequence[str], titles: Mapping[str, str]) -> dict[str, Entry]:
+def _entries(
+    panels: Sequence[Mapping[str, Any]], preferred: Sequence[str], titles: Mapping[str, str], inks: Mapping[str, Ink]
+) -> dict[str, Entry]:
     roles = {str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]}
     models = [role for role in dict.fromkeys(roles.values()) if is_model(role)]
     ranked = sorted(models, key=lambda role: _place(role, preferred))
     shown = {key(role) for role in ranked[:MODELS_SHOWN]} if len(models) > MODELS_SHOWN else {key(role) for role in models}
     entries = {}
     for name, role in roles.items():
-        drawn = ink(role)
+        drawn = inks.get(key(role)) or ink(role)
         visible = not is_model(role) or key(role) in shown
         entries[name] = Entry(
             name=titles.get(name, PRINTED.get(name, name)),

@@ -18,8 +18,8 @@ import pyarrow.compute as pc
 import rerun as rr
 
 from data_schemas.tables import column, has_columns, matrix
-from stages.report.blueprint import Owned, Seen, Sent, outer, parent, whole_view
-from stages.report.colours import AXES, ROLES, Ink, distinct, ink, is_model, key
+from stages.report.blueprint import LEFT_OUT, Owned, Seen, Sent, outer, parent, whole_view
+from stages.report.colours import AXES, ROLES, Ink, distinct, ink, inks_of, is_model, key, roles_of
 from stages.report.html import visible
 from stages.report.recording_flights import send_flights
 from stages.report.recording_path import send_paths
@@ -104,10 +104,17 @@ def record(
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
     sent = _send_groups(out, groups, tables, load, clock, _preferred(summary))
-    corners = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz) if fused else send_flights(out, tables)
+    if fused:
+        box = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz)
+        paths = {} if box is None else {"path": box}
+    else:
+        paths = send_flights(out, tables, inks_of(roles_of(sections)))
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
-    return out.finish(whole_view(groups, Seen(sent, corners, tuple(texts), lanes), tab))
+    blueprint, left_out = whole_view(groups, Seen(sent, paths, tuple(texts), lanes), tab)
+    if left_out:
+        out.document(LEFT_OUT, left_out)
+    return out.finish(blueprint)
 
 
 def _preferred(summary: Summary) -> list[str]:
@@ -249,7 +256,8 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
 def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
     """Lines of different roles have the colours of their roles; lines of one role are told apart by axis, or else by their order."""
     if len(set(roles)) != 1 or len(names) == 1:
-        return [ink(role) for role in roles]
+        found_of = inks_of(roles)
+        return [found_of[key(role)] for role in roles]
     axes = [next((word for word in key(name).split("_") if word in AXES), None) for name in names]
     known = len(set(axes)) == len(axes) and None not in axes
     found = [AXES[str(axis)] for axis in axes] if known else list(distinct(names).values())

@@ -8,55 +8,56 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from data_schemas.tables import has_columns, matrix
-from stages.report.colours import ROLES, distinct
+from data_schemas.tables import column, has_columns, matrix
+from stages.report.colours import ROLES, Ink, inks_of, key
 from stages.report.html import visible
 from stages.report.sending import TIMELINE, Array, Recording
 
 PLACE = ("x_m", "y_m", "z_m")
+DESIRED_WIDTH, END_SIZE = -3.0, -5.0
+"""Negative radii are points of the screen, not metres."""
 DESIRED = tuple(f"desired_{name}" for name in PLACE)
 
 
-def send_flights(out: Recording, tables: Mapping[str, pa.Table]) -> Array | None:
-    """Send all tables of port `flights` (keys hold `trajectory-flight`); returns the corners (2, 3) of the box around all in m NED.
+def send_flights(out: Recording, tables: Mapping[str, pa.Table], inks: Mapping[str, Ink]) -> dict[str, Array]:
+    """Send all tables of port `flights` (keys hold `trajectory-flight`); returns the corners (2, 3) of the box around each trajectory.
 
-    A flight is a line and a point that moves along it. None where there are no flights.
+    A flight is a line with its name at the end, and a point that moves along it; `inks`: colours of the flights, as on the page. Empty
+    where there are no flights.
     """
-    flights = {}
+    flights: dict[str, dict[str, pa.Table]] = {}
     for name, table in tables.items():
         parts = name.split("/")
         if "flights" in parts and has_columns(table, (*PLACE, *DESIRED, "t_s")):
-            key = next(part for part in reversed(parts) if part != "flights")
-            flights[key] = table
-    if not flights:
-        return None
-    inks = distinct([key.partition("-")[2] for key in flights])
-    desired: dict[str, Array] = {}
-    places = []
-    for key, table in flights.items():
-        trajectory, _, flight = key.partition("-")
+            trajectory, _, flight = next(part for part in reversed(parts) if part != "flights").partition("-")
+            flights.setdefault(trajectory, {})[flight] = table
+    known = {**inks_of([flight for group in flights.values() for flight in group]), **inks}
+    return {trajectory: _trajectory(out, trajectory, group, known) for trajectory, group in flights.items()}
+
+
+def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table], inks: Mapping[str, Ink]) -> Array:
+    above = f"path/{rr.escape_entity_path_part(trajectory)}"
+    desired = max((matrix(table, DESIRED) for table in flights.values()), key=_length)
+    words = [str(visible(f"{trajectory}, desired"))]
+    out.static(
+        f"{above}/desired", rr.LineStrips3D([desired], colors=[ROLES["desired"].rgb], radii=DESIRED_WIDTH, labels=words, show_labels=False)
+    )
+    places = [desired]
+    for flight, table in flights.items():
         flown = matrix(table, PLACE)
         good = np.isfinite(flown).all(axis=1)
-        path = matrix(table, DESIRED)
-        if len(path) and (trajectory not in desired or _length(path) > _length(desired[trajectory])):
-            desired[trajectory] = path
         if not good.any():
             continue
-        entity = f"path/{rr.escape_entity_path_part(trajectory)}/{rr.escape_entity_path_part(flight)}"
-        ink = inks[flight].rgb
-        out.static(entity, rr.LineStrips3D([flown[good]], colors=[ink], labels=[str(visible(flight))], show_labels=False))
-        times = matrix(table, ("t_s",))[good, 0]
+        flown, times = flown[good], column(table, "t_s")[good]
+        entity, ink = f"{above}/{rr.escape_entity_path_part(flight)}", inks[key(flight)].rgb
+        out.static(entity, rr.LineStrips3D([flown], colors=[ink], labels=[str(visible(flight))], show_labels=False))
+        out.static(f"{entity}/end", rr.Points3D(flown[-1:], colors=[ink], radii=END_SIZE, labels=[str(visible(flight))], show_labels=True))
         out.static(f"{entity}/vehicle", rr.Points3D.from_fields(colors=[ink], radii=[0.25]))
-        out.stream.send_columns(f"{entity}/vehicle", [rr.TimeColumn(TIMELINE, duration=times)], rr.Points3D.columns(positions=flown[good]))
-        places.append(flown[good])
-    for trajectory, path in desired.items():
-        entity = f"path/{rr.escape_entity_path_part(trajectory)}/desired"
-        label = str(visible(f"{trajectory}, desired"))
-        out.static(entity, rr.LineStrips3D([path], colors=[ROLES["desired"].rgb], radii=[0.05], labels=[label]))
-        places.append(path)
+        out.stream.send_columns(f"{entity}/vehicle", [rr.TimeColumn(TIMELINE, duration=times)], rr.Points3D.columns(positions=flown))
+        places.append(flown)
     whole = np.vstack(places)
-    return np.array([whole.min(axis=0), whole.max(axis=0)])
+    return np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
 
 
 def _length(path: Array) -> float:
-    return float(np.sum(np.sqrt(np.sum(np.diff(path, axis=0) ** 2, axis=1))))
+    return float(np.nansum(np.sqrt(np.sum(np.diff(path, axis=0) ** 2, axis=1))))

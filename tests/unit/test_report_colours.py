@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from stages.report.colours import AXES, COMPONENTS, MODELS, PAPER, ROLES, SCREEN, contrast, ink, is_model, key
+from stages.report.colours import AXES, COMPONENTS, MODELS, PAPER, ROLES, SCREEN, contrast, ink, inks_of, is_model, key
 from stages.report.html import _text, inks
 
 LEAST_LINE = 3.0  # WCAG 2.1, 1.4.11
@@ -58,6 +58,15 @@ def test_text_stands_out_on_every_ground_of_the_page(theme: str) -> None:
 
 
 def test_style_sheet_names_every_colour_in_both_themes() -> None:
-    sheet = inks(["a new model"])
+    sheet = inks(inks_of(["a new model"]))
     assert sheet.count("--ink-linear:") == 3
     assert sheet.count("--ink-a_new_model:") == 3
+
+
+def test_names_without_a_colour_of_their_own_get_different_ones_on_page_and_in_recording() -> None:
+    names = [f"flight {number}" for number in range(13)] + ["measured", "linear"]
+    found = inks_of(names)
+    assert len({(item.light, item.dash) for key, item in found.items() if key.startswith("flight")}) == 13
+    assert len({found[key(name)].rgb for name in names[:13]}) == 13
+    assert found["linear"] == MODELS["linear"]
+    assert inks_of(reversed(names)) == found, "whichever comes first"
