@@ -203,21 +203,8 @@ def test_false_headers_in_the_data_do_not_break_the_chain() -> None:
     assert log.status == "complete"
 
 
-@pytest.mark.parametrize("later_us", [5_108_454_704, 491_855_354_069, 758_139_733_258, 775_329_667_910])
-def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
-    """For 65 ms every 72 minutes all time stamps hold the magic bytes, and false headers outnumber the true ones."""
-    whole = read(SMALL)
-    stamps = np.concatenate([item.offset for item in whole.messages.values() if next(iter(item.columns), None) == "TimeUS"])
-    places = stamps[:, None] + 3 + np.arange(8)
-    data = np.frombuffer(SMALL, np.uint8).copy()
-    data[places] = (data[places].view("<u8") + np.uint64(later_us)).view(np.uint8)
-    log = read(data.tobytes())
-    assert log.status == "complete"
-    assert not log.account.skipped
-    assert dict(log.counts) == dict(whole.counts)
-
-
-def test_splice_of_another_log_is,
+@pytest.mark.parametrize(
+    "filling",
     [
         b"\xa3\x95",
         b"\xa3\x95\x80",
@@ -239,6 +226,20 @@ def test_hostile_bytes_cost_memory_in_proportion_to_their_number(filling: bytes)
     tracemalloc.stop()
     assert log.counts["BARO"] >= 39
     assert peak < 100 * len(data)
+
+
+@pytest.mark.parametrize("later_us", [5_108_454_704, 491_855_354_069, 758_139_733_258, 775_329_667_910])
+def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
+    """For 65 ms every 72 minutes all time stamps hold the magic bytes, and false headers outnumber the true ones."""
+    whole = read(SMALL)
+    stamps = np.concatenate([item.offset for item in whole.messages.values() if next(iter(item.columns), None) == "TimeUS"])
+    places = stamps[:, None] + 3 + np.arange(8)
+    data = np.frombuffer(SMALL, np.uint8).copy()
+    data[places] = (data[places].view("<u8") + np.uint64(later_us)).view(np.uint8)
+    log = read(data.tobytes())
+    assert log.status == "complete"
+    assert not log.account.skipped
+    assert dict(log.counts) == dict(whole.counts)
 
 
 def test_splice_of_another_log_is_read_by_its_own_definitions() -> None:
