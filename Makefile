@@ -6,7 +6,7 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test lint format declarations lock bench agreement clean twin fuzz
+.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test lint format declarations lock bench agreement clean twin circle fuzz
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
@@ -19,6 +19,7 @@ help:
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
 	@echo "make test                 set up and run all tests"
 	@echo "make twin                 fly the VT 690 twin, write its logs, run the chain, compare with the truth"
+	@echo "make circle               fly the H-AUV in closed loop, log, identify, redesign the controller on what was found, fly again"
 	@echo "make fuzz                 damage logs of every format in every way (long); READER=tlog: of one"
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
@@ -72,6 +73,13 @@ reproduce: $(STAMP)
 # The whole closed loop on the simulated campaign: fly, write logs, run the chain on them, compare with the truth; fails where a bound of the campaign is missed.
 twin: $(STAMP)
 	auvid run vt690_twin
+
+# Rewrites the logs of hauv_circle and the model card of hauv_redesign.
+circle: $(STAMP)
+	python campaigns/hauv_circle/make_logs.py
+	auvid run hauv_circle
+	cp runs/hauv_circle/synthesise/model_card/prestero.json campaigns/hauv_redesign/prestero.json
+	auvid run hauv_redesign
 
 # Damage to small logs of every format, an hour on two cores; a failing case is kept under tests/data/fuzz.
 fuzz: $(STAMP)

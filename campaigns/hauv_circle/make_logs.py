@@ -3,7 +3,7 @@
     python campaigns/hauv_circle/make_logs.py
 
 The vehicle has the coefficients of the thesis's simulations (as_simulated) and flies under the regulator of campaigns/hauv. Then
-`auvid run hauv_circle` identifies a model from the logs, and `auvid run hauv_redesign` flies controllers on it.
+`auvid run hauv_circle` identifies a model from the logs, and `auvid run hauv_redesign` flies controllers on it; `make circle` does it all.
 """
 
 from __future__ import annotations
