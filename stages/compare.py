@@ -140,7 +140,9 @@ def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[Pi
 def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked if not row["met"]]
-    blocks: list[Block] = [text(f"Printed: {published['source']}. Errors are relative to the value that is to be found.")]
+    blocks: list[Block] = [
+        text(f"Printed: {published['source']}. Errors are relative to what is to be found: the print unless a column says otherwise.")
+    ]
     if asked:
         words = f"{len(asked) - len(missed)} of {len(asked)} bounds on the printed tables are met."
         blocks.append(remark(words, "warning" if missed else "finding"))
@@ -201,8 +203,12 @@ def _percent(share: float | None) -> str:
 
 
 def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
-    """Heads and cells of the columns in which something stands."""
+    """Heads and cells of the columns that tell something: not those without a cell, nor what is to be found where it is the print."""
     kept = [index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)]
+    names = [head if isinstance(head, str) else head[0] for head in HEADS]
+    printed, truth, off = (names.index(name) for name in ("printed", "to be found", "printed error"))
+    if all(row[printed] == row[truth] for row in rows):
+        kept = [index for index in kept if index not in (truth, off)]
     return [HEADS[index] for index in kept], [[row[index] for index in kept] for row in rows]
 
 

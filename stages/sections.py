@@ -21,9 +21,10 @@ Z95 = 1.959964
 AXES = ("X", "Y", "Z", "K", "M", "N")
 
 
-def section(title: str, blocks: Sequence[Block], *, order: int, look_for: str = "") -> dict[str, Any]:
-    """A report section; sections are shown by `order`, then by stage and item."""
-    return {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
+def section(title: str, blocks: Sequence[Block], *, order: int, look_for: str = "", chapter: str = "") -> dict[str, Any]:
+    """A report section; sections are shown by `order`, then by stage and item. `chapter`: a heading that several of a stage share."""
+    document = {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
+    return {**document, "chapter": chapter} if chapter else document
 
 
 def text(words: str) -> Block:

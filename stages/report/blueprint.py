@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 
 from data_schemas.errors import DataError, nearest
 from stages.report.colours import is_model
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.sending import TIMELINE, Array
 
 Document = Mapping[str, Any]

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from stages.report.blueprint import LEFT_OUT, MOST_VIEWS, Sent, in_pages, limited, opened, outer, time_plot
 from stages.report.colours import AXES, ROLES, Ink, ink
 from stages.report.difference import FORCE, MODEL, Pair, Side, Signals
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.recording import make_clock
 from stages.report.sending import Array, Recording
 

@@ -10,7 +10,6 @@ import base64
 import hashlib
 import math
 import re
-import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -24,6 +23,7 @@ from markupsafe import Markup
 from stages.report.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, inks_of, is_model, key, roles_of
 from stages.report.equations import mathml
 from stages.report.findings import AXIS_WORDS
+from stages.report.numbers import is_numeric, number, printed_number, printed_unit, symbols, term, visible
 from stages.report.plots import lay_out
 from stages.report.summary import Summary
 
@@ -40,12 +40,19 @@ VERDICTS = {
     "wrong sign": "poor",
     "damaged": "poor",
     "not applicable": "none",
+    "met": "good",
+    "missed": "poor",
+    "measured": "good",
+    "held": "good",
+    "stable": "good",
+    "unstable": "poor",
+    "persistently exciting": "good",
 }
 RATIO = "J/J0"
 LONG_TEXT = 200
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SHORT_CELL, LONG_CELL = 22, 48
+FOLDED_FROM, OPEN_UPTO = 4, 8
 NO_LOGS: Mapping[str, str] = {}
-HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 
 
 @dataclass(frozen=True)
@@ -60,12 +67,18 @@ class Cell:
 
 @dataclass(frozen=True)
 class Part:
-    """One section under a heading; `label` is empty where the heading has one part only."""
+    """One section under a heading; `label` is empty where the heading has one part only. `open`: whether it is unfolded at first."""
 
     label: str
     item: str
     anchor: str
     document: Document
+    open: bool = True
+
+    @property
+    def warnings(self) -> int:
+        """How many warnings stand in it."""
+        return sum(block["kind"] == "remark" and block["level"] == "warning" for block in self.document["blocks"])
 
 
 @dataclass(frozen=True)
@@ -76,6 +89,11 @@ class Chapter:
     anchor: str
     look_for: str
     parts: tuple[Part, ...]
+
+    @property
+    def folds(self) -> bool:
+        """Whether its parts are many, so that they fold."""
+        return len(self.parts) >= FOLDED_FROM
 
 
 def render(
@@ -114,20 +132,33 @@ def render(
         lead=lead,
         ink_of=lambda name: f"--ink-{key(name) or 'none'}",
         is_model=is_model,
+        symbols=symbols,
+        verdict_of=verdict_of,
+        printed_unit=printed_unit,
     )
     return words.encode("utf-8")
 
 
 def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
-    """Chapters in order: sections of one stage that differ only in their item come under one heading."""
+    """Chapters in order: sections of one stage that differ only in their item, or that name one chapter, come under one heading.
+
+    Of many parts the first is open, of very many none.
+    """
     ordered = sorted(sections.items(), key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0]))
     chapters = []
     for (_, stage), pairs in groupby(ordered, key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])):
         named = [(path.partition("/")[2], document) for path, document in pairs]
+        common = {str(document.get("chapter") or "") for _, document in named}
         stems = {_stem(str(document["title"]), item) for item, document in named}
-        if len(named) > 1 and len(stems) == 1:
-            parts = tuple(Part(item, item, anchor(stage, item), document) for item, document in named)
-            chapters.append(Chapter(stems.pop(), anchor(stage), str(named[0][1].get("look_for", "")), parts))
+        if len(named) > 1 and (len(stems) == 1 or (len(common) == 1 and common != {""})):
+            title = stems.pop() if len(stems) == 1 else common.pop()
+            labels = [item if not document.get("chapter") else str(document["title"]) for item, document in named]
+            opened = [len(named) < FOLDED_FROM or (place == 0 and len(named) <= OPEN_UPTO) for place in range(len(named))]
+            parts = tuple(
+                Part(label, item, anchor(stage, item), document, unfolded)
+                for label, unfolded, (item, document) in zip(labels, opened, named, strict=True)
+            )
+            chapters.append(Chapter(title, anchor(stage), str(named[0][1].get("look_for", "")), parts))
             continue
         for item, document in named:
             parts = (Part("", item, anchor(stage, item, "part"), document),)
@@ -147,18 +178,6 @@ def anchor(*names: str) -> str:
     return "-".join("".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name) for name in names if name) or "section"
 
 
-def visible(value: Any) -> Any:
-    """Strings with control, direction and unpaired surrogate characters shown as signs, so that they cannot act."""
-    if not isinstance(value, str) or isinstance(value, Markup):
-        return value
-    return "".join(_shown(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c for c in value)
-
-
-def _shown(character: str) -> str:
-    code = ord(character)
-    return chr(0x2400 + code) if code < 0x20 else "\ufffd"
-
-
 def lead(words: str) -> tuple[str, str]:
     """A long text as its first sentence and the rest, which the page folds away; a short one whole."""
     first, _, rest = words.partition(". ")
@@ -166,10 +185,20 @@ def lead(words: str) -> tuple[str, str]:
 
 
 def cells(block: Document) -> list[list[Cell]]:
-    """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up."""
+    """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up.
+
+    A column of texts that are all numbers keeps the digits that its stage has chosen, and is shown and sorted as numbers.
+    """
     names = [str(head["name"]) for head in block["columns"]]
-    decimals = [3 if name.startswith(RATIO) else _decimals([row[index] for row in block["rows"]]) for index, name in enumerate(names)]
-    return [[_cell(*item) for item in zip(row, names, decimals, strict=True)] for row in block["rows"]]
+    columns = [[row[index] for row in block["rows"]] for index in range(len(names))]
+    decimals = [3 if name.startswith(RATIO) else _decimals(column) for name, column in zip(names, columns, strict=True)]
+    digits = [_all_numeric(column) for column in columns]
+    return [[_cell(*item) for item in zip(row, names, decimals, digits, strict=True)] for row in block["rows"]]
+
+
+def _all_numeric(column: Sequence[Any]) -> bool:
+    texts = [value for value in column if value not in (None, "")]
+    return bool(texts) and all(isinstance(value, str) and is_numeric(value) for value in texts)
 
 
 def _decimals(column: Sequence[Any]) -> int | None:
@@ -180,9 +209,11 @@ def _decimals(column: Sequence[Any]) -> int | None:
     return min(max(3 - math.floor(math.log10(max(sizes))), 0), 6)
 
 
-def _cell(value: Any, column: str, decimals: int | None) -> Cell:
-    if value is None:
+def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
+    if value is None or (digits and value == ""):
         return Cell("–", None, "empty")
+    if digits:
+        return Cell(printed_number(value), float(value), "number")
     if isinstance(value, bool):
         return Cell("yes" if value else "no", str(value))
     if isinstance(value, int | float):
@@ -192,29 +223,16 @@ def _cell(value: Any, column: str, decimals: int | None) -> Cell:
     words = str(value)
     if column == "term":
         return Cell(term(words), words, "term")
-    verdict = next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
-    return Cell(words, words, f"verdict {verdict}" if verdict else "", f"--ink-{key(words)}" if is_model(words) else "")
+    if column == "unit":
+        return Cell("" if words == "1" else printed_unit(words), words)
+    verdict = verdict_of(words)
+    kind = f"verdict {verdict}" if verdict else "long" if len(words) > LONG_CELL else "words" if len(words) > SHORT_CELL else ""
+    return Cell(symbols(words), words, kind, f"--ink-{key(words)}" if is_model(words) else "")
 
 
-def term(name: str) -> str:
-    """A basis term as it is printed: `v*|v|` -> v|v|, `u*u` -> u², `(u*v)*(eta-1)` -> uv(η−1)."""
-    factors = name.replace("(eta-1)", "η").replace("(", "").replace(")", "").split("*")
-    if len(factors) >= 2 and factors[0] == factors[1]:
-        factors[:2] = [f"{factors[0]}²"]
-    return "".join("(η−1)" if factor == "η" else factor for factor in factors)
-
-
-def number(value: float) -> str:
-    """A number to four figures, integers whole, with a true minus sign."""
-    if isinstance(value, int) or (value == int(value) and abs(value) < 1e6):
-        words = f"{int(value)}"
-    elif abs(value) >= 1000:
-        words = f"{value:.0f}" if abs(value) < 1e6 else f"{value:.3e}"
-    else:
-        words = f"{value:.4g}"
-    mantissa, _, power = words.partition("e")
-    tail = f"×10{str(int(power)).translate(RAISED)}" if power else ""
-    return mantissa.replace("-", "−") + tail
+def verdict_of(words: str) -> str:
+    """The class of a verdict: good, fair, poor or none; empty for other words."""
+    return next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
 
 
 def heat(ratio: float | None) -> str:

@@ -21,7 +21,7 @@ from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from stages.report.blueprint import opened, paths_view, spans_view, time_plot
 from stages.report.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.recording import line_inks
 from stages.report.sending import Array, Recording
 

@@ -9,7 +9,8 @@ from typing import Any
 from stages.sections import Block, remark, section, table
 
 Document = Mapping[str, Any]
-FIRST, LAST = 1, 1000
+LEGS, LAST = 89, 1000
+"""Logs and legs stand before the health of the logs, behind what was found; the provenance is last."""
 
 
 def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
@@ -34,7 +35,7 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
     blocks += [remark(f"{name}: {words}", "warning") for name, item in segments.items() for words in item["notes"]]
     blocks += [remark(words, "warning") for words in shared_data(segments)]
     return section(
-        "Logs and legs", blocks, order=FIRST, look_for="Every file whole, training and validation on different stretches of data."
+        "Logs and legs", blocks, order=LEGS, look_for="Every file whole, training and validation on different stretches of data."
     )
 
 

@@ -8,6 +8,16 @@
   label();
 }
 
+// A link to a folded part unfolds it.
+function unfold() {
+  const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const part = target && target.querySelector(":scope > details.part");
+  if (part) { part.open = true; target.scrollIntoView(); }
+}
+addEventListener("hashchange", unfold);
+unfold();
+for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", () => { if (link.hash === location.hash) unfold(); });
+
 // What is folded away on the screen is printed.
 addEventListener("beforeprint", () => { for (const item of document.querySelectorAll("main details")) item.open = true; });
 

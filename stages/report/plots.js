@@ -63,7 +63,7 @@ class Plot {
     this.frame = element.querySelector(".frame");
     this.panels = [...element.querySelectorAll(".panel")].map(panel => ({
       area: panel.querySelector(".area"), svg: panel.querySelector(".area svg"), grid: panel.querySelector(".grid"), y: panel.querySelector(".y"),
-      output: panel.querySelector("output"), low: +panel.dataset.low, high: +panel.dataset.high, lines: [...panel.querySelectorAll("path.line")],
+      output: panel.querySelector("output"), cut: panel.dataset.cut, low: +panel.dataset.low, high: +panel.dataset.high, lines: [...panel.querySelectorAll("path.line")],
     }));
     this.legend = [...element.querySelectorAll(".legend [data-entry]")];
     for (const button of this.legend) button.addEventListener("click", () => this.toggle(button, button.getAttribute("aria-pressed") !== "true"));
@@ -130,6 +130,7 @@ class Plot {
       }
     }
     if (!(low <= high)) return [panel.low, panel.high];
+    if (panel.cut && low < panel.high && high > panel.low) [low, high] = [Math.max(low, panel.low), Math.min(high, panel.high)];
     const room = high > low ? MARGIN * (high - low) : Math.max(Math.abs(high) * 0.1, 1e-3);
     return [low - room, high + room];
   }

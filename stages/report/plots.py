@@ -8,7 +8,7 @@ print need no redrawing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,9 @@ Y_STEPS = 8_000
 PANEL_STEPS = 8_000
 MARGIN = 0.06
 MODELS_SHOWN = 3
+MOST_ASPECT = 6.0
+FAR = 20.0
+"""Lines that reach further than this many ranges of the measured one are cut at the axis."""
 PRINTED = {"tau_bar": "residual force τ̄"}
 NO_TITLES: Mapping[str, str] = {}
 NO_INKS: Mapping[str, Ink] = {}
@@ -70,6 +73,8 @@ class Panel:
     high: float
     ticks: tuple[Tick, ...]
     lines: tuple[Line, ...]
+    cut: tuple[str, ...] = ()
+    """Names of the lines that leave it."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,20 @@ class Plot:
     ticks: tuple[Tick, ...]
     panels: tuple[Panel, ...]
     entries: tuple[Entry, ...]
+
+    @property
+    def note(self) -> str:
+        """What to look for, and which lines leave their panel."""
+        cut = list(dict.fromkeys(name for panel in self.panels for name in panel.cut))
+        return f"{self.look_for} Beyond the axis: {', '.join(cut)}.".strip() if cut else self.look_for
+
+    @property
+    def aspect(self) -> float:
+        """Width over height of a plot of place over place, whose scales are equal; 0 for others, and for very long or flat ones."""
+        if len(self.panels) != 1 or (self.x_unit, self.panels[0].unit) != ("m", "m"):
+            return 0.0
+        ratio = (self.high - self.low) / (self.panels[0].high - self.panels[0].low)
+        return round(ratio, 4) if 1 / MOST_ASPECT <= ratio <= MOST_ASPECT else 0.0
 
     @property
     def hidden(self) -> int:
@@ -167,15 +186,48 @@ def _panel(
     span: tuple[float, float],
 ) -> Panel:
     drawn = [y for (_, y), series in zip(data, panel["series"], strict=True) if entries[str(series["name"])].shown]
-    low, high = padded_range(drawn or [y for _, y in data])
+    shown = [str(series["role"]) for series in panel["series"] if entries[str(series["name"])].shown]
+    limits = telling_range(drawn, shown)
+    low, high = padded_range(drawn or [y for _, y in data]) if limits is None else limits
     lines = []
     for (x, y), series in zip(data, panel["series"], strict=True):
         good = np.isfinite(x) & np.isfinite(y)
         if good.any():
             lines.append(_line(x, y, good, names.index(str(series["name"])), span, (low, high)))
     return Panel(
-        label=str(panel["label"]), unit=str(panel["unit"]), low=low, high=high, ticks=ticks(low, high, 4, upward=True), lines=tuple(lines)
+        label=str(panel["label"]),
+        unit=str(panel["unit"]),
+        low=low,
+        high=high,
+        ticks=ticks(low, high, 4, upward=True),
+        lines=tuple(lines),
+        cut=() if limits is None else tuple(_leaving(panel, data, entries, (low, high))),
     )
+
+
+def _leaving(
+    panel: Mapping[str, Any], data: Sequence[tuple[Array, Array]], entries: Mapping[str, Entry], limits: tuple[float, float]
+) -> Iterator[str]:
+    for (_, y), series in zip(data, panel["series"], strict=True):
+        entry, known = entries[str(series["name"])], y[np.isfinite(y)]
+        if entry.shown and known.size and (known.min() < limits[0] or known.max() > limits[1]):
+            yield entry.name
+
+
+def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float, float] | None:
+    """The range around what was measured, or around estimates, where other lines or bands leave it so far that nothing else is seen.
+
+    None where all of it can be shown: a simulation that runs away must not flatten the measurement that it is held against.
+    """
+    kept = [(role, y[np.isfinite(y)]) for role, y in zip(roles, signals, strict=True)]
+    kept = [(role, y) for role, y in kept if y.size]
+    near = [y for role, y in kept if role == "measured"] or [y for role, y in kept if role != "band"]
+    if len(near) == len(kept):
+        return None
+    low, high = float(min(y.min() for y in near)), float(max(y.max() for y in near))
+    whole = float(max(y.max() for _, y in kept)) - float(min(y.min() for _, y in kept))
+    span = max(high - low, 0.1 * max(abs(low), abs(high)))
+    return None if span <= 0.0 or whole <= FAR * span else (low - span, high + span)
 
 
 SMALLEST_SPAN = 1e-30

@@ -20,7 +20,7 @@ import rerun as rr
 from data_schemas.tables import column, has_columns, matrix
 from stages.report.blueprint import LEFT_OUT, Owned, Seen, Sent, outer, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, distinct, ink, inks_of, is_model, key, roles_of
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.recording_flights import send_flights
 from stages.report.recording_path import send_paths
 from stages.report.recording_text import markdown, stage_texts

@@ -10,7 +10,7 @@ import rerun as rr
 
 from data_schemas.tables import column, has_columns, matrix
 from stages.report.colours import ROLES, Ink, inks_of, key
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.sending import TIMELINE, Array, Recording
 
 PLACE = ("x_m", "y_m", "z_m")

@@ -12,7 +12,7 @@ import rerun as rr
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
 from stages.report.colours import ROLES
-from stages.report.html import visible
+from stages.report.numbers import visible
 from stages.report.sending import TIMELINE, Array, Recording
 
 Document = Mapping[str, Any]

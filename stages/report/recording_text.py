@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stages.report.findings import AXIS_WORDS
-from stages.report.html import number, visible
+from stages.report.numbers import number, visible
 from stages.report.summary import Summary
 
 Document = Mapping[str, Any]

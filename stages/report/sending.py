@@ -15,7 +15,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from stages.report.colours import AXES, Ink, key
-from stages.report.html import visible
+from stages.report.numbers import visible
 
 Array = npt.NDArray[np.float64]
 TIMELINE = "t"

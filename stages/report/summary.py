@@ -85,6 +85,7 @@ class Summary:
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
     figures: tuple[Figure, ...] = ()
+    bounds: tuple[str, ...] = ()
 
 
 def summarise(

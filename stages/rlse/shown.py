@@ -14,6 +14,7 @@ from stages.signals import span_text
 from .figures import CLEAR, TOO_FAST
 from .run_of_leg import LegRun
 
+CHAPTER = "Single channels"
 SETTLED_AFTER = 0.1
 """Share of a run that the history plots leave out: the first estimates are those of the prior."""
 
@@ -21,7 +22,7 @@ SETTLED_AFTER = 0.1
 def still_section(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
     """The section of a leg whose channel was never excited."""
     words = f"{leg}: {found.channel} was never excited ({reason}), so that nothing is identified from it."
-    return section(_title(leg, found), [remark(words, "warning"), *map(remark, found.said)], order=20)
+    return section(_title(leg, found), [remark(words, "warning"), *map(remark, found.said)], order=20, chapter=CHAPTER)
 
 
 def channel_section(
@@ -44,7 +45,7 @@ def channel_section(
             "velocity biases a regression but not a simulation. Damping is chosen by the last third of the run, predicted with figures "
             "from the first two."
         ),
-        *[remark(item) for item in found.said],
+        *[remark(item) for item in (*found.said, *_sensed(found, estimate))],
         equation(*_equation(found)),
         _methods_table(found, estimate, results),
         _damping_table(found, estimate),
@@ -53,7 +54,7 @@ def channel_section(
         _excitation_plot(found, estimate),
     ]
     look = "The chosen model follows the run on its last third too; the histories stand still long before the end; C_n keeps its height."
-    return section(_title(leg, found), blocks, order=20, look_for=look)
+    return section(_title(leg, found), blocks, order=20, look_for=look, chapter=CHAPTER)
 
 
 def channel_views(leg: str, found: LegRun, estimate: ChannelEstimate) -> dict[str, Any]:
@@ -107,6 +108,20 @@ def _columns(found: LegRun, name: str) -> tuple[str, ...]:
     return tuple(
         word for word, has in ((x, linear), (f"{x}|{x}|", quadratic), (drive, True), ("the constant force", found.data.constant)) if has
     )
+
+
+def _sensed(found: LegRun, estimate: ChannelEstimate) -> list[str]:
+    """The lag of the thrust and the constant of the sensor, where they were found."""
+    fit, words = estimate.fits[estimate.chosen].fit, []
+    if estimate.lag is not None:
+        words.append(
+            f"The force follows its command with a time constant of {estimate.lag.value_s:.2g} s (standard error "
+            f"{estimate.lag.standard_error_s:.1g} s), found with the figures: thrusters coming to speed, or a velocity logged late."
+        )
+    if fit.bias[0] != 0.0:
+        what = "the sensor's zero" if CHANNELS.index(found.channel) > 2 else "a current, or the sensor's zero"
+        words.append(f"Constant of the {found.measured}, found with the figures: {fit.bias[0]:+.2g} {_signal_unit(found)} ({what}).")
+    return words
 
 
 def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[str]:
@@ -191,7 +206,7 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
 
 
 def _run_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
-    run, at = found.data.run, found.data.samples
+    run, at = estimate.data.run, estimate.data.samples
     t = run.grid_s[at]
     lines = [series("measured", t, found.signal, "raw")]
     lines += [series(f"{name} damping", t, fit.simulated[at], name) for name, fit in estimate.fits.items()]

@@ -10,7 +10,8 @@ from html.parser import HTMLParser
 import pytest
 
 from stages.report import Params, run
-from stages.report.html import Chapter, anchor, arrange, cells, heat, lead, number, term, visible
+from stages.report.html import Chapter, anchor, arrange, cells, heat, lead
+from stages.report.numbers import number, printed_unit, symbols, term, visible
 from stages.sections import remark, section, table, text
 from tests.support.example_run import ExampleRun, example_run
 
@@ -200,3 +201,42 @@ def test_long_text_is_folded_after_its_first_sentence() -> None:
     assert lead("Short. Text.") == ("Short. Text.", "")
     assert lead(f"First sentence. {'more ' * 50}") == ("First sentence.", "more " * 50)
     assert lead("x" * 300) == ("x" * 300, "")
+
+
+def test_numbers_printed_by_a_stage_keep_their_digits_and_are_sorted_as_numbers() -> None:
+    block = table("T", ["quantity", "ours", "id"], [["X_udot", "-13.3967", "a1"], ["Z_w", "1.20e-05", "7"], ["K", "", ""]])
+    rows = cells(block)
+    assert [row[1].text for row in rows] == ["−13.3967", "1.20×10⁻⁵", "–"]
+    assert [row[1].sort for row in rows] == [-13.3967, 1.2e-05, None]
+    assert rows[0][0].text == "X<sub>u\u0307</sub>"
+    assert rows[1][2].text == "7"
+    assert rows[1][2].kind == "", "a column in which something is no number keeps its texts"
+
+
+def test_symbols_are_typeset_and_nothing_else_is_let_through() -> None:
+    assert symbols("m - Y_vdot, Y_v|v|, I_z") == "m - Y<sub>v\u0307</sub>, Y<sub>v|v|</sub>, I<sub>z</sub>"
+    assert symbols("X_prop and MAX_uv stay, <b>X_u</b>") == "X_prop and MAX_uv stay, &lt;b&gt;X<sub>u</sub>&lt;/b&gt;"
+
+
+def test_units_are_printed_as_engineers_do() -> None:
+    assert [printed_unit(unit) for unit in ("kg*m^2", "1/s^2", "N", "m^-1")] == ["kg m²", "1/s²", "N", "m⁻¹"]
+
+
+def test_many_parts_fold_and_say_their_warnings() -> None:
+    few = {f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90) for n in range(3)}
+    many = {f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90) for n in range(12)}
+    assert not arrange(few)[0].folds
+    chapter = arrange(many)[0]
+    assert chapter.folds
+    assert not any(part.open for part in chapter.parts)
+    assert chapter.parts[0].warnings == 1
+
+
+def test_sections_that_name_one_chapter_come_under_it() -> None:
+    named = {
+        f"rlse/{leg}": section(f"{way} of leg {leg}", [], order=20, chapter="Single channels")
+        for leg, way in (("a", "Surge"), ("b", "Sway"))
+    }
+    assert [(item.title, [part.label for part in item.parts]) for item in arrange(named)] == [
+        ("Single channels", ["Surge of leg a", "Sway of leg b"])
+    ]

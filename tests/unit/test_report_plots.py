@@ -106,3 +106,31 @@ def test_plots_of_another_clock_are_another_group() -> None:
     block = plot("title", [panel("u", "", [series("a", [0.0, 1.0], [0.0, 1.0], "raw")])], group="time")
     assert lay_out(block).group == "time"
     assert lay_out(block, clock="dive_2").group == "dive_2 time"
+
+
+def test_simulation_that_runs_away_does_not_flatten_the_measurement() -> None:
+    t = np.linspace(0.0, 10.0, 200)
+    lines = [
+        series("measured", t, np.sin(t), "measured"),
+        series("lost", t, 1e6 * t, "linear"),
+        series("near", t, 2 * np.sin(t), "quadratic"),
+    ]
+    drawn = lay_out(plot("Run", [panel("depth", "m", lines)]))
+    assert (drawn.panels[0].low, drawn.panels[0].high) == pytest.approx((-3.0, 3.0), abs=0.1)
+    assert drawn.panels[0].cut == ("lost",)
+    assert drawn.note == "Beyond the axis: lost."
+
+
+def test_wide_start_of_a_band_does_not_flatten_its_estimate() -> None:
+    t = np.linspace(0.0, 10.0, 200)
+    lines = [series("estimate", t, 1.0 + 0.1 * t, "fused"), series("95 % high", t, 1.0 + 1e5 * np.exp(-t), "band")]
+    assert lay_out(plot("History", [panel("X_u", "kg/s", lines)])).panels[0].high == pytest.approx(3.0)
+
+
+def test_place_over_place_has_equal_scales() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 100)
+    circle = plot(
+        "Plan", [panel("north", "m", [series("flown", 10 * np.cos(angle), 10 * np.sin(angle), "fused")])], x_label="east", x_unit="m"
+    )
+    assert lay_out(circle).aspect == pytest.approx(1 / 1.12, rel=0.01)
+    assert lay_out(plot("Run", [panel("depth", "m", [series("z", angle, angle, "fused")])])).aspect == 0.0

@@ -41,16 +41,23 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
     assert summary.figures[1].value == "not determined"
 
 
-def test_headlines_are_judged_and_bounds_stand_first() -> None:
+def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     """A second damping model that is weak, or a value of C_n, does not make the answer doubtful."""
     rows = [*RESULTS["rlse/surge"]["rows"], row("X_u (linear)", -1.0, verdict="weak"), row("C_n", 0.1, verdict="persistently exciting")]
-    bounds = {"title": "Printed", "rows": [row("Table 4", 8.0, verdict="met", headline=True)]}
+    note = "largest error 0.4 % (X_udot)"
+    bounds = {"title": "Printed", "rows": [row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, note=note)]}
     summary = summarise_results({"rlse/surge": {"title": "Surge", "rows": rows}, "compare": bounds}, {}, {}, VEHICLE)
     assert summary.level == "good"
-    assert [item.quantity for item in summary.figures] == ["Table 4", "m - X_udot"]
-    assert summary.headline == "Every figure that was asked for is determined"
+    assert [item.quantity for item in summary.figures] == ["m - X_udot"]
+    assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
+    assert summary.headline == "The figure that was asked for is determined, every bound on printed values is met"
+    assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
+    only = summarise_results({"compare": bounds}, {}, {}, VEHICLE)
+    assert (only.level, only.headline) == ("good", "Every bound on printed values is met")
     missed = {"compare": {"title": "Printed", "rows": [row("Table 4", 7.0, verdict="missed", headline=True)]}}
-    assert "Printed: missed: Table 4." in summarise_results(missed, {}, {}, VEHICLE).missing
+    failed = summarise_results(missed, {}, {}, VEHICLE)
+    assert "Printed: missed: Table 4." in failed.missing
+    assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 
 def test_all_determined_and_no_warning_is_good() -> None:
@@ -72,7 +79,7 @@ def test_digits_follow_the_standard_error(error: float | None, words: str) -> No
 def test_a_narrow_interval_is_given_as_its_width() -> None:
     exact = row("I_x", 1.7428, standard_error=1e-8, low=1.74279998, high=1.74280002)
     shown = summarise_results({"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE).figures[0]
-    assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2e-08")
+    assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2×10⁻⁸")
 
 
 def test_page_shows_the_figures_escaped() -> None:
