@@ -10,7 +10,7 @@ settle; and output error, started from it, which is free of the bias that noise 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import DataError
 from hydro.dynamics.arrays import AXES, VELOCITIES, Array
 from hydro.identification.output_error import Index, Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
-from hydro.identification.persistence import Excitation, excitation
+from hydro.identification.persistence import PERSISTENT, Excitation, excitation
 from hydro.identification.recursive import RecursiveEstimate, StaticRegression, recursive_least_squares, static_form
 from hydro.identification.standard_errors import stationary_covariance
+from hydro.identification.thrust_lag import Lag, find_lag, lagged
 
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
@@ -64,7 +65,9 @@ class ChannelRun:
     """One run: `run` (x and s with the force F), restoring moment R [N m], whether a constant force and a rate bias are fitted.
 
     `velocity` (n,) is x on the grid of the run for the regression: the measured one, or the slope of the measured position.
-    `samples`: nodes of the grid that are samples. `noise`: RMS of x below which the channel counts as not excited.
+    `samples`: nodes of the grid that are samples. `noise`: RMS of x below which the channel counts as not excited. `lag`: whether the force
+    is that of a command, which thrusters may follow late; `current`: whether a constant of the velocity is fitted. Both only where the run
+    is persistently exciting: a single step does not tell them from mass and damping.
     """
 
     run: SingleRun
@@ -74,6 +77,8 @@ class ChannelRun:
     constant: bool = False
     rate_bias: bool = False
     noise: float = 0.0
+    lag: bool = False
+    current: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,8 +86,9 @@ class ChannelFit:
     """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C with `covariance` (4, 4); 0 for what is left out.
 
     `rmse` of x (of s where only that is measured) over the run; `held_out`: over its last third with figures from the first two;
-    `simulated` (n,): that signal on the grid. `resolved`: False where the run answers its force faster than it was sampled: M is not
-    determined; it is then held where its time constant is half a sample, and D_1, D_2, C are those of the steady speeds.
+    `simulated` (n,): that signal on the grid, with the constant of the sensor. `resolved`: False where the run answers its force faster
+    than it was sampled: M is not determined; it is then held where its time constant is half a sample, and D_1, D_2, C are those of the
+    steady speeds.
     """
 
     values: Array
@@ -125,12 +131,17 @@ class RecursiveFit:
 
 @dataclass(frozen=True)
 class ChannelEstimate:
-    """All damping models of a run, the chosen one, and persistence of excitation of the static form with all columns."""
+    """All damping models of a run, the chosen one, and persistence of excitation of the static form with all columns.
+
+    `lag` of the force behind its command, None where none is found; `data`: the run as it was fitted, with that lag.
+    """
 
     fits: Mapping[str, ChannelFit]
     recursive: Mapping[str, RecursiveFit]
     excitation: Mapping[str, Excitation]
     chosen: str
+    lag: Lag | None
+    data: ChannelRun
 
 
 def choose_damping(held_out: Mapping[str, float], terms: ArrayLike, errors: ArrayLike) -> str:
@@ -156,26 +167,79 @@ def estimate_channel(
     """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s and limits are those of `static_form` and
     `recursive_least_squares`. Raises `DataError` when the channel is not excited.
     """
-    form = _static(data, filter_rate)
-    excited = {name: excitation(form.t_s, form.regressor[:, _columns(name, data)]) for name in DAMPING}
     reason = unexcited(data)
     if reason:
         remedy = "Choose a leg in which this channel is driven, or mend the channel that the manifest names."
         raise DataError(f"the channel was never excited: {reason}", allowed=f"RMS above {data.noise:g}", remedy=remedy)
-    recursive, fits = {}, {}
-    end = data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0])
-    for name in DAMPING:
-        columns = _columns(name, data)
-        part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate)
-        estimate = recursive_least_squares(
-            part, prior_spread=prior_spread, memory_s=memory_s, lowest_trace=limits[0], highest_trace=limits[1]
-        )
-        recursive[name] = _recursive_fit(part, estimate, columns)
-        fits[name] = _output_error(data, name, recursive[name].values[-1], float(end))
+    end = float(data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0]))
+
+    def regressions(run: ChannelRun) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
+        form = _static(run, filter_rate)
+        found, excited = {}, {}
+        for name in DAMPING:
+            columns = _columns(name, run)
+            part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate)
+            estimate = recursive_least_squares(
+                part, prior_spread=prior_spread, memory_s=memory_s, lowest_trace=limits[0], highest_trace=limits[1]
+            )
+            found[name] = _recursive_fit(part, estimate, columns)
+            excited[name] = excitation(part.t_s, part.regressor)
+        return found, excited
+
+    recursive, excited = regressions(data)
+    if all(item.status == PERSISTENT for item in excited.values()):
+        data = replace(data, rate_bias=data.rate_bias or data.current)
+    else:
+        data = replace(data, lag=False)
+    fits = {name: _output_error(data, name, recursive[name].values[-1], end) for name in DAMPING}
+    lag = _lag(data, fits[BOTH])
+    if lag is not None:
+        late = [_with_lag(data, value) for value in (lag.value_s, lag.value_s + lag.standard_error_s)]
+        for name, fit in fits.items():
+            one, other = (_output_error(item, name, fit.values, end) for item in late)
+            moved = other.values - one.values
+            fits[name] = replace(one, covariance=one.covariance + np.outer(moved, moved))
+        data = late[0]
+    bias = float(fits[BOTH].fit.bias[0])
+    if lag is not None or bias != 0.0:
+        taken = float(np.mean(data.run.rate - data.velocity[data.run.rate_at])) if data.run.rate.size else 0.0
+        recursive, excited = regressions(replace(data, velocity=data.velocity + taken - bias))
     least = min(item.rmse for item in fits.values())
     sound = {name: item.held_out for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
     chosen = choose_damping(sound, fits[BOTH].values[1:3], fits[BOTH].standard_errors[1:3])
-    return ChannelEstimate(fits, recursive, excited, chosen)
+    return ChannelEstimate(fits, recursive, excited, chosen, lag, data)
+
+
+def _with_lag(data: ChannelRun, lag_s: float) -> ChannelRun:
+    run = lagged(data.run, lag_s, from_rest=_from_rest(data))
+    grid = data.run.grid_s
+    return replace(
+        data, run=run, velocity=np.interp(run.grid_s, grid, data.velocity), samples=np.searchsorted(run.grid_s, grid[data.samples])
+    )
+
+
+def _from_rest(data: ChannelRun) -> bool:
+    """Whether the run begins as its thrusters start: a body at rest has no thrust on it."""
+    return bool(abs(data.velocity[0]) <= data.noise)
+
+
+def _lag(data: ChannelRun, fit: ChannelFit) -> Lag | None:
+    if not (data.lag and fit.resolved):
+        return None
+    model, nuisance = _model(BOTH, data), _nuisance(data)
+    first = fit.fit.parameters
+
+    def cost(lag_s: float) -> float:
+        run = data.run if lag_s == 0.0 else lagged(data.run, lag_s, from_rest=_from_rest(data))
+        found = fit_output_error(run, model, first, start=fit.fit.start, nuisance=nuisance)
+        return float(np.sum(np.square(found.rate_error if run.rate.size else found.position_error)))
+
+    return find_lag(cost, data.run.rate.size or data.run.position.size)
+
+
+def _nuisance(data: ChannelRun) -> Nuisance:
+    run = data.run
+    return Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
 
 
 def unexcited(data: ChannelRun) -> str:
@@ -267,7 +331,7 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
         guesses.append(_steady_guess(data, used))
     model = _model(name, data)
     run = data.run
-    nuisance = Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
+    nuisance = _nuisance(data)
     start = np.array([data.velocity[0], run.position[0] if run.position.size else 0.0])
     tried = [
         fit_output_error(run, model, np.concatenate([[np.log(guess[0])], guess[1:]]), start=start, nuisance=nuisance) for guess in guesses
@@ -296,7 +360,7 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
         covariance=covariance,
         rmse=float(np.sqrt(np.mean((fitted.rate_error if run.rate.size else fitted.position_error) ** 2))),
         held_out=float(np.sqrt(np.mean(error[late] ** 2))) if late.any() else float("nan"),
-        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which],
+        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which] + (fitted.bias[0] if which == 0 else 0.0),
         fit=fitted,
         resolved=held is None,
     )

@@ -24,6 +24,8 @@ LONGEST_STEP_S = 0.02
 """Longest step of the simulation: RK4's error is below 1e-8 of the state for time constants from 0.3 s on."""
 TOLERANCE, MOST_STEPS = 1e-12, 120
 """A run that determines its parameters settles within 20 steps; one that does not would wander on, and its errors say so."""
+DIVERGED = 1e6
+"""Error of a run that diverged, in parts of its sensor's noise."""
 Index = NDArray[np.intp]
 Model = Callable[[Array], tuple[Array, Array]]
 """Parameters (p,) -> coefficients c0 .. c4 (5,) and their derivatives (5, p)."""
@@ -183,12 +185,11 @@ class _Fit:
             """Error and Jacobian, which one simulation gives: the solver asks for them one after the other."""
             where = values.tobytes()
             if where not in last:
-                rate, position, rate_by, position_by = self.errors(values, fixed)
+                with np.errstate(invalid="ignore", over="ignore"):  # a step of the search too far: the run diverges, and is turned down
+                    rate, position, rate_by, position_by = self.errors(values, fixed)
+                    found = np.concatenate([rate / sigma[0], position / sigma[1]]), np.vstack([rate_by / sigma[0], position_by / sigma[1]])
                 last.clear()
-                last[where] = (
-                    np.concatenate([rate / sigma[0], position / sigma[1]]),
-                    np.vstack([rate_by / sigma[0], position_by / sigma[1]]),
-                )
+                last[where] = (np.nan_to_num(found[0], nan=DIVERGED), np.nan_to_num(found[1]))
             return last[where]
 
         def error(values: Array) -> Array:

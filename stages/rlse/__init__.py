@@ -98,7 +98,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 def _run_table(found: LegRun, estimate: ChannelEstimate) -> pa.Table:
     """Measured and simulated signal at the samples of the run."""
-    run, at = found.data.run, found.data.samples
+    run, at = estimate.data.run, estimate.data.samples
     columns = {"t_s": run.grid_s[at], "measured": found.signal, "force": np.append(run.force_left, run.force_right[-1])[at]}
     for name in DAMPING:
         columns[name.replace(" ", "_")] = estimate.fits[name].simulated[at]

@@ -50,6 +50,10 @@ def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, dry: flo
     for name, fit in estimate.fits.items():
         rows.append(figure(f"rmse ({name})", fit.rmse, signal))
         rows.append(figure(f"rmse held out ({name})", fit.held_out, signal))
+    if estimate.lag is not None:
+        rows.append(
+            figure("thrust lag", estimate.lag.value_s, "s", estimate.lag.standard_error_s, note="first-order, found with the figures")
+        )
     for name, excited in estimate.excitation.items():
         rows.append(figure(f"smallest eigenvalue of C_n ({name})", float(excited.smallest[-1]), "1", verdict=excited.status))
     return {"title": f"{found.channel} of leg {leg}", "rows": rows}

@@ -25,6 +25,8 @@ from stages.signals import ATTITUDE, VELOCITY, Array, Samples, samples_within, s
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 20
 NEUTRAL_AFTER_S = 1e-9
+NO_FORCE = 1e-9
+"""Share of a thruster's force below which thrusters that cancel give none."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,9 @@ def run_of_leg(
         restoring=restoring,
         constant=constant,
         rate_bias=rate is not None and index > 2,
+        # A constant force and a constant of the velocity (a current, or the sensor's zero) are hardly told apart.
+        current=rate is not None and not constant,
+        lag=channel != "pitch" and drive.propeller_rev_s is None,
         noise=THRESHOLDS["uvwpqr"[index]],
     )
     return LegRun(data, channel, drive.normalised, measured, signal.values[:, 0], tuple(words), tuple(warnings))
@@ -218,6 +223,7 @@ def _drive(index: int, streams: Streams, kept: tuple[float, float], commands: bo
         width = np.column_stack([column(table, name)[rows] for name in pulses])
         each = thruster_forces(vehicle.thrusters, width, _voltage(streams, t[rows]))
         force = thruster_force(vehicle.thrusters, each)[:, index]
+        force[np.abs(force) < NO_FORCE * np.abs(each).max(axis=1)] = 0.0
     turns = column(table, "propeller_rev_s")[rows] if has_propeller and index == 0 else None
     return _drive_of(t[rows], force, turns, normalised=False, leg=leg)
 
