@@ -313,7 +313,11 @@ def monte_carlo_part(
     if len(known):
         low, middle, high = (float(value) for value in np.percentile(known, [2.5, 50.0, 97.5]))
         blocks.append(
-            remark(f"Cross-track RMS {middle:.3g} m, 95 % of the vehicles between {low:.3g} and {high:.3g} m; {lost} lost.", "finding")
+            remark(
+                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its path, 95 % of them {low:.3g} to {high:.3g} m;"
+                f" {lost} lost.",
+                "finding",
+            )
         )
         rows.append(
             {

@@ -118,11 +118,14 @@ def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
     names = list(dict.fromkeys(key(role) or "none" for role in roles))
     own = {name: _own(name) for name in names}
     free = sorted(name for name, item in own.items() if item is None)
-    made = {}
-    for place, name in enumerate(free):
-        light, dark = SPARE[place % len(SPARE)]
-        turn = place // len(SPARE)
-        made[name] = Ink(light, dark if turn % 2 == 0 else light, dash=DASHES[turn % len(DASHES)])
+    taken = {(item.light, item.dash) for item in own.values() if item is not None}
+    inks = [
+        Ink(light, dark if turn % 2 == 0 else light, dash=dash)
+        for turn, dash in enumerate(DASHES)
+        for light, dark in SPARE
+        if (light, dash) not in taken
+    ]
+    made = {name: inks[place % len(inks)] for place, name in enumerate(free)}
     return {name: item or made[name] for name, item in own.items()}
 
 

@@ -192,7 +192,7 @@ def cells(block: Document) -> list[list[Cell]]:
     names = [str(head["name"]) for head in block["columns"]]
     columns = [[row[index] for row in block["rows"]] for index in range(len(names))]
     decimals = [3 if name.startswith(RATIO) else _decimals(column) for name, column in zip(names, columns, strict=True)]
-    digits = [_all_numeric(column) for column in columns]
+    digits = [name != "unit" and _all_numeric(column) for name, column in zip(names, columns, strict=True)]
     return [[_cell(*item) for item in zip(row, names, decimals, digits, strict=True)] for row in block["rows"]]
 
 
