@@ -147,11 +147,9 @@ def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Sam
 
 def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]) -> None:
     askew = float(np.degrees(axis.misalignment_rad))
-    words = f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with {100.0 * axis.share:.1f} % of its rotation."
-    if askew > ASKEW_DEG:
-        warnings.append(f"{words} The recorder sits askew; this is allowed for.")
-    else:
-        said.append(words)
+    said.append(
+        f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with {100.0 * axis.share:.1f} % of its rotation."
+    )
     if axis.share < ONE_AXIS:
         warnings.append("The pendulum also turned about other axes: it twisted or swayed, which the model does not have.")
     if accel is None:

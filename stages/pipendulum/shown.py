@@ -12,8 +12,10 @@ from stages.base import Document
 from stages.sections import Z95, Block, equation, panel, plot, remark, section, series, table, text
 
 from .decays import GOOD_SWINGS, METHODS, Decayed, sensitivity
+from .recordings import ASKEW_DEG
 from .swings import Swung
 
+UNITS = ("kg", "kg/s", "kg/m")
 CYLINDER_PERCENT = 3.0
 """A pendulum that misses a calculated cylinder by more than this is not trusted."""
 FREE_DECAY = (
@@ -102,6 +104,10 @@ def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
     recordings = [recording for item in swings for recording, _ in item.recordings]
     recordings += [item.recording for decayed in decays for item in decayed.fallen]
     blocks += [remark(f"{item.leg}: {words}", "warning") for item in recordings for words in item.warnings]
+    askew = {item.leg: float(np.degrees(item.axis.misalignment_rad)) for item in recordings}
+    turned = [f"{leg} {angle:.1f} degrees" for leg, angle in askew.items() if angle > ASKEW_DEG]
+    if turned:
+        blocks.append(remark(f"The recorder sits askew against the swing, which is allowed for: {', '.join(turned)}.", "warning"))
     for fallen in (one for item in decays for one in item.fallen if one.swings < GOOD_SWINGS):
         words = f"{fallen.recording.leg}: only {fallen.swings:.1f} swings before it has died down: add weight or take a longer arm."
         blocks.append(remark(words, "warning"))
@@ -156,6 +162,7 @@ def _swing_blocks(swings: Sequence[Swung]) -> list[Block]:
     blocks: list[Block] = [
         equation("I_{eq}=\\frac{m_{eq}gR_1R_2}{4\\pi^2h}T^2,\\quad I_O=I_{eq}-I_P", "quadrifilar pendulum, Alberti (56)-(57)"),
         table("Moments of inertia", heads, rows, note=note),
+        *[remark(f"{recording.leg}: {said}") for item in swings for recording, _ in item.recordings for said in recording.said],
     ]
     panels = [
         panel(
@@ -195,15 +202,17 @@ def _methods_table(item: Decayed) -> Block:
     has = (True, *DAMPING[item.chosen])
     for index, name in enumerate(item.quantities):
         if has[index]:
-            row: list[Any] = [name, ("kg", "kg/s", "kg/m")[index]]
+            row: list[Any] = [name, UNITS[index]]
             for method in METHODS[::-1]:
                 result = item.derivatives[item.chosen, method]
                 row += [result.values[index], Z95 * result.standard_errors[index]]
             rows.append([*row, item.point_mass.values[index]])
     heads = ["figure", "unit", *(word for method in METHODS[::-1] for word in (method, "± 95 %")), "output error, point mass"]
+    taken = "" if item.entry["role"] == "empty_pendulum" else "The empty pendulum is taken off. "
     note = (
-        "The empty pendulum is taken off. Output error gives the figures to take; intervals of the regressions hold their noise, not the "
-        "bias that noise in the regressors brings. Point mass: everything at the arm, as (66) has it."
+        f"{taken}Output error gives the figures to take; intervals of the regressions hold their noise, not the "
+        "bias that noise in the regressors brings. Point mass: everything at the arm, as (66) has it, "
+        "which is wrong for a pole whose mass is spread along it."
     )
     return table(f"{item.entry['id']}: methods side by side, {item.chosen} damping", heads, rows, note=note)
 
@@ -221,7 +230,7 @@ def _damping_table(item: Decayed) -> Block:
         ]
         chosen = "chosen" if name == item.chosen else ""
         rows.append([name, values[0], values[1] if linear else None, values[2] if quadratic else None, *rmse, item.held_out[name], chosen])
-    heads: list[str | tuple[str, str]] = ["damping", *item.quantities]
+    heads: list[str | tuple[str, str]] = ["damping", *zip(item.quantities, UNITS, strict=True)]
     heads += [("RMSE", "rad"), ("RMSE recursive", "rad"), ("RMSE batch", "rad"), (f"RMSE on {item.judged_on}", "rad"), ""]
     return table(f"{item.entry['id']}: damping models (as Tables 12, 14, 15)", heads, rows, note="RMSE of the simulated angle.")
 

@@ -154,9 +154,17 @@ def _equation(found: LegRun) -> tuple[str, str]:
 
 def _quantities(found: LegRun, name: str) -> list[tuple[str, str, str]]:
     names, (linear, quadratic) = symbols(found.channel), DAMPING[name]
-    units = ("command s^2/m", "command s/m", "command s^2/m^2") if found.normalised else names.units[:3]
+    units = _units(found)
     rows = (("mass", f"{names.mass} - {names.added}", True), ("linear", names.linear, linear), ("quadratic", names.quadratic, quadratic))
     return [(key, label, unit) for (key, label, has), unit in zip(rows, units, strict=True) if has]
+
+
+def _units(found: LegRun) -> tuple[str, str, str]:
+    """Units of mass, linear and quadratic damping, by the whole command where that is all that is known."""
+    if not found.normalised:
+        return symbols(found.channel).units[:3]
+    length = "m" if CHANNELS.index(found.channel) < 3 else "rad"
+    return f"command s^2/{length}", f"command s/{length}", f"command s^2/{length}^2"
 
 
 def _methods_table(found: LegRun, estimate: ChannelEstimate, results: dict[str, Any]) -> Block:
@@ -195,14 +203,13 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
         )
     heads: list[str | tuple[str, str]] = [
         "damping",
-        f"{names.mass} - {names.added}",
-        names.linear,
-        names.quadratic,
+        *zip((f"{names.mass} - {names.added}", names.linear, names.quadratic), _units(found), strict=True),
         ("RMSE", unit),
         ("RMSE, last third", unit),
         "",
     ]
-    return table("Damping models (as Table 9)", heads, rows, note="Chosen by the last third; of nearly equal ones (5 %) the simpler.")
+    note = "Chosen by the last third; of nearly equal ones (5 %) the simpler, unless the term that it leaves out is clear of zero."
+    return table("Damping models (as Table 9)", heads, rows, note=note)
 
 
 def _run_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
