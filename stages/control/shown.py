@@ -314,8 +314,8 @@ def monte_carlo_part(
         low, middle, high = (float(value) for value in np.percentile(known, [2.5, 50.0, 97.5]))
         blocks.append(
             remark(
-                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its path, 95 % of them {low:.3g} to {high:.3g} m;"
-                f" {lost} lost.",
+                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its path, 95 % of them"
+                f" {low:.3g} to {high:.3g} m; {lost} lost.",
                 "finding",
             )
         )

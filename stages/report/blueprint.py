@@ -29,6 +29,8 @@ MOST_VIEWS = 120
 LEFT_OUT = "answer/left_out"
 EYE = np.array([-0.5, -0.7, -0.65])
 """Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
+NEAR = 0.92
+"""A path beside others is looked at from nearer."""
 NO_RANGE = (np.inf, -np.inf)
 
 
@@ -141,7 +143,7 @@ def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial
     """The 3D view of paths within boxes with these corners (2, 3) in m, NED."""
     corners = np.array([np.min([box[0] for box in paths.values()], axis=0), np.max([box[1] for box in paths.values()], axis=0)])
     middle, size = corners.mean(axis=0), max(float(np.ptp(corners, axis=0).max()), 2.0)
-    eye = rrb.EyeControls3D(position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
+    eye = rrb.EyeControls3D(position=middle + (NEAR if name != PATH else 1.0) * size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
     floor = rr.components.Plane3D.XY.with_distance(float(corners[1, 2]) + 0.05 * size)
     return rrb.Spatial3DView(origin=origin, name=name, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
 

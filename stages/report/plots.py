@@ -222,7 +222,7 @@ def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float
     kept = [(role, y[np.isfinite(y)]) for role, y in zip(roles, signals, strict=True)]
     kept = [(role, y) for role, y in kept if y.size]
     near = [y for role, y in kept if role == "measured"] or [y for role, y in kept if role != "band"]
-    if len(near) == len(kept):
+    if not near or len(near) == len(kept):
         return None
     low, high = float(min(y.min() for y in near)), float(max(y.max() for y in near))
     whole = float(max(y.max() for _, y in kept)) - float(min(y.min() for _, y in kept))

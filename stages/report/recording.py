@@ -21,6 +21,7 @@ from data_schemas.tables import column, has_columns, matrix
 from stages.report.blueprint import LEFT_OUT, Owned, Seen, Sent, outer, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, distinct, ink, inks_of, is_model, key, roles_of
 from stages.report.numbers import visible
+from stages.report.plots import telling_range
 from stages.report.recording_flights import send_flights
 from stages.report.recording_path import send_paths
 from stages.report.recording_text import markdown, stage_texts
@@ -144,7 +145,10 @@ def _send_groups(
             out.static(entity, _lines(bundle, preferred))
         values = np.hstack([_values(part, group, names, load, owner) for part, group in zip(parts, bundle, strict=True)])
         out.series(entity, times, values)
-        drawn = _settled(bundle, values)[:, _shown(bundle, preferred)]
+        shown = _shown(bundle, preferred)
+        drawn = _settled(bundle, values)[:, shown]
+        limits = telling_range(list(drawn.T), [role for role, kept in zip(_roles_drawn(bundle), shown, strict=True) if kept])
+        drawn = drawn if limits is None else np.clip(drawn, *limits)
         sent[entity] = sent.get(entity, Sent()).add(times, drawn)
     return sent
 
@@ -157,6 +161,15 @@ def _edges_only(group: Document) -> bool:
 def _lines_of(group: Document) -> int:
     """How many lines are drawn for each column of a group."""
     return 1 if not group.get("spread") else 2 if _edges_only(group) else 3
+
+
+def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
+    """The role of every line of an entity; the edges of a spread are bands."""
+    found = []
+    for group in bundle:
+        lines = _lines_of(group)
+        found += [role for own in group["roles"] for role in ([str(own), "band", "band"] if lines == 3 else [str(own)] * lines)]
+    return found
 
 
 def _settled(bundle: Sequence[Document], values: Array) -> Array:

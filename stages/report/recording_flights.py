@@ -14,7 +14,8 @@ from stages.report.numbers import visible
 from stages.report.sending import TIMELINE, Array, Recording
 
 PLACE = ("x_m", "y_m", "z_m")
-DESIRED_WIDTH, END_SIZE = -3.0, -5.0
+TOGETHER, NAMED = 0.15, 2
+DESIRED_WIDTH, FLOWN_WIDTH, END_SIZE = -1.0, -1.8, -4.5
 """Negative radii are points of the screen, not metres."""
 DESIRED = tuple(f"desired_{name}" for name in PLACE)
 
@@ -42,7 +43,7 @@ def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table]
     out.static(
         f"{above}/desired", rr.LineStrips3D([desired], colors=[ROLES["desired"].rgb], radii=DESIRED_WIDTH, labels=words, show_labels=False)
     )
-    places = [desired]
+    places, ends = [desired], {}
     for flight, table in flights.items():
         flown = matrix(table, PLACE)
         good = np.isfinite(flown).all(axis=1)
@@ -50,13 +51,28 @@ def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table]
             continue
         flown, times = flown[good], column(table, "t_s")[good]
         entity, ink = f"{above}/{rr.escape_entity_path_part(flight)}", inks[key(flight)].rgb
-        out.static(entity, rr.LineStrips3D([flown], colors=[ink], labels=[str(visible(flight))], show_labels=False))
-        out.static(f"{entity}/end", rr.Points3D(flown[-1:], colors=[ink], radii=END_SIZE, labels=[str(visible(flight))], show_labels=True))
+        out.static(entity, rr.LineStrips3D([flown], colors=[ink], radii=FLOWN_WIDTH, labels=[str(visible(flight))], show_labels=False))
+        out.static(f"{entity}/end", rr.Points3D(flown[-1:], colors=[ink], radii=END_SIZE))
+        ends[flight] = flown[-1]
         out.static(f"{entity}/vehicle", rr.Points3D.from_fields(colors=[ink], radii=[0.25]))
         out.stream.send_columns(f"{entity}/vehicle", [rr.TimeColumn(TIMELINE, duration=times)], rr.Points3D.columns(positions=flown))
         places.append(flown)
     whole = np.vstack(places)
-    return np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
+    box = np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
+    for group in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
+        words = f"{', '.join(group[:NAMED])}{f' and {len(group) - NAMED} more' if len(group) > NAMED else ''}"
+        label = rr.Points3D.from_fields(labels=[str(visible(words))], show_labels=True)
+        out.static(f"{above}/{rr.escape_entity_path_part(group[0])}/end", label)
+    return box
+
+
+def _near(ends: Mapping[str, Array], distance: float) -> list[list[str]]:
+    """The flights in groups whose ends lie together, so that one label names them all."""
+    groups: list[list[str]] = []
+    for name, end in ends.items():
+        own = next((group for group in groups if float(np.linalg.norm(ends[group[0]] - end)) < distance), None)
+        groups.append([name]) if own is None else own.append(name)
+    return groups
 
 
 def _length(path: Array) -> float:

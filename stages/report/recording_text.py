@@ -21,9 +21,16 @@ def markdown(title: str, summary: Summary, segments: Mapping[str, Document], sta
     if summary.identified:
         lines += ["## What was identified", *(f"- {item.label}: {'; '.join(item.figures)}. {item.note}" for item in summary.identified), ""]
     if summary.figures:
-        several = len({item.part for item in summary.figures}) > 1
-        rows = [[item.quantity, item.value, item.interval, item.verdict, *([item.part] if several else [])] for item in summary.figures]
-        lines += [*table_lines(["figure", "value", "interval", "verdict", *(["of"] if several else [])], rows), ""]
+        parts: dict[str, list[list[str]]] = {}
+        for item in summary.figures:
+            parts.setdefault(item.part, []).append([item.quantity, item.value, item.interval, item.verdict])
+        for part, rows in parts.items():
+            kept = [column for column in range(4) if column < 2 or any(row[column] for row in rows)]
+            heads = ["figure", "value", "interval", "verdict"]
+            table = table_lines([heads[column] for column in kept], [[row[column] for column in kept] for row in rows])
+            lines += [*([f"### {part}", ""] if len(parts) > 1 else []), *table, ""]
+    if summary.bounds:
+        lines += ["## Beside the print", *(f"- {words}" for words in summary.bounds), ""]
     if summary.models:
         heads = [f"J/J0, {summary.judged_on}", "all", *AXIS_WORDS]
         rows = []
