@@ -103,8 +103,8 @@ class Recorded:
         return [name for name in self.tables["actuators"].column_names if name.startswith("command_")] if self.has("actuators") else []
 
 
-def finding(name: str, text: str, *, stream: str | None = None, value: float | None = None) -> Finding:
-    """A finding of the catalogue with its measured value and one sentence."""
+def finding(name: str, text: str, *, stream: str | None = None, value: float | None = None, at_s: float | None = None) -> Finding:
+    """A finding of the catalogue with its measured value, one sentence and, where it has one, its time from the start of the log."""
     check = checks()[name]
     number = None if value is None or not np.isfinite(value) else float(value)
     return {
@@ -116,6 +116,7 @@ def finding(name: str, text: str, *, stream: str | None = None, value: float | N
         "threshold": check.threshold,
         "unit": check.unit,
         "remedy": check.remedy,
+        "at_s": None if at_s is None or not np.isfinite(at_s) else float(at_s),
     }
 
 

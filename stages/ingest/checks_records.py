@@ -98,11 +98,13 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
         f"{counted(each.pop(), 'gap')} in {listed(names)}" if len(each) == 1 else f"Gaps in {listed([f'{a} ({n})' for a, n, *_ in shared])}"
     )
     text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start."
-    yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest)
+    yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest, at_s=at)
     rest = [item for item in found if item not in shared]
     if rest:
         said = [f"{name} ({number}, up to {longest:.1f} s)" for name, number, longest, _ in rest]
-        yield finding("gap", f"Gaps in {listed(said)}.", stream=rest[0][0] if len(rest) == 1 else None, value=max(item[2] for item in rest))
+        largest = max(rest, key=lambda item: item[2])
+        only = rest[0][0] if len(rest) == 1 else None
+        yield finding("gap", f"Gaps in {listed(said)}.", stream=only, value=largest[2], at_s=largest[3])
 
 
 def rate_findings(log: Recorded) -> Iterator[Finding]:

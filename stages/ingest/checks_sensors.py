@@ -53,7 +53,7 @@ def _gyro(log: Recorded) -> Iterator[Finding]:
             f"The attitude ({log.source('attitude')}) jumps {counted(found.jumps, 'time')} without the gyro, "
             f"by up to {math.degrees(found.largest_jump):.0f} degrees (at {found.jump_at_s:.1f} s)."
         )
-        yield finding("attitude_jumps", text, stream="attitude", value=math.degrees(found.largest_jump))
+        yield finding("attitude_jumps", text, stream="attitude", value=math.degrees(found.largest_jump), at_s=found.jump_at_s)
 
 
 def _axes(found: RateAgreement) -> Iterator[Finding]:

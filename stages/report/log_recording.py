@@ -134,7 +134,8 @@ def _pauses(stream: str, clock: Array) -> npt.NDArray[np.intp]:
 
 
 def _send_messages(out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array], health: Document) -> None:
-    out.messages("log/findings", [(0.0, str(item["severity"]), f"{item['text']} {item['remedy']}") for item in health["findings"]])
+    said = [(float(item.get("at_s") or 0.0), str(item["severity"]), f"{item['text']} {item['remedy']}") for item in health["findings"]]
+    out.messages("log/findings", said)
     for stream, words in (("events", "text"), ("mode", "mode")):
         if stream in tables:
             texts = tables[stream][words].to_pylist()

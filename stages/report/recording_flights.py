@@ -59,10 +59,10 @@ def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table]
         places.append(flown)
     whole = np.vstack(places)
     box = np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
-    for group in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
-        words = f"{', '.join(group[:NAMED])}{f' and {len(group) - NAMED} more' if len(group) > NAMED else ''}"
-        label = rr.Points3D.from_fields(labels=[str(visible(words))], show_labels=True)
-        out.static(f"{above}/{rr.escape_entity_path_part(group[0])}/end", label)
+    for near in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
+        named = f"{', '.join(near[:NAMED])}{f' and {len(near) - NAMED} more' if len(near) > NAMED else ''}"
+        label = rr.Points3D.from_fields(labels=[str(visible(named))], show_labels=True)
+        out.static(f"{above}/{rr.escape_entity_path_part(near[0])}/end", label)
     return box
 
 
