@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from pipeline import cli
 from stages import simulate
 from stages.simulate.bench_plans import bench_entries
+from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
 BLOCKS = re.findall(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
@@ -73,3 +74,4 @@ def test_bench_of_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert json.loads((results / "pipendulum/inertia.json").read_text(encoding="utf-8"))["I_z"]["value"] == figures["I_z"]["value"]
     page = (results / "report/report_html.html").read_text(encoding="utf-8")
     assert "sits askew" in page
+    assert_pictured(results / "report/recording.rrd", "bench")

@@ -14,11 +14,10 @@ from typer.testing import CliRunner
 
 from data_schemas.errors import PipelineError
 from pipeline import cli, viewer
-from tests.support.pictures import look
+from tests.support.pictures import PICTURES, look
 
 ROOT = Path(__file__).parents[2]
 SMALL = ROOT / "tests/data/bluerov2_ugps_small/small.BIN"
-PICTURES = ROOT / "build" / "screenshots"
 
 
 @dataclass(frozen=True)

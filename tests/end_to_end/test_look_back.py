@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pipeline import cli, history
+from tests.support.pictures import assert_pictured
 
 
 def auvid(*words: str) -> Result:
@@ -23,6 +24,7 @@ def test_second_run_is_remembered_and_equals_the_variant_of_the_first(tmp_path: 
     manifest.write_text(manifest.read_text().replace("cutoff_hz: 2.0", "cutoff_hz: 1.0"))
     assert auvid("run", "example").exit_code == 0
     assert auvid("run", "example").exit_code == 0
+    assert_pictured(folder / "runs" / "example" / "report" / "recording.rrd", "identification")
     assert [entry.number for entry in history.read(folder / "runs" / "example")] == [1, 2]
     assert "fuse.cutoff_hz: 2.0 -> 1.0" in auvid("history", "example").output
     assert auvid("report", "example", "--compare").exit_code == 0

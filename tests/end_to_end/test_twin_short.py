@@ -24,6 +24,7 @@ from stages import simulate
 from stages.signals import ACCELERATION, POSE, VELOCITY, Array, force_columns
 from stages.simulate.flights import refit
 from stages.simulate.plans import plan_from_document
+from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
 PLANS = ROOT / "campaigns/vt690_twin/plans"
@@ -108,6 +109,8 @@ def test_run_of_a_twin_says_how_far_it_is_from_the_truth(tmp_path: Path, bound: 
     page = (runs / "report" / "report_html.html").read_text(encoding="utf-8")
     assert "Estimate against truth" in page
     assert ("Against the truth of the twin" in page) == bool(status)
+    if not status:
+        assert_pictured(runs / "report" / "recording.rrd", "twin")
 
 
 def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:

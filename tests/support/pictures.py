@@ -7,6 +7,10 @@ from pathlib import Path
 
 from PIL import Image
 
+from pipeline import viewer
+
+PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
+
 
 @dataclass(frozen=True)
 class Look:
@@ -22,3 +26,18 @@ def look(file: Path) -> Look:
     with Image.open(file) as image:
         shown = image.convert("RGB")
         return Look(shown.size, len(shown.getcolors(1 << 24) or ()), file.stat().st_size)
+
+
+def assert_pictured(recording: Path, name: str) -> None:
+    """Take a picture of how a run's recording opens, keep it as `build/screenshots/inspect_<name>.png`, and look whether it shows anything.
+
+    Without the programs for pictures nothing is checked: `test_inspect.py` says so in the line of its skipped test.
+    """
+    if viewer.missing_for_pictures() is not None:
+        return
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    file = PICTURES / f"inspect_{name}.png"
+    file.write_bytes(viewer.picture(recording, size=(800, 500)))
+    seen = look(file)
+    assert seen.size == (800, 500)
+    assert seen.colours > 30, "an empty viewer has a handful of greys"
