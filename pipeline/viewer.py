@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from data_schemas.errors import PipelineError
 
 PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
 PICTURE_TIMEOUT_S = 180.0
+STARTS_WITHIN_S = 2.0
+ELSEWHERE = "Look at it in a browser with --web, keep it with --save FILE.rrd, or take a picture with --screenshot FILE.png."
 WINDOW = (1600, 1000)
 COLOURS, STEP = 256, 8
 LEAST_BYTES = 15_000
@@ -32,17 +35,24 @@ def program() -> Path:
 
 
 def show(recording: Path) -> None:
-    """Open a recording in a window, which stays when this program ends. Raises `PipelineError` without a display."""
+    """Open a recording in a window, which stays when this program ends.
+
+    Raises `PipelineError` without a display, and where the viewer ends at once.
+    """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        remedy = "Look at it in a browser with --web, keep it with --save FILE.rrd, or take a picture with --screenshot FILE.png."
-        raise PipelineError("there is no display to open the viewer on", value=str(recording), remedy=remedy)
-    subprocess.Popen(
-        [str(program()), str(recording)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+        raise PipelineError("there is no display to open the viewer on", value=str(recording), remedy=ELSEWHERE)
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            [str(program()), str(recording)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+        )
+        try:
+            status = process.wait(timeout=STARTS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            return
+        if status:
+            said.seek(0)
+            words = (said.read().decode(errors="replace").strip().splitlines() or ["nothing said"])[-1][:300]
+            raise PipelineError("the viewer opened no window", value=words, remedy=ELSEWHERE)
 
 
 def serve(recording: Path) -> None:

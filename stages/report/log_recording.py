@@ -16,6 +16,7 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
+from data_schemas.errors import DataError
 from data_schemas.schemas import schema
 from data_schemas.tables import column, has_columns, matrix
 from hydro.dynamics.kinematics import rotation_body_to_ned
@@ -77,7 +78,12 @@ def record_log(
     lanes = _send_spans(out, tables, clocks, legs, end)
     _send_messages(out, tables, clocks, health)
     corners = _send_path(out, tables, clocks)
-    return out.finish(_blueprint(plots, lanes, corners, span, tab))
+    try:
+        blueprint = _blueprint(plots, lanes, corners, span, tab)
+    except DataError:  # a tab that there is not
+        out.discard()
+        raise
+    return out.finish(blueprint)
 
 
 def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> list[Plot]:

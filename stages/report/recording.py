@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
+from data_schemas.errors import DataError
 from data_schemas.tables import column, has_columns, matrix
 from stages.report.blueprint import LEFT_OUT, Owned, Seen, Sent, outer, parent, whole_view
 from stages.report.colours import AXES, ROLES, Ink, distinct, ink, inks_of, is_model, key, roles_of
@@ -112,7 +113,11 @@ def record(
         paths = send_flights(out, tables, inks_of(roles_of(sections)))
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
-    blueprint, left_out = whole_view(groups, Seen(sent, paths, tuple(texts), lanes), tab)
+    try:
+        blueprint, left_out = whole_view(groups, Seen(sent, paths, tuple(texts), lanes), tab)
+    except DataError:  # a tab that there is not
+        out.discard()
+        raise
     if left_out:
         out.document(LEFT_OUT, left_out)
     return out.finish(blueprint)

@@ -45,6 +45,11 @@ class Recording:
         data: bytes = self._sink.read(flush=True) or b""
         return data
 
+    def discard(self) -> None:
+        """Throw away what was sent; Rerun would warn of it at the end of the program."""
+        self.stream.flush()
+        self._sink.read(flush=True)
+
     def static(self, entity: str, value: Any) -> None:
         """One static value in a chunk of its own, so that chunks come in the same order every time."""
         self.stream.log(entity, value, static=True)

@@ -98,6 +98,20 @@ def test_log_larger_than_memory_is_refused_before_it_is_read(tmp_path: Path) -> 
     assert not (tmp_path / "huge.rrd").exists()
 
 
+def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pipeline", "inspect", str(SMALL), "--tab", "Foo", "--save", str(tmp_path / "x.rrd")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 1
+    assert "no such tab" in done.stderr
+    assert "Dropping data" not in done.stderr
+
+
+def test_viewer_that_ends_at_once_is_a_fault(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":98765")
+    with pytest.raises(PipelineError, match=r"opened no window.*--web"):
+        viewer.show(recording)
+
+
 def test_viewer_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     monkeypatch.setenv("PATH", str(tmp_path))
