@@ -16,6 +16,8 @@ from data_schemas.errors import PipelineError
 
 PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
 PICTURE_TIMEOUT_S = 180.0
+QUIET = {"RUST_LOG": "error"}
+"""Else the viewer's warnings (of containers, of drawing in software) lie over the picture for some seconds."""
 STARTS_WITHIN_S = 2.0
 ELSEWHERE = "Look at it in a browser with --web, keep it with --save FILE.rrd, or take a picture with --screenshot FILE.png."
 WINDOW = (1600, 1000)
@@ -89,7 +91,7 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
     command = ["xvfb-run", "-a", "-s", screen, str(program()), str(recording)]
     command += ["--screenshot-to", str(target), "--window-size", size_words, "--port", "auto", "--bind", "127.0.0.1"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PICTURE_TIMEOUT_S, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PICTURE_TIMEOUT_S, check=False, env={**os.environ, **QUIET})
         if not target.is_file():
             said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
             raise PipelineError("the viewer took no picture", value=said, remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.")

@@ -28,9 +28,7 @@ MOST_VIEWS = 120
 """Plots of one recording: Rerun 0.41 opens none whose blueprint has between 160 and 180 (measured), and says only that it is empty."""
 LEFT_OUT = "answer/left_out"
 EYE = np.array([-0.5, -0.7, -0.65])
-"""Where the eye stands from the middle of the path, in sizes of the path: south-west of it and above, NED."""
-NEAR = 0.92
-"""A path beside others is looked at from nearer."""
+"""Where the eye stands from the middle of the path, in diagonals of the box around it: south-west of it and above, NED."""
 NO_RANGE = (np.inf, -np.inf)
 
 
@@ -136,14 +134,17 @@ def paths_view(paths: Mapping[str, Array]) -> Any:
     """The paths side by side, each in a view of its own; one view where there is one path."""
     if len(paths) == 1:
         return path_view("path", paths, PATH)
-    return rrb.Grid(*(path_view(f"path/{rr.escape_entity_path_part(name)}", {name: box}, name) for name, box in paths.items()))
+    columns = 1 if len(paths) == 2 else 2
+    return rrb.Grid(
+        *(path_view(f"path/{rr.escape_entity_path_part(name)}", {name: box}, name) for name, box in paths.items()), grid_columns=columns
+    )
 
 
 def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial3DView:
     """The 3D view of paths within boxes with these corners (2, 3) in m, NED."""
     corners = np.array([np.min([box[0] for box in paths.values()], axis=0), np.max([box[1] for box in paths.values()], axis=0)])
-    middle, size = corners.mean(axis=0), max(float(np.ptp(corners, axis=0).max()), 2.0)
-    eye = rrb.EyeControls3D(position=middle + (NEAR if name != PATH else 1.0) * size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
+    middle, size = corners.mean(axis=0), max(float(np.linalg.norm(np.ptp(corners, axis=0))), 2.0)
+    eye = rrb.EyeControls3D(position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
     floor = rr.components.Plane3D.XY.with_distance(float(corners[1, 2]) + 0.05 * size)
     return rrb.Spatial3DView(origin=origin, name=name, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
 
