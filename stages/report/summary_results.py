@@ -33,13 +33,13 @@ def summarise_results(
     shown = [(part, row) for part, row in first if row.get("verdict") not in BOUNDS]
     good = [row for _, row in shown if row.get("verdict") in DETERMINED and row["value"] is not None]
     judged = [row for _, row in shown if row.get("verdict")]
-    missed = [(part, row) for part, row in first if row.get("verdict") == MISSED]
-    doubtful = missed + [(part, row) for part, row in shown if row.get("verdict") and row not in good]
+    missed = [row for row in bounds if row["verdict"] == MISSED]
+    doubtful = [(part, row) for part, row in shown if row.get("verdict") and row not in good]
     warned = tuple(dict.fromkeys(remarks(sections, "warning")))
     asked = bool(judged or bounds)
     met, of = _counted(bounds)
     some = bool(good) or 2 * met > of or not asked
-    level: Level = "good" if asked and not doubtful and not warned else "fair" if some else "poor"
+    level: Level = "good" if asked and not doubtful and not missed and not warned else "fair" if some else "poor"
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
     found = tuple(dict.fromkeys(remarks(in_order, "finding")))
     return Summary(
@@ -51,7 +51,12 @@ def summarise_results(
         facts=_facts(logs, rows, good, judged, bounds),
         models=(),
         identified=(),
-        missing=(*_undetermined(doubtful), *_damaged(logs), *assumed_figures(vehicle)),
+        missing=(
+            *(f"Missed beside the print: {_bound(row)}." for row in missed),
+            *_undetermined(doubtful),
+            *_damaged(logs),
+            *assumed_figures(vehicle),
+        ),
         warnings=warned,
         figures=tuple(_figure(part, row) for part, row in shown),
         bounds=tuple(_bound(row) for row in bounds),

@@ -121,7 +121,7 @@ def verdicts(errors: Errors, cards: Mapping[str, Document], constant: Constant, 
     if failing:
         count = "All models" if len(failing) == len(judged) > 1 else f"{len(failing)} of {len(judged)} models"
         reason = "the error exceeds the force itself" if failed == FAILED_RATIO else f"J/J0 exceeds {failed:g}"
-        found.insert(0, remark(f"{count} fail on validation, where {reason} (J/J0): {'; '.join(failing)}.", "warning"))
+        found.insert(0, remark(f"{count} fail in some axes on validation, where {reason} (J/J0): {'; '.join(failing)}.", "warning"))
     return found
 
 

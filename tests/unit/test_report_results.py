@@ -56,7 +56,7 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert (only.level, only.headline) == ("good", "Every bound on printed values is met")
     missed = {"compare": {"title": "Printed", "rows": [row("Table 4", 7.0, verdict="missed", headline=True)]}}
     failed = summarise_results(missed, {}, {}, VEHICLE)
-    assert "Printed: missed: Table 4." in failed.missing
+    assert "Missed beside the print: Table 4: missed." in failed.missing
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 

@@ -148,7 +148,7 @@ def test_model_that_fails_is_shown_to_fail() -> None:
     slow["far"] = (3.0 * data["far"][0], -30.0 * data["far"][0])
     _, found = run(slow)
     told = remarks(found, "warning")
-    (failing,) = (words for words in told if "fail on validation, where the error exceeds the force itself (J/J0): " in words)
+    (failing,) = (words for words in told if "fail in some axes on validation, where the error exceeds the force itself (J/J0): " in words)
     assert "Fossen (X " in failing
     assert rows(found)[("validation", "all", "fossen", "X")]["ratio"] > 1.0
     assert any("leave the range of the training legs" in words and "every model extrapolates" in words for words in told)
