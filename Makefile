@@ -60,7 +60,7 @@ inspect: $(STAMP)
 
 # Runs the cases of docs/gallery/cases.yaml and takes their pictures; needs xvfb, xauth and mesa-vulkan-drivers.
 gallery: $(STAMP)
-	python -m pipeline.gallery
+	python -m auvid.pipeline.commands.inspect.gallery
 
 diff: $(STAMP)
 	@test -n "$(A)" -a -n "$(B)" || { echo "say what: make diff A=bluerov2_dvl B=tests/golden/bluerov2_dvl"; exit 1; }
@@ -105,7 +105,7 @@ format: $(STAMP)
 	ruff format .
 
 declarations: $(STAMP)
-	python -m pipeline.declarations
+	python -m auvid.pipeline.execution.generate_dvc
 
 lock:
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \

@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from auvid.data_schemas.errors import PipelineError
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.tlog.byte_account import BAD_STAMP, explain
+from auvid.stages.ingest.registry import READERS, reader_of
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
-
-from data_schemas.errors import PipelineError
-from stages.ingest.decoded import DecodedLog, RawFile
-from stages.ingest.readers import READERS, reader_of
-from stages.ingest.tlog_account import BAD_STAMP, explain
 
 Column = npt.NDArray[np.generic]
 TABLE_WIDTH = 200

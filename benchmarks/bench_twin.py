@@ -19,16 +19,14 @@ from typing import Any
 
 import numpy as np
 import yaml
-
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.identification.channel import symbols
-from hydro.identification.persistence import NOT_PERSISTENT
-from stages import ingest, rlse
-from stages.base import RawLog
-from stages.ingest.decoded import RawFile
-from stages.simulate.bench import fly_experiment, record_experiment
-from stages.simulate.bench_plans import bench_entries, bench_plan
-from stages.simulate.dataflash_writer import write_dataflash
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
+from auvid.hydro.identification.bench.single_channel import symbols
+from auvid.stages import ingest, rlse
+from auvid.stages.base import RawFile, RawLog
+from auvid.stages.simulate.bench import fly_experiment, record_experiment
+from auvid.stages.simulate.bench_plans import bench_entries, bench_plan
+from auvid.stages.simulate.dataflash_writer import write_dataflash
 
 ROOT = Path(__file__).resolve().parents[1]
 TRUTH = "weiss"

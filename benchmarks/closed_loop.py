@@ -18,8 +18,8 @@ MEMBERS, DURATION_S = 1000, 60.0
 
 def measure() -> dict[str, float]:
     """Seconds for the design of the helix and all its flights, and for the Monte Carlo; members and simulated seconds per second."""
-    from stages.control.cases import limits_of, trajectories_of, weights_of
-    from stages.control.flying import fly_case, models_of, monte_carlo
+    from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
+    from auvid.stages.control.flying import fly_case, models_of, monte_carlo
 
     vehicle = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
     cases = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())

@@ -18,10 +18,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 import yaml
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.csv.reader import CSV
 
 from benchmarks.measuring import best, columns_bytes
-from stages.ingest.csv_reader import CSV
-from stages.ingest.decoded import RawFile
 
 
 def repeated(data: bytes, megabytes: float) -> bytes:

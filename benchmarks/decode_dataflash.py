@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from auvid.data_schemas.formats import dataflash as layout
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.dataflash.columns import GATHER_BYTES
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH, Index, build_index
+from auvid.stages.ingest.formats.dataflash.scan import candidates, read_times
 
 from benchmarks.measuring import best, columns_bytes
-from data_schemas.formats import dataflash as layout
-from stages.ingest.dataflash import DATAFLASH, Index, build_index
-from stages.ingest.dataflash_columns import GATHER_BYTES
-from stages.ingest.dataflash_scan import candidates, read_times
-from stages.ingest.decoded import RawFile
 
 PAUSE_US = 10_000
 

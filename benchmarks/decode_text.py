@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-
-from stages.ingest.dataflash import DATAFLASH
-from stages.ingest.dataflash_text import DATAFLASH_TEXT
-from stages.ingest.decoded import DecodedLog, RawFile
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
+from auvid.stages.ingest.formats.dataflash.text_reader import DATAFLASH_TEXT
 
 NOT_REPEATED = ("FMT", "FMTU", "UNIT", "MULT", "PARM")
 

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from auvid.data_schemas.formats import mavlink
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.tlog.byte_account import explain
+from auvid.stages.ingest.formats.tlog.reader import TLOG
 
 from benchmarks.measuring import best, columns_bytes
-from data_schemas.formats import mavlink
-from stages.ingest.decoded import RawFile
-from stages.ingest.tlog import TLOG
-from stages.ingest.tlog_account import explain
 
 PAUSE_US = 50_000
 SMALL_BYTES = 20_000

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from auvid.data_schemas.formats import ulog as layout
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.ulog.reader import ULOG
 
 from benchmarks.measuring import columns_bytes
-from data_schemas.formats import ulog as layout
-from stages.ingest.decoded import RawFile
-from stages.ingest.ulog import ULOG
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:

@@ -26,11 +26,11 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
+from auvid.stages.base import RawFile
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from stages.ingest.decoded import RawFile
 from tests.support.damage_cases import MEAN_SHARE, count, damaged, failures, ingest_fault, keep, kind_of_fault
 from tests.support.mutate import mutations
 from tests.support.recovery import judge

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from stages.ingest.decoded import DecodedLog
+from auvid.stages.ingest.decoded_log import DecodedLog
 
 RUNS = 7
 

@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-
-from stages.report.recording import record
-from stages.report.summary import Summary
+from auvid.stages.page.first_screen import Summary
+from auvid.stages.report.recording.recording import record
 
 HOURS, RATE_HZ = 1.0, 50.0
 GROUPS, COLUMNS = 10, 6

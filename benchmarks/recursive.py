@@ -20,14 +20,13 @@ import time
 
 import numpy as np
 import numpy.typing as npt
-
-from hydro.dynamics.bench import Quadrifilar, swing
-from hydro.dynamics.thrusters import polynomial_thrust
-from hydro.identification.channel import ChannelEstimate, ChannelRun, estimate_channel
-from hydro.identification.output_error import SingleRun, simulate_run
-from hydro.identification.pendulum import fit_swing
-from hydro.identification.quadrifilar import Estimate, QuadrifilarGeometry, object_inertia, slowing
-from hydro.identification.recursive import StaticRegression, batch_least_squares, recursive_least_squares
+from auvid.hydro.dynamics.actuators.thrusters import polynomial_thrust
+from auvid.hydro.dynamics.simulation.bench_motion import Quadrifilar, swing
+from auvid.hydro.identification.bench.output_error import SingleRun, simulate_run
+from auvid.hydro.identification.bench.quadrifilar import Estimate, QuadrifilarGeometry, object_inertia, slowing
+from auvid.hydro.identification.bench.recursive_least_squares import StaticRegression, batch_least_squares, recursive_least_squares
+from auvid.hydro.identification.bench.single_channel import ChannelEstimate, ChannelRun, estimate_channel
+from auvid.hydro.identification.bench.swing import fit_swing
 
 Array = npt.NDArray[np.float64]
 THRUST = (0.006736, -0.03366, 0.0684)

@@ -26,11 +26,10 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-
-from hydro.dynamics.physical_viscous import physical_viscous
-from hydro.dynamics.simulation import Plant, constant_inputs, integrate_open_loop
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.dynamics.viscous_models import IdentifiedModel
+from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
+from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs, integrate_open_loop
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 ROOT = Path(__file__).parents[1]
 STEP_S = 0.01

@@ -21,10 +21,9 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
-
-from hydro.dynamics.viscous_basis import basis_rows
-from hydro.dynamics.viscous_models import MODELS
-from hydro.identification.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.dynamics.viscous.models import MODELS
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 
 Array = npt.NDArray[np.float64]
 AXES = "XYZKMN"

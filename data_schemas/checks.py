@@ -18,7 +18,7 @@ Every finding of the health page: what it means, the threshold beyond which it i
 An *error* means that the chain would refuse the log or use wrong data, a *warning* that results depend on it, a *note* is good to know.
 `auvid check` exits with 0 if it found no error and no loss, with 3 if it did, and with 1 if a log could not be read at all.
 
-This page is made from `data_schemas/formats/checks.yaml`: `python -m data_schemas.checks > docs/checks.md`.
+This page is made from `data_schemas/formats/checks.yaml`: `python -m auvid.data_schemas.checks > docs/checks.md`.
 """
 
 

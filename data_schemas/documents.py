@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
-from data_schemas.schemas import schema
-from data_schemas.units import convertible
+from auvid.data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
+from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.units import convertible
 
 QUANTITY_KEYS = ("value", "unit", "source", "assumed", "note")
 TYPES: dict[str, tuple[type, ...]] = {

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any, Literal
 
 import yaml
-
-from data_schemas.errors import SchemaError, nearest
+from auvid.data_schemas.errors import SchemaError, nearest
 
 Kind = Literal["table", "document", "bytes"]
 BRACES = re.compile(r"\{([^{}]+)\}")
@@ -59,12 +59,19 @@ def expand_braces(name: str) -> list[tuple[str, tuple[str, ...]]]:
 
 def schema_names() -> tuple[str, ...]:
     """The names of all schemas, sorted."""
-    return tuple(sorted(entry.name[:-5] for entry in resources.files(__package__).iterdir() if entry.name.endswith(".yaml")))
+    return tuple(sorted(_schema_files()))
+
+
+@cache
+def _schema_files() -> dict[str, Traversable]:
+    """Name of a schema -> its file; the rooms of this folder hold them, and `formats` other tables."""
+    rooms = (room for room in resources.files(__package__).iterdir() if room.is_dir() and room.name != "formats")
+    return {entry.name[:-5]: entry for room in rooms for entry in room.iterdir() if entry.name.endswith(".yaml")}
 
 
 def schema_text(name: str) -> str:
     """The YAML text of a schema."""
-    return (resources.files(__package__) / f"{name}.yaml").read_text(encoding="utf-8")
+    return _schema_files()[name].read_text(encoding="utf-8")
 
 
 @cache

@@ -9,8 +9,7 @@ from importlib import resources
 from typing import Any
 
 import yaml
-
-from data_schemas.schemas import schema
+from auvid.data_schemas.schemas import schema
 
 STREAMS = ("imu", "attitude", "depth", "velocity", "position", "actuators", "battery", "range", "mode", "events", "water_velocity")
 NEEDED: Mapping[str, tuple[str, ...]] = {

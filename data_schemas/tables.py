@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
-
-from data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
-from data_schemas.schemas import Field, schema
+from auvid.data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
+from auvid.data_schemas.schemas import Field, schema
 
 Array = npt.NDArray[np.float64]
 ARROW = {

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import pint
-
-from data_schemas.errors import SchemaError
+from auvid.data_schemas.errors import SchemaError
 
 TURNS = {"rpm": 1.0 / 60.0, "rev/min": 1.0 / 60.0, "1/min": 1.0 / 60.0, "rps": 1.0, "rev/s": 1.0, "Hz": 1.0, "1/s": 1.0}
 """Units of a propeller's speed in revolutions per second; pint counts a revolution as 2 pi."""

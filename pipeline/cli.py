@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from data_schemas.errors import PipelineError, UsageError
-from pipeline.terminal import plain_lines
+from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.pipeline.terminal import plain_lines
 
 FINE, FAILED, WRONG_USE, LOSSES, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -42,7 +41,8 @@ def run(
     force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
     """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound that its campaign sets."""
-    from pipeline import engines, session
+    from auvid.pipeline.commands import open_run as session
+    from auvid.pipeline.execution import engines
 
     opened = session.open_run(campaign)
     stages = session.select(opened.graph, only=only, until=until)
@@ -69,7 +69,8 @@ def report(
     against: Annotated[int | None, typer.Option(metavar="N", help="As --compare, against run N of auvid history.")] = None,
 ) -> None:
     """Say where the report of a campaign is, rebuild it, or open it."""
-    from pipeline import engines, session
+    from auvid.pipeline.commands import open_run as session
+    from auvid.pipeline.execution import engines
 
     opened = session.open_run(campaign)
     if rebuild:
@@ -79,7 +80,7 @@ def report(
     if page is None or not page.is_file():
         raise PipelineError("there is no report yet", value=opened.campaign.name, remedy=f"auvid run {opened.campaign.name}")
     if compare or against is not None:
-        from pipeline import history_page
+        from auvid.pipeline.commands.history import history_page
 
         page = history_page.write_compared(opened, against)
     print(page)
@@ -96,7 +97,7 @@ def check(
     align: Annotated[bool, typer.Option("--align", help="Estimate the offset between the clocks of two logs of one dive.")] = False,
 ) -> None:
     """Say what is wrong with logs and what they can be used for. Exits with 1 if one is refused, 3 if there are losses or errors."""
-    from pipeline import check as checking
+    from auvid.pipeline.commands.check import check_command as checking
 
     status = checking.check(targets, columns=columns, json_file=json, html_file=html, align=align)
     if status:
@@ -115,7 +116,7 @@ def inspect(
     preview: Annotated[bool, typer.Option("--preview", help="Thin long series by minimum and maximum: small, and quick to draw.")] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
-    from pipeline import inspection
+    from auvid.pipeline.commands.inspect import inspect_command as inspection
 
     inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web, preview=preview, tab=tab)
 
@@ -139,7 +140,7 @@ def diff(
     ] = 1e-6,
 ) -> None:
     """Compare two runs, a run with its golden tables, two variants or two models. Exits with 1 if anything left its tolerance."""
-    from pipeline import diff as comparing
+    from auvid.pipeline.commands.diff import diff_command as comparing
 
     if not comparing.diff(first, second, save=save, picture=screenshot, as_json=as_json, relative=relative):
         raise typer.Exit(FAILED)
@@ -152,7 +153,7 @@ def history(
     as_json: Annotated[bool, typer.Option("--json", help="Print all that is remembered as JSON.")] = False,
 ) -> None:
     """List the earlier runs of a campaign: what was changed, and how good the best model was."""
-    from pipeline import history_page
+    from auvid.pipeline.commands.history import history_page
 
     history_page.show(campaign, number=number, as_json=as_json)
 
@@ -173,7 +174,7 @@ def regress(
     """Hold the error tables against the golden ones. Exits with 1 and names every cell that left its tolerance."""
     if update != (message is not None):
         raise typer.BadParameter("--update and --message go together: a changed baseline is remembered in the changelog")
-    from pipeline import regress as golden
+    from auvid.pipeline.commands.regress import regress_command as golden
 
     setting = golden.open_setting(campaign, baseline)
     if message is not None:
@@ -197,7 +198,7 @@ def simulate(
     ] = "specific_force",
 ) -> None:
     """Fly a plan with a twin and write its logs, the truth, and a campaign that is ready to run. Exits with 3 if a leg was cut short."""
-    from pipeline import simulate as twin
+    from auvid.pipeline.commands import simulate as twin
 
     losses = twin.write_campaign(vehicle, plan, output, truth=truth, format=log_format, seed=seed, accelerometer=accelerometer)
     print(f"made {output}\n\n    auvid run {output}\n")
@@ -219,8 +220,10 @@ def reproduce(
 
     A campaign with `published` in its manifest is run, and its results are printed beside the published values.
     """
-    from pipeline import comparison, engines, session
-    from pipeline import reproduce as again
+    from auvid.pipeline.commands import open_run as session
+    from auvid.pipeline.commands import printed_values as comparison
+    from auvid.pipeline.commands.reproduce import reproduce_command as again
+    from auvid.pipeline.execution import engines
 
     printed = comparison.open_comparison(campaign)
     if printed is not None:
@@ -249,7 +252,7 @@ def reproduce(
 @app.command(epilog="Example: auvid stages fuse")
 def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
-    from pipeline import listings
+    from auvid.pipeline.commands import list as listings
 
     listings.print_stages(name)
 
@@ -257,7 +260,7 @@ def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Sho
 @app.command(epilog="Example: auvid models linear")
 def models(name: Annotated[str | None, typer.Argument(metavar="MODEL", help="Show the terms of this model.")] = None) -> None:
     """List the viscous force models, from their declarations."""
-    from pipeline import listings
+    from auvid.pipeline.commands import list as listings
 
     listings.print_models(name)
 
@@ -265,7 +268,7 @@ def models(name: Annotated[str | None, typer.Argument(metavar="MODEL", help="Sho
 @app.command(epilog="Example: auvid vehicles")
 def vehicles() -> None:
     """List the vehicles of this workspace and those that come with auvid."""
-    from pipeline import listings
+    from auvid.pipeline.commands import list as listings
 
     listings.print_vehicles()
 
@@ -282,7 +285,7 @@ def coefficients(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print what strip theory gives for a vehicle's geometry, beside what is published, with formula and source."""
-    from pipeline import coefficients as command
+    from auvid.pipeline.commands import coefficients as command
 
     command.print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
 
@@ -290,7 +293,7 @@ def coefficients(
 @app.command(epilog="Example: auvid new ~/campaigns_2026")
 def new(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not hold anything yet.")]) -> None:
     """Make a workspace with a small example campaign that runs."""
-    from pipeline import scaffold
+    from auvid.pipeline.commands.new import new_command as scaffold
 
     scaffold.make_workspace(folder)
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
@@ -299,7 +302,7 @@ def new(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to ma
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
     """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC depends."""
-    from pipeline import session
+    from auvid.pipeline.commands import open_run as session
 
     session.write_codes()
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from data_schemas.errors import UsageError, nearest
-from data_schemas.schemas import schema
-from stages.base import Item, Stage, ports
+from auvid.data_schemas.errors import UsageError, nearest
+from auvid.data_schemas.schemas import schema
+from auvid.stages.base import Item, Stage, ports
 
 AnyStage = Stage[Any, Any, Any]
 MANIFEST_PORTS = ("vehicle", "campaign", "leg", "raw_log", "twin", "provenance")

@@ -4,8 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from stages import compare, control, fuse, ingest, pipendulum, report, resample, residual, rlse, simulate, synthesise, trust, validate
-from stages.base import Stage
+from auvid.stages import (
+    check_published,
+    check_truth,
+    control,
+    fuse,
+    ingest,
+    pipendulum,
+    report,
+    resample,
+    residual,
+    rlse,
+    simulate,
+    synthesise,
+    validate,
+)
+from auvid.stages.base import Stage
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
     simulate.STAGE,
@@ -15,18 +29,18 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     residual.STAGE,
     synthesise.STAGE,
     validate.STAGE,
-    trust.STAGE,
+    check_truth.STAGE,
     pipendulum.STAGE,
     rlse.STAGE,
     control.STAGE,
-    compare.STAGE,
+    check_published.STAGE,
     report.STAGE,
 )
 
 KINDS: dict[str, tuple[str, ...]] = {
     "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
-    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "trust", "report"),
-    "bench": ("ingest", "pipendulum", "rlse", "compare", "report"),
-    "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "compare", "report"),
-    "control": ("control", "compare", "report"),
+    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "check_truth", "report"),
+    "bench": ("ingest", "pipendulum", "rlse", "check_published", "report"),
+    "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
+    "control": ("control", "check_published", "report"),
 }

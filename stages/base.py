@@ -19,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
-from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
-
-if TYPE_CHECKING:  # the ingest stage itself imports this module
-    from stages.ingest.decoded import RawFile
+import numpy as np
+import numpy.typing as npt
+from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 
 Item = Literal["log", "leg", "segment", "campaign"]
 Document = Mapping[str, Any]
@@ -49,6 +48,15 @@ class Stage(Generic[I, P, O]):
     """What one work item gives. `segment` for a leg stage whose outputs are keyed by segment; else the item itself."""
     no_views: str = ""
     """Why the stage shows nothing of its own in the recording, where it has no port `views`."""
+
+
+@dataclass(frozen=True)
+class RawFile:
+    """One file of a log: its name, its bytes (memory-mapped by the runner, read-only), its column map if it has one."""
+
+    name: str
+    buffer: npt.NDArray[np.uint8]
+    columns: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True)

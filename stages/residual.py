@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.streams import supply_text
-from data_schemas.tables import column, has_columns, make_table, matrix
-from hydro.dynamics.equations_of_motion import Control, ForceComponents, residual_force
-from hydro.dynamics.logged_directions import with_logged_directions
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.thrusters import thruster_forces
-from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import eta_ratio
-from hydro.identification.filters import zero_phase_lowpass
-from stages.base import Document, Stage, param, port
-from stages.sections import panel, plot, remark, section, series, table
-from stages.signals import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, VELOCITY_SD, Array, clock, force_columns, named, rms
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import column, has_columns, make_table, matrix
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
+from auvid.hydro.dynamics.equations_of_motion import Control, ForceComponents, residual_force
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.viscous.basis import eta_ratio
+from auvid.hydro.identification.signals.filters import zero_phase_lowpass
+from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.columns import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, VELOCITY_SD, Array, clock, force_columns, named, rms
+from auvid.stages.presentation import panel, plot, remark, section, series, table
 
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 

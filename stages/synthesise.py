@@ -8,24 +8,23 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, DataError, nearest
-from data_schemas.tables import column, has_columns, matrix
-from hydro.dynamics.coefficients import viscous_terms
-from hydro.dynamics.strip_theory import strip_theory_of
-from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import basis_rows, basis_term_names, coefficient_unit
-from hydro.dynamics.viscous_models import MODELS, Coefficients, ViscousModel, without_propeller_terms
-from hydro.identification.attenuation import RegressorErrors, attenuation, widened
-from hydro.identification.excitation import VelocityExcitation, axis_excitation
-from hydro.identification.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
-from hydro.identification.prior import posterior
-from hydro.identification.separability import breaks_symmetry, judge_with_motion
-from hydro.identification.standard_errors import hac_fit_covariance
-from hydro.identification.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
-from stages.base import Collection, Document, Stage, param, port
-from stages.sections import equation, remark, section, table
-from stages.signals import AXES, AXIS_UNITS, VELOCITY, VELOCITY_SD, Array, forces
+from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.viscous.basis import basis_rows, basis_term_names, coefficient_unit
+from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
+from auvid.hydro.dynamics.viscous.models import MODELS, Coefficients, ViscousModel, without_propeller_terms
+from auvid.hydro.identification.regression.attenuation import RegressorErrors, attenuation, widened
+from auvid.hydro.identification.regression.excitation import VelocityExcitation, axis_excitation
+from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit, TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.prior import posterior
+from auvid.hydro.identification.regression.separability import breaks_symmetry, judge_with_motion
+from auvid.hydro.identification.regression.standard_errors import hac_fit_covariance
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
+from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.columns import AXES, AXIS_UNITS, VELOCITY, VELOCITY_SD, Array, forces
+from auvid.stages.presentation import equation, remark, section, table
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
 PRIORS = ("none", "strip_theory")

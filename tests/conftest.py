@@ -3,6 +3,6 @@
 The small solves of the tests are two to three times slower with threads that wait for one another.
 """
 
-import pipeline
+import auvid.pipeline
 
-__all__ = ["pipeline"]
+__all__ = ["auvid"]

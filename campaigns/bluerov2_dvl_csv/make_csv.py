@@ -10,11 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import column
-from stages import ingest
-from stages.base import RawLog
-from stages.ingest.decoded import RawFile
+from auvid.data_schemas.tables import column
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parent / "bluerov2_dvl" / "logs" / "00000029_first130s.BIN"

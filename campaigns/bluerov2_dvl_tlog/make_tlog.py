@@ -15,13 +15,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from auvid.data_schemas.tables import column
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
+from auvid.stages.ingest.streams.flight_modes import SUB_MODES
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
-from data_schemas.tables import column
-from stages import ingest
-from stages.base import RawLog
-from stages.ingest.decoded import RawFile
-from stages.ingest.vehicle_modes import SUB_MODES
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parent / "bluerov2_dvl" / "logs" / "00000029_first130s.BIN"

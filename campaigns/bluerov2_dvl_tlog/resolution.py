@@ -21,10 +21,9 @@ from types import ModuleType
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-
-from data_schemas.tables import column
-from pipeline import session
-from pipeline.engines import Serial
+from auvid.data_schemas.tables import column
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.execution.engines import Serial
 
 HERE = Path(__file__).resolve().parent
 CAMPAIGNS = HERE.parent

@@ -15,22 +15,21 @@ from typing import Any
 
 import numpy as np
 import yaml
+from auvid.data_schemas.documents import check_document
+from auvid.hydro.control.closed_loop import fly
+from auvid.hydro.control.controllers import design
+from auvid.hydro.control.equilibrium import equilibrium
+from auvid.hydro.control.paths.paths import Curve, helix, path_of_pieces, saw_tooth
+from auvid.hydro.control.paths.trajectories import fly_path
+from auvid.hydro.control.plants import HybridPlant
+from auvid.hydro.dynamics.simulation.simulation import Inputs, Motion
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.stages.control.cases import limits_of, weights_of
+from auvid.stages.control.flying import models_of
+from auvid.stages.simulate.dataflash_writer import write_dataflash
+from auvid.stages.simulate.plans import plan_from_document
+from auvid.stages.simulate.sensing import record
 from scipy.interpolate import CubicSpline
-
-from data_schemas.documents import check_document
-from hydro.control.closed_loop import fly
-from hydro.control.controllers import design
-from hydro.control.equilibrium import equilibrium
-from hydro.control.paths import Curve, helix, path_of_pieces, saw_tooth
-from hydro.control.plants import HybridPlant
-from hydro.control.trajectories import fly_path
-from hydro.dynamics.simulation import Inputs, Motion
-from hydro.dynamics.vehicle import vehicle_from_document
-from stages.control.cases import limits_of, weights_of
-from stages.control.flying import models_of
-from stages.simulate.dataflash_writer import write_dataflash
-from stages.simulate.plans import plan_from_document
-from stages.simulate.sensing import record
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -10,10 +10,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-
-from data_schemas.errors import CampaignError
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.vehicle import Vehicle
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

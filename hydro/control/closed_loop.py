@@ -11,17 +11,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array, matrix_product
+from auvid.hydro.control.controllers import Schedule
+from auvid.hydro.control.equilibrium import Equilibrium
+from auvid.hydro.control.observer import D, N
+from auvid.hydro.control.paths.trajectories import Trajectory, tracking_error
+from auvid.hydro.control.plants import Inputs, Plant
+from auvid.hydro.control.reference import ModeSwitch, Reference, Waiting
+from auvid.hydro.control.riccati import exponential
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError
-from hydro.control.controllers import Schedule
-from hydro.control.equilibrium import Equilibrium
-from hydro.control.observer import D, N
-from hydro.control.plants import Inputs, Plant
-from hydro.control.reference import ModeSwitch, Reference, Waiting
-from hydro.control.riccati import exponential
-from hydro.control.trajectories import Trajectory, tracking_error
-from hydro.dynamics.arrays import Array, matrix_product
 
 LOST_M = 1e4
 """A member further than this from its path has diverged; it is nan from there on."""

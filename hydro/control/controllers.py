@@ -8,13 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError
-from hydro.control.equilibrium import Equilibrium, at_every
-from hydro.control.observer import C_Z, D, N, augmented, disturbance_target, feed_forward_gain, kalman_gain, placed_gain
-from hydro.control.plants import Plant
-from hydro.control.riccati import (
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array
+from auvid.hydro.control.equilibrium import Equilibrium, at_every
+from auvid.hydro.control.observer import C_Z, D, N, augmented, disturbance_target, feed_forward_gain, kalman_gain, placed_gain
+from auvid.hydro.control.plants import Plant
+from auvid.hydro.control.riccati import (
     backward_riccati,
     closed_loop_eigenvalues,
     exponential,
@@ -23,7 +22,7 @@ from hydro.control.riccati import (
     require_controllable,
     stability_margins,
 )
-from hydro.dynamics.arrays import Array
+from numpy.typing import ArrayLike
 
 RICCATI = ("backward", "frozen")
 OBSERVERS = ("kalman", "poles")

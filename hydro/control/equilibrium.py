@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array
+from auvid.hydro.control.paths.trajectories import Trajectory
+from auvid.hydro.control.plants import HybridPlant, Plant
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError
-from hydro.control.plants import HybridPlant, Plant
-from hydro.control.trajectories import Trajectory
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
 
 GLIDE_SPEED_M_S, THRUST_SPEED_M_S = 0.2, 1.5
 GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)

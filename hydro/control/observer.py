@@ -7,11 +7,10 @@ E = [I_6; 0], C_Z = [I_12, 0]. Everything of chi is measured.
 from __future__ import annotations
 
 import numpy as np
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.arrays import Array
+from auvid.hydro.control.riccati import algebraic_riccati, forward_riccati
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import PipelineError
-from hydro.control.riccati import algebraic_riccati, forward_riccati
-from hydro.dynamics.arrays import Array
 
 N, D = 12, 6
 FASTER = 5.0

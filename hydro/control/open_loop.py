@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.hybrid_vehicle import STATES, HybridVehicle, chi_dot
+from auvid.hydro.dynamics.quantities import Quantities
 from scipy.integrate import solve_ivp
-
-from data_schemas.errors import CampaignError, nearest
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.hybrid_vehicle import STATES, HybridVehicle, chi_dot
-from hydro.dynamics.quantities import Quantities
 
 PITCH_LIMIT_RAD = 1.5
 STRAIGHT_RAD_S = 1e-6

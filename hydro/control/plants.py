@@ -12,20 +12,19 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import AXES, Array, cross, matrix_product, read_only
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm
+from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
+from auvid.hydro.dynamics.hybrid_vehicle import INPUTS, HybridVehicle, chi_dot
+from auvid.hydro.dynamics.jacobians import basis_jacobian, coriolis_jacobian, kinematics_jacobians, restoring_jacobian
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio, needs_propeller_speed
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.regression.least_squares import CONSTANT
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError
-from hydro.dynamics.arrays import AXES, Array, cross, matrix_product, read_only
-from hydro.dynamics.equations_of_motion import Control, forward_dynamics
-from hydro.dynamics.hybrid_vehicle import INPUTS, HybridVehicle, chi_dot
-from hydro.dynamics.jacobians import basis_jacobian, coriolis_jacobian, kinematics_jacobians, restoring_jacobian
-from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.thrusters import thrust_from_pwm
-from hydro.dynamics.vehicle import Vehicle
-from hydro.dynamics.viscous_basis import basis, eta_ratio, needs_propeller_speed
-from hydro.dynamics.viscous_models import IdentifiedModel
-from hydro.identification.least_squares import CONSTANT
 
 FIN_LIMIT_RAD = float(np.radians(20.0))
 

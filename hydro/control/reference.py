@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from hydro.control.controllers import Schedule
-from hydro.control.observer import N
-from hydro.control.plants import Plant
-from hydro.dynamics.arrays import Array, matrix_product
-from hydro.dynamics.kinematics import rotation_body_to_ned
+from auvid.hydro.arrays import Array, matrix_product
+from auvid.hydro.control.controllers import Schedule
+from auvid.hydro.control.observer import N
+from auvid.hydro.control.plants import Plant
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 
 
 @dataclass(frozen=True)

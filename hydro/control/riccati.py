@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.arrays import Array
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_continuous_are
-
-from data_schemas.errors import PipelineError
-from hydro.dynamics.arrays import Array
 
 STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 CONTROLLABLE = 1e-9

@@ -9,17 +9,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.fins import fin_force
+from auvid.hydro.dynamics.actuators.propeller import propeller_force
+from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import DataError
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.control_surfaces import fin_force
-from hydro.dynamics.kinematics import eta_dot
-from hydro.dynamics.propeller import propeller_force
-from hydro.dynamics.restoring import restoring_force
-from hydro.dynamics.rigid_body import coriolis_force
-from hydro.dynamics.thrusters import thruster_force, thruster_forces
-from hydro.dynamics.vehicle import Vehicle
 
 ViscousForce = Callable[[Array], Array]
 """nu (..., 6) -> tau_nu (..., 6)."""

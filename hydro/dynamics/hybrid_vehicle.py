@@ -12,20 +12,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import Array, cross, matrix_product, read_only
+from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine, buoyancy_engine_from_document
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
+from auvid.hydro.dynamics.quantities import Quantities
+from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.viscous.basis import basis
+from auvid.hydro.dynamics.viscous.coefficients import Coefficient, added_mass_matrix, control_matrix, term_of, unit_of, viscous_terms
+from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError, nearest
-from hydro.dynamics.arrays import Array, cross, matrix_product, read_only
-from hydro.dynamics.buoyancy_engine import BuoyancyEngine, buoyancy_engine_from_document
-from hydro.dynamics.coefficients import Coefficient, added_mass_matrix, control_matrix, term_of, unit_of, viscous_terms
-from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
-from hydro.dynamics.quantities import Quantities
-from hydro.dynamics.restoring import restoring_force
-from hydro.dynamics.rigid_body import coriolis_force, rigid_body_matrix
-from hydro.dynamics.strip_theory import strip_theory_of
-from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import basis
-from hydro.dynamics.viscous_models import Coefficients, IdentifiedModel
 
 STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 INPUTS = ("X_thrust", "delta_r", "delta_s_right", "delta_s_left")

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned, skew
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, MODULI, PROPULSION
 from numpy.typing import ArrayLike
-
-from hydro.dynamics.arrays import VELOCITIES, Array
-from hydro.dynamics.kinematics import euler_rate_matrix, rotation_body_to_ned, skew
-from hydro.dynamics.viscous_basis import BASIS_TERMS, MODULI, PROPULSION
 
 
 def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError
-from data_schemas.units import convertible, factor_and_offset
-from hydro.dynamics.arrays import Array, read_only
+from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.units import convertible, factor_and_offset
+from auvid.hydro.arrays import Array, read_only
 
 
 class Quantities:

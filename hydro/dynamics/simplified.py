@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from numpy.typing import ArrayLike
-
-from data_schemas.errors import CampaignError
-from hydro.dynamics.arrays import AXES, VELOCITIES, Array, read_only
-from hydro.dynamics.kinematics import eta_dot
-from hydro.dynamics.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

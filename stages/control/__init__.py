@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, nearest
-from hydro.control.plants import HybridPlant
-from stages.base import Document, Stage, param, port
-from stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
-from stages.control.flying import Flown, Models, fly_case, models_of, monte_carlo, require_stable
-from stages.control.linear import linear_comparisons, linear_part
-from stages.control.open_loop import coefficients_part, open_loop_part
-from stages.control.shown import (
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.control.plants import HybridPlant
+from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
+from auvid.stages.control.flying import Flown, Models, fly_case, models_of, monte_carlo, require_stable
+from auvid.stages.control.linear import linear_comparisons, linear_part
+from auvid.stages.control.open_loop import coefficients_part, open_loop_part
+from auvid.stages.control.presentation import (
     design_blocks,
     figures,
     flight_table,
@@ -25,7 +24,7 @@ from stages.control.shown import (
     tracking_table,
     views_of,
 )
-from stages.sections import Block, remark, section, text
+from auvid.stages.presentation import Block, remark, section, text
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from data_schemas.errors import CampaignError, nearest
-from hydro.control.controllers import Weights
-from hydro.control.dubins import Bounds, Pose, dubins_path
-from hydro.control.paths import Curve, helix, saw_tooth
-from hydro.control.reference import ModeSwitch, Waiting
-from hydro.dynamics.quantities import Quantities
-from stages.base import Document
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.control.controllers import Weights
+from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
+from auvid.hydro.control.paths.paths import Curve, helix, saw_tooth
+from auvid.hydro.control.reference import ModeSwitch, Waiting
+from auvid.hydro.dynamics.quantities import Quantities
+from auvid.stages.base import Document
 
 Array = npt.NDArray[np.float64]
 

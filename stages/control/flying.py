@@ -8,19 +8,18 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from data_schemas.errors import CampaignError, PipelineError
-from hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
-from hydro.control.controllers import Schedule, Weights, design
-from hydro.control.equilibrium import equilibrium, require_reachable
-from hydro.control.plants import HybridPlant, Plant, card_coefficients, hybrid_plant, identified_plant
-from hydro.control.riccati import STATES
-from hydro.control.trajectories import Trajectory, fly_path
-from hydro.dynamics.arrays import AXES
-from hydro.dynamics.hybrid_vehicle import hybrid_vehicle
-from hydro.dynamics.vehicle import vehicle_from_document
-from stages.base import Document
-from stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
+from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.hydro.arrays import AXES
+from auvid.hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
+from auvid.hydro.control.controllers import Schedule, Weights, design
+from auvid.hydro.control.equilibrium import equilibrium, require_reachable
+from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
+from auvid.hydro.control.plants import HybridPlant, Plant, card_coefficients, hybrid_plant, identified_plant
+from auvid.hydro.control.riccati import STATES
+from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.stages.base import Document
+from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
 Array = npt.NDArray[np.float64]
 DESIGN_EVERY_S = 0.5

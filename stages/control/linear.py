@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from data_schemas.errors import CampaignError, nearest
-from hydro.control.closed_loop import linear_response
-from hydro.control.equilibrium import METHODS, equilibrium
-from hydro.control.open_loop import OpenLoopRun, fly_open_loop
-from hydro.control.plants import HybridPlant
-from hydro.control.trajectories import trajectory_through
-from stages.sections import Block, panel, plot, series, table
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.control.closed_loop import linear_response
+from auvid.hydro.control.equilibrium import METHODS, equilibrium
+from auvid.hydro.control.open_loop import OpenLoopRun, fly_open_loop
+from auvid.hydro.control.paths.trajectories import trajectory_through
+from auvid.hydro.control.plants import HybridPlant
+from auvid.stages.presentation import Block, panel, plot, series, table
 
 Array = npt.NDArray[np.float64]
 FROM_S, FOR_S, STEP_S = 5.0, 60.0, 0.1

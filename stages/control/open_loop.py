@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from hydro.control.open_loop import Finding, OpenLoopRun, findings, fly_open_loop, open_loop_cases
-from hydro.dynamics.coefficients import Coefficient
-from hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, hybrid_vehicle, published_coefficients
-from hydro.dynamics.strip_theory import strip_theory_of
-from stages.base import Document
-from stages.sections import Block, panel, plot, remark, series, table
+from auvid.hydro.control.open_loop import Finding, OpenLoopRun, findings, fly_open_loop, open_loop_cases
+from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, hybrid_vehicle, published_coefficients
+from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
+from auvid.hydro.dynamics.viscous.coefficients import Coefficient
+from auvid.stages.base import Document
+from auvid.stages.presentation import Block, panel, plot, remark, series, table
 
 SHOWN_SET = "as_simulated"
 LONGEST_BESIDE_S = 200.0

@@ -16,19 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, DataError
-from data_schemas.tables import make_table
-from hydro.dynamics.arrays import cross
-from hydro.dynamics.kinematics import eta_dot, rotation_body_to_ned
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.identification.bias import integrate
-from hydro.identification.filters import edge_zone_s
-from stages.base import Document, Stage, param, port
-from stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
-from stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
-from stages.fuse.shown import fuse_section, fuse_views, fusion_document
-from stages.signals import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, Array, named
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import cross
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.identification.signals.bias import integrate
+from auvid.hydro.identification.signals.filters import edge_zone_s
+from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, Array, named
+from auvid.stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
+from auvid.stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
+from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
 
 LEAST_EDGE_S = 0.5
 

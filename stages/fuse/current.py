@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import column, matrix
-from hydro.dynamics.kinematics import rotation_body_to_ned
-from hydro.identification.smoother import FEWEST, SmoothedVelocity
-from stages.sections import Block, remark, table
-from stages.signals import VELOCITY, Array
+from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.signals.smoother import FEWEST, SmoothedVelocity
+from auvid.stages.columns import VELOCITY, Array
+from auvid.stages.presentation import Block, remark, table
 
 OBSERVABLE, NOT_OBSERVABLE = "observable", "not observable"
 REASON = (

@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import cross
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.bias import accelerometer_bias, fit_velocity, inertial_acceleration, integrate, lever_arm_velocity
+from auvid.hydro.identification.signals.installation import Installation, estimate_installation
+from auvid.hydro.identification.signals.smoother import SmootherNoise, smooth_velocity
+from auvid.hydro.identification.signals.splines import derivative
+from auvid.stages.columns import ACCELEROMETER, VELOCITY, Array, rms
+from auvid.stages.fuse.current import current_document, drift, water_track, without_water_track
+from auvid.stages.fuse.motion import Found, Motion, low_pass, missing, vertical_arm
 from scipy.interpolate import CubicSpline
-
-from data_schemas.errors import CampaignError, nearest
-from data_schemas.tables import column, has_columns, matrix
-from hydro.dynamics.arrays import cross
-from hydro.dynamics.kinematics import rotation_body_to_ned
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.bias import accelerometer_bias, fit_velocity, inertial_acceleration, integrate, lever_arm_velocity
-from hydro.identification.installation import Installation, estimate_installation
-from hydro.identification.smoother import SmootherNoise, smooth_velocity
-from hydro.identification.splines import derivative
-from stages.fuse.current import current_document, drift, water_track, without_water_track
-from stages.fuse.motion import Found, Motion, low_pass, missing, vertical_arm
-from stages.signals import ACCELEROMETER, VELOCITY, Array, rms
 
 SWAY_WARNING_M_S = 0.1
 

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.streams import supply_text
-from data_schemas.tables import column, has_columns, matrix
-from hydro.dynamics.kinematics import rotation_body_to_ned
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.bias import gyro_bias, lever_arm_velocity
-from hydro.identification.filters import zero_phase_lowpass
-from hydro.identification.splines import derivative
-from stages.signals import ATTITUDE, VELOCITY, Array, clock, named
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.bias import gyro_bias, lever_arm_velocity
+from auvid.hydro.identification.signals.filters import zero_phase_lowpass
+from auvid.hydro.identification.signals.splines import derivative
+from auvid.stages.columns import ATTITUDE, VELOCITY, Array, clock, named
 
 Mask = npt.NDArray[np.bool_]
 

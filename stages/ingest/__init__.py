@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.streams import NEEDED, STREAMS
-from data_schemas.tables import make_table
-from stages.base import Document, RawLog, Stage, param, port
-
-from .checks import check_health, health_blocks, other_sources
-from .clean import Rejected, clean, clock_set
-from .health import dropped_table, log_info, report_section, report_views
-from .merge import Part, forced_readers, merge_parts, on_one_clock, read_part, vehicle_sources, wanted_sources
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.streams import NEEDED, STREAMS
+from auvid.data_schemas.tables import make_table
+from auvid.stages.base import Document, RawLog, Stage, param, port
+from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
+from auvid.stages.ingest.health.log_info import dropped_table, log_info, report_section, report_views
+from auvid.stages.ingest.multi_file import Part, forced_readers, merge_parts, on_one_clock, read_part, vehicle_sources, wanted_sources
+from auvid.stages.ingest.rejection import Rejected, clean, clock_set
 
 
 @dataclass(frozen=True)

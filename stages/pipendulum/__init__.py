@@ -7,17 +7,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.tables import make_table
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.identification.channel import DAMPING
-from stages.base import Collection, Document, Stage, port
-
-from .decays import Decayed, decay_figures, decays_of
-from .recordings import Logs, as_rows
-from .shown import bench_section, bench_views
-from .swings import Swung, inertia_document, swing_figures, swings_of
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.identification.bench.single_channel import DAMPING
+from auvid.stages.base import Collection, Document, Stage, port
+from auvid.stages.pipendulum.decays import Decayed, decay_figures, decays_of
+from auvid.stages.pipendulum.presentation import bench_section, bench_views
+from auvid.stages.pipendulum.recordings import Logs, as_rows
+from auvid.stages.pipendulum.swings import Swung, inertia_document, swing_figures, swings_of
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError, DataError
-from hydro.dynamics.quantities import Quantities
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import BOTH, DAMPING, WRONG_SIGN, choose_damping, symbols
-from hydro.identification.free_decay import (
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.hydro.dynamics.quantities import Quantities
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.free_decay import (
     Decay,
     DecayEstimate,
     Derivatives,
@@ -25,14 +23,14 @@ from hydro.identification.free_decay import (
     hanging,
     judge,
 )
-from hydro.identification.output_error import SingleRun
-from hydro.identification.pendulum import GONE, check_one_swing, check_rate, release_index, swing_back_period
-from hydro.identification.persistence import NOT_EXCITED
-from stages.base import Document
-from stages.sections import Figure, figure
-from stages.signals import Array
-
-from .recordings import Logs, Recording, naming, not_negative
+from auvid.hydro.identification.bench.output_error import SingleRun
+from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED
+from auvid.hydro.identification.bench.single_channel import BOTH, DAMPING, WRONG_SIGN, choose_damping, symbols
+from auvid.hydro.identification.bench.swing import GONE, check_one_swing, check_rate, release_index, swing_back_period
+from auvid.stages.base import Document
+from auvid.stages.columns import Array
+from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
+from auvid.stages.presentation import Figure, figure
 
 FEWEST_SWINGS, GOOD_SWINGS = 0.5, 2.0
 """Swings before the rate falls to a twentieth: with less than half of one nothing oscillates; below two the ratios hang on few turns."""

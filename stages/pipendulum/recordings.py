@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, DataError, nearest
-from data_schemas.tables import has_columns
-from hydro.identification.pendulum import SwingAxis, angle_about, angle_per_rate, outside_range, release_index, swing_axis
-from hydro.identification.splines import smoothing_spline
-from stages.base import Collection, Document
-from stages.signals import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
+from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.tables import has_columns
+from auvid.hydro.identification.bench.swing import SwingAxis, angle_about, angle_per_rate, outside_range, release_index, swing_axis
+from auvid.hydro.identification.signals.splines import smoothing_spline
+from auvid.stages.base import Collection, Document
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 50

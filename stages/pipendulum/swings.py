@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError
-from hydro.dynamics.quantities import Quantities
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.pendulum import SIMPLE, SwingFit, fit_swing
-from hydro.identification.quadrifilar import (
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.dynamics.quantities import Quantities
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.quadrifilar import (
     Estimate,
     QuadrifilarGeometry,
     combined,
@@ -24,10 +22,10 @@ from hydro.identification.quadrifilar import (
     small_swing_period,
     tray_inertia,
 )
-from stages.base import Document
-from stages.sections import Figure, figure
-
-from .recordings import Logs, Recording, naming, not_negative
+from auvid.hydro.identification.bench.swing import SIMPLE, SwingFit, fit_swing
+from auvid.stages.base import Document
+from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
+from auvid.stages.presentation import Figure, figure
 
 STOP_WATCH_SD_S = 0.2
 

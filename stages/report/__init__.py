@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
-
-from stages.base import Collection, Document, Stage, every, param, port
-from stages.report.html import render
-from stages.report.own_sections import legs_section, provenance_section, vehicle_line
-from stages.report.summary import Summary, summarise
-from stages.report.summary_results import summarise_results
+from auvid.stages.base import Collection, Document, Stage, every, param, port
+from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
+from auvid.stages.page.first_screen import Summary
+from auvid.stages.page.html import render
+from auvid.stages.report.summary.figure_summary import summarise_results
+from auvid.stages.report.summary.model_summary import summarise
 
 NO_MORE: Mapping[str, Document] = {}
 
@@ -88,7 +88,7 @@ def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
 
 def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = "") -> bytes:
     """The recording, which opens on `tab`; a `preview` has its series thinned by minimum and maximum per bin."""
-    from stages.report.recording import record  # Rerun takes half a second to import, and most commands draw nothing
+    from auvid.stages.report.recording.recording import record  # Rerun takes half a second to import, and most commands draw nothing
 
     return record(
         told.title,

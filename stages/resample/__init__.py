@@ -13,17 +13,26 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, nearest
-from data_schemas.tables import make_table
-from hydro.dynamics.kinematics import euler_rate_matrix
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.identification.resampling import hold, linear, smooth_attitude, uniform_clock, unwrap_angles
-from hydro.identification.splines import cutoff_from_lambda, lambda_from_cutoff, smoothing_spline
-from stages.base import Document, Stage, param, port
-from stages.signals import ACCELEROMETER, ATTITUDE, Array, Span, leg_window, named
-
-from .segments import GYRO, Signal, common_spans, gap_list, missing_stream, segment_ids, signal, split_at_jumps, too_short, trimmed
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.identification.signals.resampling import hold, linear, smooth_attitude, uniform_clock, unwrap_angles
+from auvid.hydro.identification.signals.splines import cutoff_from_lambda, lambda_from_cutoff, smoothing_spline
+from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Span, leg_window, named
+from auvid.stages.resample.segments import (
+    GYRO,
+    Signal,
+    common_spans,
+    gap_list,
+    missing_stream,
+    segment_ids,
+    signal,
+    split_at_jumps,
+    too_short,
+    trimmed,
+)
 
 RATE = ("p_rad_s", "q_rad_s", "r_rad_s")
 RATE_DOT = ("p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.streams import supply_text
-from data_schemas.tables import matrix
-from hydro.identification.resampling import gaps
-from hydro.identification.signal_checks import attitude_jumps
-from stages.signals import ATTITUDE, Array, Span
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import matrix
+from auvid.hydro.identification.signals.resampling import gaps
+from auvid.hydro.identification.signals.signal_checks import attitude_jumps
+from auvid.stages.columns import ATTITUDE, Array, Span
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 NAMED_JUMPS = 5

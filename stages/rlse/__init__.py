@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import make_table
-from hydro.dynamics.logged_directions import with_logged_directions
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.identification.channel import DAMPING, ChannelEstimate, estimate_channel, unexcited
-from stages.base import Document, Stage, param, port
-from stages.signals import leg_window
-
-from .figures import channel_results, dry_mass, nothing_found
-from .run_of_leg import LegRun, Streams, run_of_leg
-from .shown import channel_section, channel_views, still_section
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.identification.bench.single_channel import DAMPING, ChannelEstimate, estimate_channel, unexcited
+from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.columns import leg_window
+from auvid.stages.rlse.figures import channel_results, dry_mass, nothing_found
+from auvid.stages.rlse.presentation import channel_section, channel_views, still_section
+from auvid.stages.rlse.run_of_leg import LegRun, Streams, run_of_leg
 
 
 @dataclass(frozen=True)

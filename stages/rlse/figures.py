@@ -11,14 +11,21 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import CHANNELS, DAMPING, WRONG_SIGN, ChannelEstimate, ChannelFit, RecursiveFit, Symbols, symbols
-from hydro.identification.persistence import NOT_EXCITED, PERSISTENT
-from stages.sections import Figure, figure
-from stages.signals import Array
-
-from .run_of_leg import LegRun
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
+from auvid.hydro.identification.bench.single_channel import (
+    CHANNELS,
+    DAMPING,
+    WRONG_SIGN,
+    ChannelEstimate,
+    ChannelFit,
+    RecursiveFit,
+    Symbols,
+    symbols,
+)
+from auvid.stages.columns import Array
+from auvid.stages.presentation import Figure, figure
+from auvid.stages.rlse.run_of_leg import LegRun
 
 TOO_FAST = "the run answers its force faster than it was sampled: only steady speeds are seen"
 CLEAR = 2.0

@@ -7,20 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import DataError
-from data_schemas.streams import supply_text
-from data_schemas.tables import column, has_columns
-from hydro.dynamics.arrays import cross
-from hydro.dynamics.propeller import propeller_force
-from hydro.dynamics.thrusters import thruster_force, thruster_forces
-from hydro.dynamics.vehicle import Vehicle
-from hydro.identification.channel import CHANNELS, ChannelRun
-from hydro.identification.excitation import THRESHOLDS
-from hydro.identification.output_error import SingleRun
-from hydro.identification.resampling import gaps
-from hydro.identification.splines import smoothing_spline
-from stages.signals import ATTITUDE, VELOCITY, Array, Samples, samples_within, span_text
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import column, has_columns
+from auvid.hydro.arrays import cross
+from auvid.hydro.dynamics.actuators.propeller import propeller_force
+from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.output_error import SingleRun
+from auvid.hydro.identification.bench.single_channel import CHANNELS, ChannelRun
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.signals.resampling import gaps
+from auvid.hydro.identification.signals.splines import smoothing_spline
+from auvid.stages.columns import ATTITUDE, VELOCITY, Array, Samples, samples_within, span_text
 
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 20

@@ -8,26 +8,24 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.documents import check_document
-from data_schemas.errors import DataError
-from data_schemas.tables import column
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_models import IdentifiedModel
-from stages.base import Document, Stage, port
-from stages.sections import panel, plot, remark, section, series, table, text
-from stages.signals import ATTITUDE, VELOCITY
-
-from .bench import fly_experiment, record_experiment
-from .bench_plans import bench_plan
-from .bench_report import bench_document, bench_section
-from .csv_writer import write_csv
-from .dataflash_writer import write_dataflash
-from .flights import FlownLeg, fly_leg, truth_force
-from .plans import log_name, plan_from_document
-from .sensing import Recorded, record, truth_table
-from .tlog_writer import write_tlog
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.tables import column
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.stages.base import Document, Stage, port
+from auvid.stages.columns import ATTITUDE, VELOCITY
+from auvid.stages.presentation import panel, plot, remark, section, series, table, text
+from auvid.stages.simulate.bench import fly_experiment, record_experiment
+from auvid.stages.simulate.bench_plans import bench_plan
+from auvid.stages.simulate.bench_report import bench_document, bench_section
+from auvid.stages.simulate.csv_writer import write_csv
+from auvid.stages.simulate.dataflash_writer import write_dataflash
+from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
+from auvid.stages.simulate.plans import log_name, plan_from_document
+from auvid.stages.simulate.sensing import Recorded, record, truth_table
+from auvid.stages.simulate.tlog_writer import write_tlog
 
 
 @dataclass(frozen=True)

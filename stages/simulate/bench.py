@@ -7,23 +7,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError, DataError, nearest
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.bench import PhysicalPendulum, Quadrifilar, Trajectory, drive, free_decay, swing
-from hydro.dynamics.kinematics import rotation_body_to_ned
-from hydro.dynamics.quantities import Quantities
-from hydro.dynamics.sensor_models import AhrsNoise, ahrs, pressure_depth, velocity_log
-from hydro.dynamics.simplified import DERIVATIVES, LINEAR, QUADRATIC
-from hydro.dynamics.simulation import Motion, constant_inputs
-from hydro.dynamics.thrusters import FULL_COMMAND, NEUTRAL_US, Thrusters, thruster_force, thruster_forces
-from hydro.dynamics.vehicle import MountedSensor, Vehicle
-from stages.signals import POSE, VELOCITY, named
-
-from .bench_plans import OUTPUTS, BenchPlan, Experiment, output_of
-from .flights import DEPTH, IMU, random_of
-from .flights import VELOCITY as DVL
-from .sensing import ACCEL, BOOT_US, GYRO, Recorded, sample_times, wrapped
+from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.thrusters import FULL_COMMAND, NEUTRAL_US, Thrusters, thruster_force, thruster_forces
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.quantities import Quantities
+from auvid.hydro.dynamics.simplified import DERIVATIVES, LINEAR, QUADRATIC
+from auvid.hydro.dynamics.simulation.bench_motion import PhysicalPendulum, Quadrifilar, Trajectory, drive, free_decay, swing
+from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise, ahrs, pressure_depth, velocity_log
+from auvid.hydro.dynamics.simulation.simulation import Motion, constant_inputs
+from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
+from auvid.stages.columns import POSE, VELOCITY, named
+from auvid.stages.simulate.bench_plans import OUTPUTS, BenchPlan, Experiment, output_of
+from auvid.stages.simulate.flights import DEPTH, IMU, random_of
+from auvid.stages.simulate.flights import VELOCITY as DVL
+from auvid.stages.simulate.sensing import ACCEL, BOOT_US, GYRO, Recorded, sample_times, wrapped
 
 Document = Mapping[str, Any]
 LOOK_S = 0.1

@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
-from hydro.dynamics.arrays import Array, read_only
-from hydro.dynamics.sensor_models import AhrsNoise
-from hydro.dynamics.simplified import DERIVATIVES, INERTIAS, LINEAR, QUADRATIC, SimplifiedModel, simplified_of
-from hydro.dynamics.vehicle import Vehicle
-
-from .plans import CSV_PARTS, ID, ahrs_noise, log_entry, margin_s
+from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from auvid.hydro.arrays import Array, read_only
+from auvid.hydro.dynamics.simplified import DERIVATIVES, INERTIAS, LINEAR, QUADRATIC, SimplifiedModel, simplified_of
+from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.simulate.plans import CSV_PARTS, ID, ahrs_noise, log_entry, margin_s
 
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 """Channels in the order of the axes."""

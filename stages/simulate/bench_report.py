@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-
-from stages.sections import Block, panel, plot, section, series, table, text
-
-from .bench import FlownExperiment
-from .bench_plans import CHANNELS
-from .sensing import Recorded
+from auvid.stages.presentation import Block, panel, plot, section, series, table, text
+from auvid.stages.simulate.bench import FlownExperiment
+from auvid.stages.simulate.bench_plans import CHANNELS
+from auvid.stages.simulate.sensing import Recorded
 
 SHOWN_S = 120.0
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-
-from hydro.dynamics.sensor_models import without_gravity
-from hydro.dynamics.vehicle import Vehicle
-from stages.signals import POSE, VELOCITY, Array
-
-from .bench_plans import OUTPUTS
-from .plans import csv_name
-from .sensing import ACCEL, BOOT_US, FINS, GYRO, Recorded
+from auvid.hydro.dynamics.simulation.sensor_models import without_gravity
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.columns import POSE, VELOCITY, Array
+from auvid.stages.simulate.bench_plans import OUTPUTS
+from auvid.stages.simulate.plans import csv_name
+from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, GYRO, Recorded
 
 TIME = "time_s"
 PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from data_schemas.formats.dataflash import FMT, MAGIC, Definition, define
-
-from .sensing import BOOT_US, Recorded
+from auvid.data_schemas.formats.dataflash import FMT, MAGIC, Definition, define
+from auvid.stages.simulate.sensing import BOOT_US, Recorded
 
 UNITS = {
     "s": "s",

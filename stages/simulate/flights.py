@@ -8,19 +8,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError, DataError, PipelineError, nearest, raise_faults
-from hydro.control.autopilots import StepAutopilot, fin_mixing
-from hydro.dynamics.arrays import AXES, Array
-from hydro.dynamics.physical_viscous import physical_viscous
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.simulation import Flight, Limits, Motion, Plant, fly, gauss_markov, motion_at
-from hydro.dynamics.vehicle import Vehicle
-from hydro.dynamics.viscous_basis import BASIS_TERMS, basis_rows, eta_ratio
-from hydro.dynamics.viscous_models import IdentifiedModel, model_named
-from hydro.identification.least_squares import TriangularFactor, solve_axis
-
-from .plans import Leg, Plan
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest, raise_faults
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
+from auvid.hydro.dynamics.simulation.simulation import Flight, Limits, Motion, Plant, fly, gauss_markov, motion_at
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, eta_ratio
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel, model_named
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.stages.simulate.plans import Leg, Plan
 
 FORCE, IMU, VELOCITY, DEPTH, SCATTER = range(5)
 """Numbers of the streams of random numbers of a leg."""

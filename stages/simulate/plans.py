@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from data_schemas.errors import CampaignError, PipelineError, raise_faults
-from hydro.dynamics.arrays import Array
-from hydro.dynamics.sensor_models import AhrsNoise
-from hydro.dynamics.vehicle import Vehicle
+from auvid.data_schemas.errors import CampaignError, PipelineError, raise_faults
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 SHORTEST_LEG_S = 1.0

@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-
-from data_schemas.tables import make_table
-from hydro.dynamics.kinematics import rotation_body_to_ned
-from hydro.dynamics.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
-from hydro.dynamics.vehicle import MountedSensor
-from stages.signals import ACCELERATION, POSE, VELOCITY, Array, force_columns, named
-
-from .flights import DEPTH, IMU, FlownLeg, random_of
-from .flights import VELOCITY as DVL
-from .plans import Plan
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.simulation.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
+from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
+from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, Array, force_columns, named
+from auvid.stages.simulate.flights import DEPTH, IMU, FlownLeg, random_of
+from auvid.stages.simulate.flights import VELOCITY as DVL
+from auvid.stages.simulate.plans import Plan
 
 BOOT_US = 10_000_000
 """The vehicle's clock at the first record of every log."""

@@ -13,9 +13,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-
-from .dataflash_writer import FRESH_WATER_PA_M, STANDARD_PRESSURE_PA
-from .sensing import BOOT_US, FINS, Recorded
+from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M, STANDARD_PRESSURE_PA
+from auvid.stages.simulate.sensing import BOOT_US, FINS, Recorded
 
 UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do
 ARRAY_NAME, ARRAY_ID, ARRAY_LENGTH = b"ACTU", 2759, 58

@@ -13,19 +13,18 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import CampaignError, DataError
-from data_schemas.tables import column, has_columns, make_table, matrix
-from hydro.dynamics.free_run import FreeRuns
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.dynamics.viscous_models import Coefficients, IdentifiedModel
-from hydro.identification.errors import ErrorAccumulator
-from hydro.identification.least_squares import CONSTANT
-from stages.base import Collection, Document, Stage, param, port
-from stages.sections import panel, plot, remark, section, series
-from stages.signals import AXES, AXIS_UNITS, VELOCITY, Array, clock, force_columns, forces, named
-from stages.validate.free_run import free_run_blocks, free_run_table, run_segment
-from stages.validate.tables import (
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.tables import column, has_columns, make_table, matrix
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
+from auvid.hydro.identification.regression.error_measures import ErrorAccumulator
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.columns import AXES, AXIS_UNITS, VELOCITY, Array, clock, force_columns, forces, named
+from auvid.stages.presentation import panel, plot, remark, section, series
+from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
+from auvid.stages.validate.tables import (
     ALL,
     FAILED_RATIO,
     Seen,

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import has_columns, make_table, matrix
-from hydro.dynamics.equations_of_motion import Control
-from hydro.dynamics.free_run import FreeRuns, free_runs
-from hydro.dynamics.vehicle import Vehicle
-from hydro.dynamics.viscous_models import IdentifiedModel
-from stages.sections import Block, remark, table
-from stages.signals import ATTITUDE, POSE, VELOCITY, Array, clock
+from auvid.data_schemas.tables import has_columns, make_table, matrix
+from auvid.hydro.dynamics.equations_of_motion import Control
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.stages.columns import ATTITUDE, POSE, VELOCITY, Array, clock
+from auvid.stages.presentation import Block, remark, table
 
 FASTEST_HZ = 50.0
 """A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is exact to 1e-7."""

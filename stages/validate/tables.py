@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import make_table
-from hydro.identification.errors import TOTAL, ErrorAccumulator, ErrorMeasures
-from stages.base import Document
-from stages.sections import remark, table
-from stages.signals import AXES, AXIS_UNITS, Array
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorAccumulator, ErrorMeasures
+from auvid.stages.base import Document
+from auvid.stages.columns import AXES, AXIS_UNITS, Array
+from auvid.stages.presentation import remark, table
 
 USES = ("validation", "training")
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}

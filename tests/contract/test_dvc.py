@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 import yaml
-
-from pipeline.declarations import campaign_kinds, dvc_yaml
-from pipeline.graph import Graph, stages_of_kind
-from stages import KINDS, STAGES
-from stages.base import Stage, ports
+from auvid.pipeline.execution.generate_dvc import campaign_kinds, dvc_yaml
+from auvid.pipeline.graph import Graph, stages_of_kind
+from auvid.stages import KINDS, STAGES
+from auvid.stages.base import Stage, ports
 
 ROOT = Path(__file__).resolve().parents[2]
 DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from auvid.data_schemas.errors import CampaignError
+from auvid.pipeline.commands.inspect import gallery
 
-from data_schemas.errors import CampaignError
-from pipeline import gallery
 from tests.support.pictures import look
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,13 +8,12 @@ from typing import Any
 
 import pytest
 import yaml
-
-from data_schemas.schemas import schema, schema_names
-from pipeline.declarations import default_of, params_yaml
-from pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
-from stages import KINDS, STAGES, true_state
-from stages.base import Stage, make_params, ports
-from stages.report import reproduction
+from auvid.data_schemas.schemas import schema, schema_names
+from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
+from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
+from auvid.stages import KINDS, STAGES, replace_state
+from auvid.stages import reproduce as reproduction
+from auvid.stages.base import Stage, make_params, ports
 
 ROOT = Path(__file__).resolve().parents[2]
 AnyStage = Stage[Any, Any, Any]
@@ -39,7 +38,7 @@ def test_section_gives_the_defaults(stage: AnyStage) -> None:
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
 def test_stage_is_declared_as_its_module_says(stage: AnyStage) -> None:
-    module = f"stages.{stage.name}"
+    module = f"auvid.stages.{stage.name}"
     assert {stage.run.__module__, stage.inputs.__module__, stage.params.__module__, stage.outputs.__module__} == {module}
     assert len(ports(stage.inputs)) == len(fields(stage.inputs))
     assert len(ports(stage.outputs)) == len(fields(stage.outputs))
@@ -69,7 +68,7 @@ def test_every_schema_is_used() -> None:
     """A schema nobody reads or writes is a promise nobody keeps."""
     used = {
         spec["port"]
-        for stage in (*STAGES, true_state.STAGE, reproduction.STAGE)
+        for stage in (*STAGES, replace_state.STAGE, reproduction.STAGE)
         for kind in (stage.inputs, stage.outputs)
         for spec in ports(kind).values()
     }

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from auvid.pipeline import cli
+from auvid.pipeline.campaigns.yaml_files import load_yaml
 from typer.testing import CliRunner
-
-from pipeline import cli
-from pipeline.yaml_files import load_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-
-from stages import STAGES
-from stages.base import Stage, ports
+from auvid.stages import STAGES
+from auvid.stages.base import Stage, ports
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: stage.name)

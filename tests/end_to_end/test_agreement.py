@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 
 from benchmarks import agreement
-from stages.ingest.dataflash import DATAFLASH
-from stages.ingest.decoded import DecodedLog, RawFile
 from tests.support.mutate import mutations
 
 DATA = Path(__file__).parents[1] / "data"

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from auvid.pipeline import cli
+from auvid.stages import simulate
+from auvid.stages.simulate.bench_plans import bench_entries
 from typer.testing import CliRunner
 
-from pipeline import cli
-from stages import simulate
-from stages.simulate.bench_plans import bench_entries
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 import yaml
+from auvid.data_schemas.documents import check_document
+from auvid.pipeline import cli
+from auvid.pipeline.commands import printed_values as comparison
+from auvid.pipeline.commands.run_summary import comparison_rows
 from typer.testing import CliRunner
-
-from data_schemas.documents import check_document
-from pipeline import cli, comparison
-from pipeline.summary import comparison_rows
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("decay_empty", "decay_surge", "decay_surge_check", "swing_tray", "swing_x")

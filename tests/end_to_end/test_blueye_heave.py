@@ -7,9 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
+from auvid.pipeline import cli
 from typer.testing import CliRunner
-
-from pipeline import cli
 
 ROOT = Path(__file__).parents[2]
 

@@ -14,15 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-
-from data_schemas.checks import checks, documentation
-from data_schemas.documents import check_document
-from data_schemas.errors import PipelineError
-from pipeline import check as checking
-from pipeline import cli, terminal
-from stages import ingest
-from stages.base import RawLog
-from stages.ingest.decoded import RawFile
+from auvid.data_schemas.checks import checks, documentation
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline import cli, terminal
+from auvid.pipeline.commands.check import check_command as checking
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "data"
@@ -306,7 +304,7 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
         "folder": "is a folder",
         "missing.BIN": "is not there",
     }
-    code = "import sys; from pipeline.cli import main; sys.argv[0] = 'auvid'; main()"
+    code = "import sys; from auvid.pipeline.cli import main; sys.argv[0] = 'auvid'; main()"
     command = [sys.executable, "-c", code, "check", *(str(tmp_path / name) for name in reasons), str(SMALL)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env={"COLUMNS": "400"}, check=False)
     assert done.returncode == 1, done.stderr

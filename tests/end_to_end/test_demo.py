@@ -11,10 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-
-from pipeline import session
-from pipeline.engines import Serial
-from stages.signals import AXES
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.execution.engines import Serial
+from auvid.stages.columns import AXES
 
 ROOT = Path(__file__).parents[2]
 CAMPAIGNS = ("bluerov2_dvl", "bluerov2_dvl_csv")

@@ -14,11 +14,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
-
-from data_schemas.errors import DataError
-from pipeline import golden, regress, session
-from pipeline.engines import Serial
-from pipeline.golden import Tables
+from auvid.data_schemas.errors import DataError
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.commands.regress import regress_command as regress
+from auvid.pipeline.commands.regress.golden_tables import Tables
+from auvid.pipeline.execution.engines import Serial
 
 ROOT = Path(__file__).parents[2]
 NAME = "bluerov2_dvl"
@@ -97,7 +98,7 @@ def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path:
     make_workspace(tmp_path)
     found = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
     wide = subprocess.run([sys.executable, "-c", found], capture_output=True, text=True, check=True).stdout.strip()
-    program = "import sys; from pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]]; main()"
+    program = "import sys; from auvid.pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]]; main()"
     command = [sys.executable, "-c", program, "run", NAME, "--until", "validate"]
     other = os.environ | {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": wide, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, cwd=tmp_path, env=other, capture_output=True, text=True, check=False)

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from auvid.hydro.control.plants import card_coefficients
+from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
+from auvid.pipeline import cli
 from typer.testing import CliRunner
-
-from hydro.control.plants import card_coefficients
-from hydro.dynamics.hybrid_vehicle import hybrid_vehicle
-from pipeline import cli
 
 ROOT = Path(__file__).parents[2]
 LARGEST = {"X": ("u*|u|", 0.02), "Y": ("u*v", 0.2), "Z": ("u*q", 0.15), "M": ("u*q", 0.15), "N": ("u*r", 0.1)}

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-
-from stages.control.cases import limits_of, trajectories_of, weights_of
-from stages.control.flying import Flown, fly_case, models_of
-from stages.control.shown import at_turns
+from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
+from auvid.stages.control.flying import Flown, fly_case, models_of
+from auvid.stages.control.presentation import at_turns
 
 ROOT = Path(__file__).parents[2]
 TRUE, IDENTIFIED = "as_simulated", "identified (prestero)"

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from auvid.pipeline import cli
+from auvid.pipeline.execution import task_inputs as sources
+from auvid.stages import ingest
 
-from pipeline import cli, sources
-from stages import ingest
 from tests.support import ulog_file
 from tests.support.dataflash_writer import BAR, HEADER_RECORDS, dive, fmt, record
 from tests.support.tlog_records import attitude, frame, heartbeat, log
@@ -237,8 +238,7 @@ def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., t
 
 
 def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
-    from stages.base import RawLog
-    from stages.ingest.decoded import RawFile
+    from auvid.stages.base import RawFile, RawLog
 
     file = RawFile("two.tlog", np.frombuffer(two_vehicles(), np.uint8))
     outputs = ingest.run(ingest.Inputs(RawLog("two", (file,))), ingest.Params())

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline import cli
+from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from typer.testing import CliRunner
 
-from data_schemas.errors import PipelineError
-from pipeline import cli, viewer
 from tests.support.pictures import PICTURES, look
 
 ROOT = Path(__file__).parents[2]
@@ -99,7 +100,7 @@ def test_log_larger_than_memory_is_refused_before_it_is_read(tmp_path: Path) -> 
 
 
 def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pipeline", "inspect", str(SMALL), "--tab", "Foo", "--save", str(tmp_path / "x.rrd")]
+    command = [sys.executable, "-m", "auvid", "inspect", str(SMALL), "--tab", "Foo", "--save", str(tmp_path / "x.rrd")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 1
     assert "no such tab" in done.stderr

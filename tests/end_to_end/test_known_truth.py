@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from auvid.data_schemas.documents import check_document
+from auvid.hydro.dynamics.viscous.models import MODELS, IdentifiedModel, model_named
+from auvid.stages import residual, synthesise, validate
+from auvid.stages.base import collection
+from auvid.stages.columns import AXES, forces
 
-from data_schemas.documents import check_document
-from hydro.dynamics.viscous_models import MODELS, IdentifiedModel, model_named
-from stages import residual, synthesise, validate
-from stages.base import collection
-from stages.signals import AXES, forces
 from tests.support.motions import (
     driven_by,
     fused_table,

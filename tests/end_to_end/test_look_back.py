@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from auvid.pipeline import cli
+from auvid.pipeline.commands.history import run_history as history
 from typer.testing import CliRunner, Result
 
-from pipeline import cli, history
 from tests.support.pictures import assert_pictured
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from auvid.stages.report import Params, run
 
-from stages.report import Params, run
 from tests.support.browser import Browser, chromium
 from tests.support.example_run import example_run
 

@@ -9,9 +9,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from auvid.pipeline import cli
 from typer.testing import CliRunner
-
-from pipeline import cli
 
 ROOT = Path(__file__).parents[2]
 TWIN = ROOT / "campaigns/vt690_twin"

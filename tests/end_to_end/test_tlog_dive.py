@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-
-from data_schemas.tables import column
-from pipeline import session
-from pipeline.engines import Serial
+from auvid.data_schemas.tables import column
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.execution.engines import Serial
 
 ROOT = Path(__file__).parents[2]
 HERE = ROOT / "campaigns" / "bluerov2_dvl_tlog"
@@ -102,8 +101,8 @@ def test_error_tables_differ_by_what_the_messages_explain(tables: dict[str, dict
 
 
 def test_the_log_has_the_messages_that_a_vehicle_sends(script: ModuleType) -> None:
-    from stages.ingest.decoded import RawFile
-    from stages.ingest.tlog import TLOG
+    from auvid.stages.base import RawFile
+    from auvid.stages.ingest.formats.tlog.reader import TLOG
 
     log = TLOG.read(RawFile("dive.tlog", np.fromfile(script.TARGET, np.uint8)))
     assert log.status == "complete"

@@ -10,20 +10,22 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
+from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
+from auvid.hydro.dynamics.viscous.models import model_named
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.pipeline import cli
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.execution import engines
+from auvid.stages import simulate
+from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, Array, force_columns
+from auvid.stages.simulate.flights import refit
+from auvid.stages.simulate.plans import plan_from_document
 from typer.testing import CliRunner
 
-from data_schemas.tables import column, matrix
-from hydro.dynamics.equations_of_motion import Control, inverse_dynamics
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.vehicle import vehicle_from_document
-from hydro.dynamics.viscous_basis import basis_rows, eta_ratio
-from hydro.dynamics.viscous_models import model_named
-from hydro.identification.least_squares import TriangularFactor, solve_axis
-from pipeline import cli, engines, session
-from stages import simulate
-from stages.signals import ACCELERATION, POSE, VELOCITY, Array, force_columns
-from stages.simulate.flights import refit
-from stages.simulate.plans import plan_from_document
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +102,7 @@ def test_run_of_a_twin_says_how_far_it_is_from_the_truth(tmp_path: Path, bound: 
     """`auvid run` of a twin prints estimate against truth, ends with 1 where a bound is missed, and the report shows both."""
     document = plan("short", settle_s=5)
     document["legs"] = document["legs"][:1]  # type: ignore[index]
-    stages = {"fuse": {"method": "smoother"}, "validate": {"free_run": False}, "trust": {"force_error": bound}}
+    stages = {"fuse": {"method": "smoother"}, "validate": {"free_run": False}, "check_truth": {"force_error": bound}}
     runs = workspace(tmp_path, document, stages, until="simulate")
     done = CliRunner().invoke(cli.app, ["run", str(tmp_path / "campaigns" / "twin")])
     assert done.exit_code == status, done.output

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
+from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.execution.engines import Serial
 
-from data_schemas.errors import PipelineError
-from pipeline.campaign import load_campaign
-from pipeline.engines import Serial
-from pipeline.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
-from pipeline.yaml_files import load_yaml
 from tests.support.toy_stages import KINDS, MANIFEST, STAGES, VEHICLES, open_run, write_campaign
 
 LEG = "  - {id: one, log: a, use: training}"

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-
-from pipeline import cli
-from pipeline.files import TEMPORARY
-from pipeline.scaffold import make_workspace
+from auvid.pipeline import cli
+from auvid.pipeline.commands.new.new_command import make_workspace
+from auvid.pipeline.store.atomic_files import TEMPORARY
 
 Edit = Callable[[Path], None]
 EXAMPLE = Path("campaigns/example")

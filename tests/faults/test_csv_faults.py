@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from data_schemas.errors import LogError, PipelineError
-from stages.ingest.csv_lines import STRAY_QUOTE, UNREADABLE, WRONG_CELLS
-from stages.ingest.csv_reader import read_csv
-from stages.ingest.decoded import DecodedLog, RawFile
+from auvid.data_schemas.errors import LogError, PipelineError
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.csv.reader import read_csv
+from auvid.stages.ingest.formats.csv.tolerant_lines import STRAY_QUOTE, UNREADABLE, WRONG_CELLS
 
 GOOD = "t,d\n0,1\n1,2\n"
 DEPTH = {"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}

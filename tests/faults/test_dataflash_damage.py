@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 
-from stages.ingest.dataflash import DATAFLASH
-from stages.ingest.decoded import DecodedLog, RawFile
 from tests.support.dataflash_writer import ATT, BAR, HEADER_RECORDS, IMU, dive, fmt, group, record
 
 SMALL = (Path(__file__).parents[1] / "data" / "bluerov2_ugps_small" / "small.BIN").read_bytes()

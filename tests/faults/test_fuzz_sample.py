@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.registry import READERS, reader_of
 
-from stages.ingest.decoded import RawFile
-from stages.ingest.readers import READERS, reader_of
 from tests.support.damage_cases import FOLDER, MEAN_SHARE, count, damaged, failures, ingest_fault, replay
 from tests.support.recovery import judge
 from tests.support.small_logs import NAMES, small_log

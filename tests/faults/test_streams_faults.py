@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from auvid.data_schemas.errors import DataError
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
+from auvid.stages.ingest.rejection import BACKWARD, BEFORE_LEAP, EMPTY, IMPOSSIBLE, NO_TIME, REPEATED, clean, increasing
+from auvid.stages.ingest.streams.mapping import Stream
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from data_schemas.errors import DataError
-from stages import ingest
-from stages.base import RawLog
-from stages.ingest.clean import BACKWARD, BEFORE_LEAP, EMPTY, IMPOSSIBLE, NO_TIME, REPEATED, clean, increasing
-from stages.ingest.decoded import RawFile
-from stages.ingest.streams import Stream
 
 COUNT = 100
 

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.tlog.byte_account import explain
+from auvid.stages.ingest.formats.tlog.clock import implausible
+from auvid.stages.ingest.formats.tlog.reader import TLOG
 
-from stages.ingest.decoded import DecodedLog, RawFile
-from stages.ingest.tlog import TLOG
-from stages.ingest.tlog_account import explain
-from stages.ingest.tlog_clock import implausible
 from tests.support.mutate import mutations
 from tests.support.tlog_records import START_US, attitude, frame, heartbeat, log, stamped
 

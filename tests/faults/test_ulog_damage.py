@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from auvid.data_schemas.formats import ulog as layout
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.ulog import contents as ulog_contents
 from pyulog import ULog
 
-from data_schemas.formats import ulog as layout
-from stages.ingest import ulog_contents
-from stages.ingest.decoded import DecodedLog
 from tests.support.mutate import Kept, mutations
 from tests.support.ulog_file import (
     DEPTH,

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from auvid.data_schemas.errors import PipelineError
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from data_schemas.errors import PipelineError
-from stages.ingest.dataflash import DATAFLASH
-from stages.ingest.decoded import DecodedLog, RawFile
 from tests.support.dataflash_writer import PACKING, dive, fmt, record
 from tests.support.mutate import Kept, mutations
 

@@ -1,16 +1,22 @@
 """What holds for every attitude, velocity and inertia."""
 
 import numpy as np
+from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation
+from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    body_velocity,
+    eta_dot,
+    euler_rate_matrix,
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+    skew,
+)
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
+from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
-from hydro.dynamics.added_mass import spheroid_added_mass
-from hydro.dynamics.kinematics import body_velocity, eta_dot, euler_rate_matrix, euler_rate_matrix_inverse, rotation_body_to_ned, skew
-from hydro.dynamics.restoring import restoring_force
-from hydro.dynamics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
-from hydro.dynamics.thrusters import thruster_allocation
-from hydro.dynamics.viscous_basis import basis, eta_ratio
 
 ANGLE = st.floats(-3.1, 3.1)
 PITCH = st.floats(-1.5, 1.5)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from auvid.hydro.identification.regression.error_measures import error_table
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.standard_errors import long_run_moment
+from auvid.hydro.identification.signals.bias import fit_bias_linear
+from auvid.hydro.identification.signals.resampling import clean_clock, gaps, hold, linear
+from auvid.hydro.identification.signals.splines import smoothing_spline
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from hydro.identification.bias import fit_bias_linear
-from hydro.identification.errors import error_table
-from hydro.identification.least_squares import TriangularFactor, solve_axis
-from hydro.identification.resampling import clean_clock, gaps, hold, linear
-from hydro.identification.splines import smoothing_spline
-from hydro.identification.standard_errors import long_run_moment
 
 seeds = st.integers(0, 2**32 - 1)
 QUICK = settings(max_examples=25, deadline=None)

@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from auvid.data_schemas.errors import PipelineError
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
 
-from data_schemas.errors import PipelineError
-from stages import ingest
-from stages.base import RawLog
-from stages.ingest.decoded import RawFile
 from tests.support.mutate import Edit, Kept, apply_edits, mutations
 from tests.support.recovery import Judgement, judge
 from tests.support.small_logs import BINARY, SmallLog, small_log

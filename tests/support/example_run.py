@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-
-from data_schemas.tables import make_table
-from hydro.dynamics.viscous_basis import coefficient_unit
-from stages.base import collection
-from stages.report import Inputs
-from stages.sections import equation, panel, plot, remark, section, series, table, text
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.viscous.basis import coefficient_unit
+from auvid.stages.base import collection
+from auvid.stages.presentation import equation, panel, plot, remark, section, series, table, text
+from auvid.stages.report import Inputs
 
 Array = npt.NDArray[np.float64]
 AXES = ("X", "Y", "Z", "K", "M", "N")

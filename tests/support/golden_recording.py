@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.tables import make_table
-from stages.report.log_recording import record_log
+from auvid.data_schemas.tables import make_table
+from auvid.stages.report.recording.log_recording import record_log
 
 GOLDEN = Path(__file__).parents[1] / "data" / "recordings" / "log.rrd"
 HOSTILE = "<script>alert(1)</script>\x1b]0;owned\x07\x1b[31m\u202egnp.exe"

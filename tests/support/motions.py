@@ -13,16 +13,15 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import yaml
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.viscous.basis import eta_ratio
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.stages.columns import ACCELERATION, ACCELEROMETER, ATTITUDE, POSE, POSE_RATE, VELOCITY, force_columns, named
 from scipy.interpolate import CubicSpline
-
-from data_schemas.tables import make_table
-from hydro.dynamics.equations_of_motion import Control, forward_dynamics
-from hydro.dynamics.kinematics import eta_dot, euler_rate_matrix_inverse, rotation_body_to_ned
-from hydro.dynamics.propeller import level_speed
-from hydro.dynamics.vehicle import Vehicle, vehicle_from_document
-from hydro.dynamics.viscous_basis import eta_ratio
-from hydro.dynamics.viscous_models import IdentifiedModel
-from stages.signals import ACCELERATION, ACCELEROMETER, ATTITUDE, POSE, POSE_RATE, VELOCITY, force_columns, named
 
 Array = npt.NDArray[np.float64]
 ROOT = Path(__file__).parents[2]

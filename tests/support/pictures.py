@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from PIL import Image
-
-from pipeline import viewer
 
 PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
 

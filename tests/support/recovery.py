@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from auvid.data_schemas.errors import PipelineError
+from auvid.stages.ingest.decoded_log import DecodedLog, Messages
+from auvid.stages.ingest.formats.tlog.byte_account import explain
 
-from data_schemas.errors import PipelineError
-from stages.ingest.decoded import DecodedLog, Messages
-from stages.ingest.tlog_account import explain
 from tests.support.mutate import Kept
 from tests.support.small_logs import Ints, SmallLog, line_ends
 

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import yaml
-
-from data_schemas.formats import dataflash, ulog
-from stages.ingest.csv_reader import CSV
-from stages.ingest.dataflash import DATAFLASH
-from stages.ingest.dataflash_text import DATAFLASH_TEXT
-from stages.ingest.decoded import DecodedLog, LogReader, RawFile
-from stages.ingest.tlog import TLOG
-from stages.ingest.tlog_account import explain
-from stages.ingest.ulog import ULOG
+from auvid.data_schemas.formats import dataflash, ulog
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
+from auvid.stages.ingest.formats.csv.reader import CSV
+from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
+from auvid.stages.ingest.formats.dataflash.text_reader import DATAFLASH_TEXT
+from auvid.stages.ingest.formats.tlog.byte_account import explain
+from auvid.stages.ingest.formats.tlog.reader import TLOG
+from auvid.stages.ingest.formats.ulog.reader import ULOG
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "data"

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from data_schemas.tables import make_table
-from hydro.dynamics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
-from stages.ingest.checks import check_health
-from stages.ingest.streams import OtherSource
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.stages.ingest.health.health_check import check_health
+from auvid.stages.ingest.streams.mapping import OtherSource
 
 Array = npt.NDArray[np.float64]
 LENGTH_S, FIRST_US = 60.0, 5_000_000

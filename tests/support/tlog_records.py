@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from data_schemas.formats import mavlink
+from auvid.data_schemas.formats import mavlink
 
 START_US = 1_700_000_000_000_000
 

@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-
-from data_schemas.errors import LogError
-from data_schemas.tables import make_table
-from pipeline.campaign import load_campaign
-from pipeline.graph import Graph
-from pipeline.runner import Run
-from stages.base import Collection, Document, RawLog, Stage, every, make_params, param, port
-from stages.sections import section
+from auvid.data_schemas.errors import LogError
+from auvid.data_schemas.tables import make_table
+from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import Graph
+from auvid.stages.base import Collection, Document, RawLog, Stage, every, make_params, param, port
+from auvid.stages.presentation import section
 
 VEHICLES = {"toy": Path(__file__).resolve().parents[2] / "vehicles" / "bluerov2_heavy.yaml"}
 KINDS = {"identification": ("decode", "cut", "spread", "total")}

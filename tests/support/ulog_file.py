@@ -5,10 +5,10 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-
-from data_schemas.formats import ulog as layout
-from stages.ingest.decoded import DecodedLog, RawFile
-from stages.ingest.ulog import ULOG
+from auvid.data_schemas.formats import ulog as layout
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import DecodedLog
+from auvid.stages.ingest.formats.ulog.reader import ULOG
 
 HEADER = layout.MAGIC + b"\x01" + struct.pack("<Q", 1_000_000)
 

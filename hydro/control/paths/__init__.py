@@ -1,0 +1,1 @@
+"""Paths and trajectories that a controller follows: straight lines, circles, helices, Dubins paths."""

@@ -1,0 +1,1 @@
+"""Forces of propellers, thrusters, fins and the buoyancy engine."""

@@ -1,0 +1,1 @@
+"""Motion in time: compiled loop, free runs of identified models, bench motions, sensors."""

@@ -1,0 +1,1 @@
+"""The basis of viscous terms, the eight published models, and tables of their coefficients."""

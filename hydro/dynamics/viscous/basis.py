@@ -1,0 +1,156 @@
+"""The 132 basis terms of quasi-steady viscous force models: McCarter 2014, Appendix C.
+
+A term is a product of at most three factors out of u v w p q r, their moduli, V = sqrt(v^2 + w^2), V_v = V sign(v), V_w = V sign(w)
+and eta - 1, where eta = u_c(n) / U is the propulsion ratio (`eta_ratio` here, because `eta` is the pose).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement, product
+
+import numpy as np
+from auvid.data_schemas.errors import DataError, PipelineError, nearest
+from auvid.hydro.arrays import VELOCITIES, Array
+from numpy.typing import ArrayLike
+
+MODULI = tuple(f"|{name}|" for name in VELOCITIES)
+PROPULSION = "eta-1"
+FORCE_AXES = ("X", "Y", "Z")
+
+
+@dataclass(frozen=True)
+class BasisTerm:
+    """One term: its name as in Appendix C, its factors, the group of (C.1)-(C.6) it belongs to, and LaTeX."""
+
+    name: str
+    factors: tuple[str, ...]
+    group: str
+    latex: str
+
+
+def _term(group: str, *factors: str) -> BasisTerm:
+    motion = [factor for factor in factors if factor != PROPULSION]
+    name = "*".join(motion)
+    latex = f"{motion[0]}^2" if motion == [motion[0]] * 2 else "".join(re.sub(r"^V([vw])$", r"V_\1", factor) for factor in motion)
+    if PROPULSION in factors:
+        name, latex = f"({name})*({PROPULSION})", rf"{latex}(\eta-1)"
+    return BasisTerm(name, factors, group, latex)
+
+
+def _declare() -> Iterator[BasisTerm]:
+    yield from (_term("nu", name) for name in VELOCITIES)
+    yield from (_term("abs_nu", name) for name in MODULI)
+    pairs = list(combinations_with_replacement(VELOCITIES, 2))
+    yield from (_term("nu_nu", *pair) for pair in pairs)
+    yield from (_term("nu_abs_nu", *pair) for pair in product(VELOCITIES, MODULI))
+    yield from (_term("nu_V", name, cross) for cross in ("V", "Vv", "Vw") for name in VELOCITIES + MODULI)
+    yield from (_term("nu_eta", *pair, PROPULSION) for pair in pairs)
+    yield from (_term("nu_eta", name, "V", PROPULSION) for name in VELOCITIES)
+
+
+BASIS_TERMS: Mapping[str, BasisTerm] = {term.name: term for term in _declare()}
+"""All terms by name, in the order of (C.7)."""
+
+
+def coefficient_unit(axis: str, term: str) -> str:
+    """SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m): `N s^2/m^2` for u*u, `N m s^2/(m rad)` for u*r.
+
+    A term that is not of the basis is the constant force of the axis and has its unit; eta - 1 has none.
+    """
+    factors = [factor.strip("|") for factor in BASIS_TERMS[term].factors if factor != PROPULSION] if term in BASIS_TERMS else []
+    turning = sum(factor in VELOCITIES[3:] for factor in factors)
+    below = [_power(name, count) for name, count in (("m", len(factors) - turning), ("rad", turning)) if count]
+    unit = "N" if axis in FORCE_AXES else "N m"
+    if not below:
+        return unit
+    return f"{unit} {_power('s', len(factors))}/{below[0] if len(below) == 1 else f'({below[0]} {below[1]})'}"
+
+
+def _power(unit: str, count: int) -> str:
+    return unit if count == 1 else f"{unit}^{count}"
+
+
+def basis_term_names() -> tuple[str, ...]:
+    """The 132 names in the order of Appendix C."""
+    return tuple(BASIS_TERMS)
+
+
+def needs_propeller_speed(term: str) -> bool:
+    """Whether the term contains eta, so that a vehicle without a propeller speed does not have it."""
+    return PROPULSION in BASIS_TERMS[term].factors
+
+
+def basis_rows(nu_rows: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None) -> Array:
+    """Values of `terms` (default: all 132), one contiguous row per term: (6, n) -> (n_terms, n).
+
+    `eta_ratio` (n,) is u_c(n) / U. Raises `DataError` when a term needs it and it is None, `PipelineError` for an unknown term.
+    """
+    nu = np.asarray(nu_rows, dtype=np.float64)
+    names = basis_term_names() if terms is None else tuple(terms)
+    factor = _factors(nu, eta_ratio)
+    out = np.empty((len(names), nu.shape[1]))
+    for row, name in zip(out, names, strict=True):
+        first, *others = (factor(item) for item in _lookup(name).factors)
+        if not others:
+            row[:] = first
+            continue
+        np.multiply(first, others[0], out=row)
+        for other in others[1:]:
+            row *= other
+    return out
+
+
+def basis(nu: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None) -> Array:
+    """Values of `terms` (default: all 132) with the term last: nu (..., 6), eta_ratio (...) -> (..., n_terms). Errors as `basis_rows`."""
+    nu = np.asarray(nu, dtype=np.float64)
+    batch = nu.shape[:-1]
+    ratio = None if eta_ratio is None else np.broadcast_to(np.asarray(eta_ratio, dtype=np.float64), batch).reshape(-1)
+    rows = basis_rows(nu.reshape(-1, 6).T, ratio, terms)
+    return rows.T.reshape(*batch, rows.shape[0])
+
+
+def eta_ratio(level_speed: ArrayLike, nu: ArrayLike, minimum_speed: float = 0.05) -> Array:
+    """eta = u_c(n) / U (C.12): u_c (...) [m/s], nu (..., 6) -> (...), U = |[u v w]|.
+
+    U is bounded below by `minimum_speed` [m/s]: eta grows without bound at rest, where terms like p^2 (eta - 1) would too. Below that
+    speed the terms are therefore smaller than (C.6) has them; nan speeds stay nan.
+    """
+    velocity = np.asarray(nu, dtype=np.float64)[..., :3]
+    speed = np.sqrt(np.sum(velocity**2, axis=-1))
+    return np.asarray(np.asarray(level_speed, dtype=np.float64) / np.maximum(speed, minimum_speed))
+
+
+def _lookup(name: str) -> BasisTerm:
+    try:
+        return BASIS_TERMS[name]
+    except KeyError:
+        raise PipelineError("unknown basis term", value=name, remedy=nearest(name, BASIS_TERMS)) from None
+
+
+def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
+    """A function that gives each factor's row, computed when first asked for."""
+    rows: dict[str, Array] = {name: np.ascontiguousarray(nu[index]) for index, name in enumerate(VELOCITIES)}
+
+    def factor(name: str) -> Array:
+        if name not in rows:
+            rows[name] = compute(name)
+        return rows[name]
+
+    def compute(name: str) -> Array:
+        if name in MODULI:
+            return np.abs(rows[name.strip("|")])
+        if name == "V":
+            return np.hypot(rows["v"], rows["w"])
+        if name in ("Vv", "Vw"):
+            return np.asarray(factor("V") * np.sign(rows[name[1]]))
+        if ratio is None:
+            raise DataError(
+                "a basis term needs the propulsion ratio u_c(n)/U, but there is no propeller speed",
+                remedy="Leave the terms with (eta-1) out, or give the log's propeller speed.",
+            )
+        return np.asarray(ratio, dtype=np.float64) - 1.0
+
+    return factor

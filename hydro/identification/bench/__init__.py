@@ -1,0 +1,1 @@
+"""Bench experiments: single channels, pendulum swings and free decays."""

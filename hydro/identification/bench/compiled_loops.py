@@ -1,0 +1,166 @@
+"""Compiled loops of the bench methods: first-order filters, the recursive estimator and the simulated single degree of freedom.
+
+Nothing is decided here; `recursive` and `output_error` say what the arguments mean. Import this module only where an estimate is made:
+numba takes a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from auvid.hydro.arrays import Array
+
+F = TypeVar("F", bound=Callable[..., Any])
+SMALL = 1e-2
+"""Below this a h, the weight of the first-order hold comes from its series (its closed form loses digits)."""
+STATES, TERMS = 2, 5
+DIVERGED = 1e6
+"""A simulated rate beyond this [m/s, rad/s] stays there: the fit sees a large, finite error."""
+
+
+def _compiled(function: F) -> F:
+    jit: Any = numba.njit(cache=True, error_model="numpy")
+    result: F = jit(function)
+    return result
+
+
+@_compiled
+def filter_first_order(step: Array, rate: float, left: Array, right: Array, start: Array) -> Array:
+    """f (n, k) of f_dot = -a f + g, exact for g linear over each step (n-1,) [s]; f(0) = start (k,).
+
+    g goes from left (n-1, k) to right (n-1, k).
+    """
+    n, k = left.shape
+    out = np.empty((n + 1, k))
+    out[0] = start
+    for i in range(n):
+        x = rate * step[i]
+        decay = np.exp(-x)
+        mean = -np.expm1(-x) / x
+        late = x / 2 - x * x / 6 + x**3 / 24 - x**4 / 120 if x < SMALL else 1.0 - mean
+        for j in range(k):
+            out[i + 1, j] = decay * out[i, j] + step[i] * ((mean - late / x) * left[i, j] + late / x * right[i, j])
+    return out
+
+
+@_compiled
+def recursive_estimate(
+    regressor: Array,
+    output: Array,
+    step: Array,
+    keep: Array,
+    theta: Array,
+    root: Array,
+    lowest: float,
+    highest: float,
+    history: Array,
+    spread: Array,
+) -> Array:
+    """Square-root form of the recursive estimator: regressor (n, k), output (n,), information weight `step` (n,), forgetting `keep` (n,).
+
+    `theta` (k,) and `root` (k, k), Gamma = root root', start the recursion and hold its end; `history` (n, k) takes the estimates and
+    `spread` (n, k) the diagonal of Gamma. `lowest` and `highest` bound the trace of Gamma. Returns the errors before each update (n,).
+    """
+    n, k = regressor.shape
+    bounded = lowest > 0.0 or highest < np.inf
+    seen, gain, error = np.empty(k), np.empty(k), np.empty(n)
+    for i in range(n):
+        if keep[i] < 1.0:
+            grown = 1.0 / keep[i]
+            if bounded:
+                trace = np.sum(root * root)
+                grown = max(1.0, min(grown, highest / trace))
+            root *= np.sqrt(grown)
+        total = 1.0 / step[i]
+        innovation = output[i]
+        for j in range(k):
+            innovation -= regressor[i, j] * theta[j]
+            value = 0.0
+            for l in range(k):
+                value += root[l, j] * regressor[i, l]
+            seen[j] = value
+            total += value * value
+        error[i] = innovation
+        shrink = 1.0 / (total * (1.0 + np.sqrt(1.0 / (step[i] * total))))
+        for j in range(k):
+            value = 0.0
+            for l in range(k):
+                value += root[j, l] * seen[l]
+            gain[j] = value
+            theta[j] += value / total * innovation
+        for j in range(k):
+            variance = 0.0
+            for l in range(k):
+                root[j, l] -= shrink * gain[j] * seen[l]
+                variance += root[j, l] * root[j, l]
+            history[i, j] = theta[j]
+            spread[i, j] = variance
+        if lowest > 0.0:
+            trace = np.sum(root * root)
+            if trace < lowest:
+                root *= np.sqrt(lowest / trace)
+    return error
+
+
+@_compiled
+def _slope(y: Array, force: float, c: Array, out: Array) -> None:
+    """Right-hand side of x_dot = c0 x + c1 x|x| + c2 F + c3 sin s + c4, s_dot = x, and of its sensitivities to c, x(0), s(0)."""
+    x, s = y[0], y[1]
+    terms = (x, x * abs(x), force, np.sin(s), 1.0)
+    out[1] = x
+    rate = 0.0
+    for j in range(TERMS):
+        rate += c[j] * terms[j]
+    out[0] = rate
+    by_x, by_s = c[0] + 2.0 * c[1] * abs(x), c[3] * np.cos(s)
+    for j in range(TERMS + STATES):
+        at = STATES * (j + 1)
+        out[at] = by_x * y[at] + by_s * y[at + 1]
+        if j < TERMS:
+            out[at] += terms[j]
+        out[at + 1] = y[at]
+
+
+@_compiled
+def simulate_single(step: Array, left: Array, right: Array, c: Array, start: Array, longest: float) -> Array:
+    """States and sensitivities (n, 16) at the n nodes of a grid, by RK4 in equal parts of each step (n-1,), none longer than `longest` [s].
+
+    The force is linear from left (n-1,) to right (n-1,) over each step. Columns: x, s, then d(x, s) by c0 .. c4, x(0), s(0).
+    """
+    n = step.size
+    width = STATES * (1 + TERMS + STATES)
+    out, y, trial = np.empty((n + 1, width)), np.zeros(width), np.empty(width)
+    k1, k2, k3, k4 = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    y[0], y[1] = start[0], start[1]
+    y[STATES * (TERMS + 1)] = 1.0
+    y[STATES * (TERMS + 2) + 1] = 1.0
+    out[0] = y
+    for i in range(n):
+        parts = max(1, int(np.ceil(step[i] / longest - 1e-9)))
+        h = step[i] / parts
+        slope = (right[i] - left[i]) / parts
+        for part in range(parts):
+            f0 = left[i] + slope * part
+            f1 = f0 + 0.5 * slope
+            f2 = f0 + slope
+            _slope(y, f0, c, k1)
+            for j in range(width):
+                trial[j] = y[j] + 0.5 * h * k1[j]
+            _slope(trial, f1, c, k2)
+            for j in range(width):
+                trial[j] = y[j] + 0.5 * h * k2[j]
+            _slope(trial, f1, c, k3)
+            for j in range(width):
+                trial[j] = y[j] + h * k3[j]
+            _slope(trial, f2, c, k4)
+            for j in range(width):
+                y[j] += h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j])
+            if not abs(y[0]) < DIVERGED:
+                for j in range(width):
+                    y[j] = 0.0
+                y[0], y[1] = DIVERGED, DIVERGED
+        out[i + 1] = y
+    return out

@@ -1,0 +1,393 @@
+"""Added mass and damping of one degree of freedom from a run in which that channel alone is driven: Alberti 2015 (60)-(65).
+
+    M x_dot = D_1 x + D_2 x|x| + F - R sin s + C,   s_dot = x,   M = m - X_udot (and so on by channel)
+
+x is the channel's body velocity, s its angle (or depth), F what drives it, R the restoring moment at 90 degrees (roll, pitch), C a constant
+force. Two estimates: recursive least squares of the filtered static form (61)-(63), Theta = [D_1, D_2, 1, C]/M, which shows how the figures
+settle; and output error, started from it, which is free of the bias that noise in the regressors brings, and gives the figures to take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.identification.bench.output_error import Index, Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
+from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, Excitation, excitation
+from auvid.hydro.identification.bench.recursive_least_squares import (
+    RecursiveEstimate,
+    StaticRegression,
+    recursive_least_squares,
+    static_form,
+)
+from auvid.hydro.identification.bench.thrust_lag import Lag, find_lag, lagged
+from auvid.hydro.identification.regression.standard_errors import stationary_covariance
+from numpy.typing import ArrayLike
+
+CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
+"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
+SIMPLER_WITHIN = 1.05
+CLEAR_TERM = 4.0
+"""A damping model with fewer terms is taken when its held-out error is within 5 % of the best, unless the term that it leaves out is that
+many standard errors from zero: the one that stays would bear it, outside its interval."""
+WRONG_SIGN = "wrong sign"
+"""Verdict on an added mass or damping that is clearly positive, which no body in water has."""
+SOUND_WITHIN = 1.5
+"""A damping model that fits the run itself worse than the best by more than this is not chosen, whatever it predicts."""
+HELD_OUT = 1.0 / 3.0
+"""Last part of a run, by which the damping model is chosen: it is predicted with figures from the first."""
+BOTH = "linear and quadratic"
+PARAMETERS = ("M", "D_1", "D_2", "C")
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Names and units of a channel: what resists acceleration, its added part, linear and quadratic damping, and what drives it."""
+
+    mass: str
+    added: str
+    linear: str
+    quadratic: str
+    units: tuple[str, str, str, str]
+
+
+def symbols(channel: str) -> Symbols:
+    """SNAME names of a channel: surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot, N_r, N_r|r|; units: mass, linear, quadratic, force."""
+    index = CHANNELS.index(channel)
+    axis, velocity = AXES[index], VELOCITIES[index]
+    units = ("kg", "kg/s", "kg/m", "N") if index < 3 else ("kg*m^2", "kg*m^2/s", "kg*m^2", "N*m")
+    mass = "m" if index < 3 else f"I_{'xyz'[index - 3]}"
+    return Symbols(mass, f"{axis}_{velocity}dot", f"{axis}_{velocity}", f"{axis}_{velocity}|{velocity}|", units)
+
+
+@dataclass(frozen=True)
+class ChannelRun:
+    """One run: `run` (x and s with the force F), restoring moment R [N m], whether a constant force and a rate bias are fitted.
+
+    `velocity` (n,) is x on the grid of the run for the regression: the measured one, or the slope of the measured position.
+    `samples`: nodes of the grid that are samples. `noise`: RMS of x below which the channel counts as not excited. `lag`: whether the force
+    is that of a command, which thrusters may follow late; `current`: whether a constant of the velocity is fitted. Both only where the run
+    is persistently exciting: a single step does not tell them from mass and damping.
+    """
+
+    run: SingleRun
+    velocity: Array
+    samples: Index
+    restoring: float = 0.0
+    constant: bool = False
+    rate_bias: bool = False
+    noise: float = 0.0
+    lag: bool = False
+    current: bool = False
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C with `covariance` (4, 4); 0 for what is left out.
+
+    `rmse` of x (of s where only that is measured) over the run; `held_out`: over its last third with figures from the first two;
+    `simulated` (n,): that signal on the grid, with the constant of the sensor. `resolved`: False where the run answers its force faster
+    than it was sampled: M is not determined; it is then held where its time constant is half a sample, and D_1, D_2, C are those of the
+    steady speeds.
+    """
+
+    values: Array
+    covariance: Array
+    rmse: float
+    held_out: float
+    simulated: Array
+    fit: OutputErrorFit
+    resolved: bool = True
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors (4,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def mass_interval(self) -> tuple[float, float]:
+        """95 % interval of M, symmetric in its logarithm: M stays positive."""
+        width = 1.959964 * float(self.standard_errors[0] / self.values[0])
+        return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
+
+    def normalised(self) -> tuple[Array, Array]:
+        """Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3): all that commands without a unit of force can tell."""
+        m, one, two, _ = self.values
+        by = np.array([[-one / m**2, 1.0 / m, 0.0], [-two / m**2, 0.0, 1.0 / m], [-1.0 / m**2, 0.0, 0.0]])
+        return np.array([one / m, two / m, 1.0 / m]), by @ self.covariance[:3, :3] @ by.T
+
+
+@dataclass(frozen=True)
+class RecursiveFit:
+    """Theta of one damping model over time, and the M, D_1, D_2, C that it comes to: `values` (n, 4), `spread` (n, 4) standard errors.
+
+    Standard errors are those of white noise of the size of the residual times the ratio that the colour of the residual has at the end.
+    """
+
+    estimate: RecursiveEstimate
+    values: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class ChannelEstimate:
+    """All damping models of a run, the chosen one, and persistence of excitation of the static form with all columns.
+
+    `lag` of the force behind its command, None where none is found; `data`: the run as it was fitted, with that lag.
+    """
+
+    fits: Mapping[str, ChannelFit]
+    recursive: Mapping[str, RecursiveFit]
+    excitation: Mapping[str, Excitation]
+    chosen: str
+    lag: Lag | None
+    data: ChannelRun
+
+
+def choose_damping(held_out: Mapping[str, float], terms: ArrayLike, errors: ArrayLike) -> str:
+    """Damping model by the error on what was not fitted; the simpler of nearly equal ones.
+
+    terms (2,) and errors (2,): linear and quadratic damping of the model with both, and their standard errors.
+    """
+    best = min(held_out.values())
+    near = [name for name, error in held_out.items() if error <= SIMPLER_WITHIN * best]
+    chosen = min(near, key=lambda name: (sum(DAMPING[name]), held_out[name]))
+    dissipates = bool(np.all(np.asarray(terms) < -CLEAR_TERM * np.asarray(errors)))
+    return BOTH if BOTH in near and dissipates else chosen
+
+
+def estimate_channel(
+    data: ChannelRun,
+    *,
+    filter_rate: float,
+    prior_spread: float = 1e6,
+    memory_s: float | None = None,
+    limits: tuple[float, float] = (0.0, np.inf),
+) -> ChannelEstimate:
+    """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s and limits are those of `static_form` and
+    `recursive_least_squares`. Raises `DataError` when the channel is not excited.
+    """
+    reason = unexcited(data)
+    if reason:
+        remedy = "Choose a leg in which this channel is driven, or mend the channel that the manifest names."
+        raise DataError(f"the channel was never excited: {reason}", allowed=f"RMS above {data.noise:g}", remedy=remedy)
+    end = float(data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0]))
+
+    def regressions(run: ChannelRun) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
+        form = _static(run, filter_rate)
+        found, excited = {}, {}
+        for name in DAMPING:
+            columns = _columns(name, run)
+            part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate)
+            estimate = recursive_least_squares(
+                part, prior_spread=prior_spread, memory_s=memory_s, lowest_trace=limits[0], highest_trace=limits[1]
+            )
+            found[name] = _recursive_fit(part, estimate, columns)
+            excited[name] = excitation(part.t_s, part.regressor)
+        return found, excited
+
+    recursive, excited = regressions(data)
+    if all(item.status == PERSISTENT for item in excited.values()):
+        data = replace(data, rate_bias=data.rate_bias or data.current)
+    else:
+        data = replace(data, lag=False)
+    fits = {name: _output_error(data, name, recursive[name].values[-1], end) for name in DAMPING}
+    lag = _lag(data, fits[BOTH])
+    if lag is not None:
+        late = [_with_lag(data, value) for value in (lag.value_s, lag.value_s + lag.standard_error_s)]
+        for name, fit in fits.items():
+            one, other = (_output_error(item, name, fit.values, end) for item in late)
+            moved = other.values - one.values
+            fits[name] = replace(one, covariance=one.covariance + np.outer(moved, moved))
+        data = late[0]
+    bias = float(fits[BOTH].fit.bias[0])
+    if lag is not None or bias != 0.0:
+        taken = float(np.mean(data.run.rate - data.velocity[data.run.rate_at])) if data.run.rate.size else 0.0
+        recursive, excited = regressions(replace(data, velocity=data.velocity + taken - bias))
+    least = min(item.rmse for item in fits.values())
+    sound = {name: item.held_out for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
+    chosen = choose_damping(sound, fits[BOTH].values[1:3], fits[BOTH].standard_errors[1:3])
+    return ChannelEstimate(fits, recursive, excited, chosen, lag, data)
+
+
+def _with_lag(data: ChannelRun, lag_s: float) -> ChannelRun:
+    run = lagged(data.run, lag_s, from_rest=_from_rest(data))
+    grid = data.run.grid_s
+    return replace(
+        data, run=run, velocity=np.interp(run.grid_s, grid, data.velocity), samples=np.searchsorted(run.grid_s, grid[data.samples])
+    )
+
+
+def _from_rest(data: ChannelRun) -> bool:
+    """Whether the run begins as its thrusters start: a body at rest has no thrust on it."""
+    return bool(abs(data.velocity[0]) <= data.noise)
+
+
+def _lag(data: ChannelRun, fit: ChannelFit) -> Lag | None:
+    if not (data.lag and fit.resolved):
+        return None
+    model, nuisance = _model(BOTH, data), _nuisance(data)
+    first = fit.fit.parameters
+
+    def cost(lag_s: float) -> float:
+        run = data.run if lag_s == 0.0 else lagged(data.run, lag_s, from_rest=_from_rest(data))
+        found = fit_output_error(run, model, first, start=fit.fit.start, nuisance=nuisance)
+        return float(np.sum(np.square(found.rate_error if run.rate.size else found.position_error)))
+
+    return find_lag(cost, data.run.rate.size or data.run.position.size)
+
+
+def _nuisance(data: ChannelRun) -> Nuisance:
+    run = data.run
+    return Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
+
+
+def unexcited(data: ChannelRun) -> str:
+    """Why a run excites nothing: nothing drove the channel, or it hardly moved; empty where it was excited."""
+    if not (np.any(data.run.force_left != 0.0) or np.any(data.run.force_right != 0.0)):
+        return "nothing drove it"
+    moved = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))
+    return f"its velocity stayed at {moved:.2g} (RMS)" if moved <= data.noise else ""
+
+
+def _columns(name: str, data: ChannelRun) -> list[int]:
+    """Columns of the full regressor [x, x|x|, F, 1] that a damping model has."""
+    linear, quadratic = DAMPING[name]
+    return [index for index, has in enumerate((linear, quadratic, True, data.constant)) if has]
+
+
+def _static(data: ChannelRun, rate: float) -> StaticRegression:
+    run, x = data.run, data.velocity
+    angle = np.interp(run.grid_s, run.grid_s[run.position_at], run.position) if run.position.size else _integral(run.grid_s, x)
+    pull = data.restoring * np.sin(angle)
+    force = np.append(run.force_left, run.force_right[-1]) - pull
+    held = np.full((run.grid_s.size - 1, 4), np.nan)
+    if np.array_equal(run.force_left, run.force_right) and data.restoring == 0.0:
+        held[:, 2] = run.force_left
+    columns = np.column_stack([x, x * np.abs(x), force, np.ones_like(x)])
+    samples = data.samples[data.samples > 0]
+    return static_form(run.grid_s, x, columns, rate=rate, regressor_after=held, samples=samples)
+
+
+def _integral(t: Array, x: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+
+
+def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns: list[int]) -> RecursiveFit:
+    """M, D_1, D_2, C over time from Theta; their spread by the delta method with the correlation of the end."""
+    theta, place = estimate.theta, {column: index for index, column in enumerate(columns)}
+    drive = place[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mass = np.where(theta[:, drive] != 0.0, 1.0 / theta[:, drive], np.nan)
+    values = np.zeros((len(theta), 4))
+    values[:, 0] = mass
+    for target, column in ((1, 0), (2, 1), (3, 3)):
+        if column in place:
+            values[:, target] = theta[:, place[column]] * mass
+    n, k = form.regressor.shape
+    sigma2 = np.cumsum(estimate.error**2) / np.maximum(np.arange(1, n + 1) - k, 1)
+    step = float(np.median(np.diff(form.t_s)))
+    bread = np.linalg.pinv(form.regressor.T @ form.regressor, hermitian=True)
+    coloured = np.diag(stationary_covariance([form.regressor], [estimate.residual], bread))
+    white = np.diag(bread) * float(estimate.residual @ estimate.residual) / max(n - k, 1)
+    colour = np.sqrt(np.where(white > 0, coloured / np.where(white > 0, white, 1.0), 1.0))
+    size = np.sqrt(sigma2[:, None] * step * estimate.spread) * colour
+    correlation = estimate.gamma / np.sqrt(np.outer(np.diag(estimate.gamma), np.diag(estimate.gamma)))
+    spread = np.zeros((n, 4))
+    spread[:, 0] = size[:, drive] * mass**2
+    for target, column in ((1, 0), (2, 1), (3, 3)):
+        if column in place:
+            one, both = size[:, place[column]] * mass, values[:, target] * mass * size[:, drive]
+            cross = 2.0 * correlation[place[column], drive] * one * both
+            spread[:, target] = np.sqrt(np.maximum(one**2 + both**2 - cross, 0.0))
+    return RecursiveFit(estimate, values, spread)
+
+
+def _model(name: str, data: ChannelRun, mass: float | None = None) -> Model:
+    """Parameters (log M, then D_1, D_2, C where the damping model has them) -> coefficients of `SingleRun` and their derivatives.
+
+    mass: M is held at this value and is no parameter.
+    """
+    targets = [{0: 0, 1: 1, 3: 4}[column] for column in _columns(name, data) if column != 2]
+
+    def of(p: Array) -> tuple[Array, Array]:
+        inverse = float(np.exp(-p[0])) if mass is None else 1.0 / mass
+        coefficients, by = np.zeros(5), np.zeros((5, len(p)))
+        coefficients[2], coefficients[3] = inverse, -data.restoring * inverse
+        for index, target in enumerate(targets, start=1 if mass is None else 0):
+            coefficients[target] = p[index] * inverse
+            by[target, index] = inverse
+        if mass is None:
+            by[:, 0] = -coefficients
+        return coefficients, by
+
+    return of
+
+
+def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> ChannelFit:
+    used = [0, *({0: 1, 1: 2, 3: 3}[column] for column in _columns(name, data) if column != 2)]
+    guesses = [first[used]] if np.all(np.isfinite(first)) and first[0] > 0 else []
+    if not guesses or not data.run.rate.size:  # a slope of positions starts the regression badly
+        guesses.append(_steady_guess(data, used))
+    model = _model(name, data)
+    run = data.run
+    nuisance = _nuisance(data)
+    start = np.array([data.velocity[0], run.position[0] if run.position.size else 0.0])
+    tried = [
+        fit_output_error(run, model, np.concatenate([[np.log(guess[0])], guess[1:]]), start=start, nuisance=nuisance) for guess in guesses
+    ]
+    fitted = min(tried, key=lambda item: float(np.sum(item.rate_error**2) + np.sum(item.position_error**2)))
+    held = _unresolved(data, fitted.coefficients)
+    if held is not None:
+        used, model = used[1:], _model(name, data, held)
+        fitted = fit_output_error(run, model, _steady_guess(data, [0, *used])[1:], start=start, nuisance=nuisance)
+    early = fit_output_error(run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance)
+    which = 0 if run.rate.size else 1
+    at, seen = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
+    states = simulate_run(run, early.coefficients, early.start)[which]
+    error = states[at] + (early.bias[0] if run.rate.size else 0.0) - seen
+    late = run.grid_s[at] > end_s
+    values, covariance = np.zeros(4), np.zeros((4, 4))
+    values[used], covariance[np.ix_(used, used)] = fitted.parameters, fitted.covariance
+    if held is None:
+        values[0] = np.exp(values[0])
+        covariance[0] *= values[0]
+        covariance[:, 0] *= values[0]
+    else:
+        values[0] = held
+    return ChannelFit(
+        values=values,
+        covariance=covariance,
+        rmse=float(np.sqrt(np.mean((fitted.rate_error if run.rate.size else fitted.position_error) ** 2))),
+        held_out=float(np.sqrt(np.mean(error[late] ** 2))) if late.any() else float("nan"),
+        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which] + (fitted.bias[0] if which == 0 else 0.0),
+        fit=fitted,
+        resolved=held is None,
+    )
+
+
+def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
+    """M, then D_1, D_2, C as used, as if every speed were a steady one: force against damping; M such that a change takes five samples."""
+    x = data.velocity[data.samples]
+    force = np.append(data.run.force_left, data.run.force_right[-1])[data.samples]
+    columns = np.column_stack([np.ones_like(x), x, x * np.abs(x), np.ones_like(x)])[:, used[1:]]
+    drag = np.linalg.lstsq(columns, -force, rcond=None)[0]
+    values = np.zeros(4)
+    values[used[1:]] = drag
+    slope = abs(values[1] + 2.0 * values[2] * float(np.sqrt(np.mean(x**2)))) or 1.0
+    return np.concatenate([[5.0 * slope * float(np.median(np.diff(data.run.grid_s[data.samples])))], drag])
+
+
+def _unresolved(data: ChannelRun, coefficients: Array) -> float | None:
+    """The M whose time constant is half a sample, where the fitted one is shorter than a sample (a steady run); else None.
+
+    The time constant is that of small changes about the RMS speed, 1 / (c0 + 2 c1 |x|).
+    """
+    interval = float(np.median(np.diff(data.run.grid_s[data.samples])))
+    speed = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))
+    decay = -(coefficients[0] + 2.0 * coefficients[1] * speed)
+    return None if decay * interval < 1.0 else float(0.5 * decay * interval / coefficients[2])

@@ -1,0 +1,1 @@
+"""Least squares from triangular factors: intervals, verdicts, priors and error measures."""

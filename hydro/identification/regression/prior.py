@@ -1,0 +1,64 @@
+"""A prior on the coefficients of an axis, for example strip theory: rows appended to the triangular factor of the data.
+
+Posterior mean of K with independent normal priors N(mean, sd^2) and a force error of variance s^2: least squares over the data and one row
+(s / sd) K = (s / sd) mean per coefficient (Gelman et al., Bayesian Data Analysis, 14.8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import AxisFit, TriangularFactor, solve_axis
+from scipy.linalg import cho_solve
+
+
+def posterior(
+    factor: TriangularFactor, fit: AxisFit, covariance: Array, means: Mapping[str, float], *, relative_sd: float, trim: bool = False
+) -> tuple[AxisFit, Array]:
+    """The fit of one axis with priors, and the covariance (k, k) of its solution in the order of its terms.
+
+    `fit` and `covariance`: from the data alone, the latter for coloured residuals; their ratio to the white one says how many independent
+    samples the data are worth, and so how much they weigh against the prior. `means`: term -> mean, those that the model does not have or
+    that are 0 are left out; the standard deviation is `relative_sd` of the mean. `sse`, `rms` and `j0` count the data alone.
+    """
+    chosen = {term: mean for term, mean in means.items() if term in fit.terms and mean != 0.0}
+    if not chosen:
+        return fit, covariance
+    noise = fit.rms * np.sqrt(_inflation(fit, covariance))
+    rows = np.zeros((len(chosen), len(factor.columns)))
+    for row, (term, mean) in zip(rows, chosen.items(), strict=True):
+        weight = noise / (relative_sd * abs(mean))
+        row[factor.columns.index(term)], row[factor.columns.index(fit.axis)] = weight, weight * mean
+    names = [term for term in fit.terms if term in factor.terms]
+    found = solve_axis(factor.with_rows(rows), fit.axis, names, trim=trim)
+    columns = [factor.columns.index(term) for term in found.terms]
+    residual = factor.R[:, factor.columns.index(fit.axis)] - factor.R[:, columns] @ found.solution
+    found = replace(found, sse=float(residual @ residual), j0=fit.j0)
+    return found, _covariance(found, fit, covariance, factor.R[:, columns], rows[:, columns], noise)
+
+
+def _inflation(fit: AxisFit, covariance: Array) -> float:
+    """How much larger the variances are for coloured than for white residuals, at least 1: the median over the coefficients."""
+    white, coloured = np.diag(fit.covariance), np.diag(covariance)
+    known = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
+    return max(1.0, float(np.median(coloured[known] / white[known]))) if known.any() else 1.0
+
+
+def _covariance(found: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float) -> Array:
+    """(X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1 with S the moment of the scores that gave `covariance`, white where it gave none."""
+    kept, own = list(found.independent), np.array([i for i in fit.independent if np.isfinite(covariance[i, i])], dtype=int)
+    gram, prior = data.T @ data, rows.T @ rows
+    middle = noise**2 * gram
+    if len(own):
+        cell = np.ix_(own, own)
+        middle[cell] = gram[cell] @ covariance[cell] @ gram[cell]
+    middle = middle + noise**2 * prior
+    scale = found.column_norms[kept]
+    bread = cho_solve((found.scaled_triangle, False), np.eye(len(kept))) / np.outer(scale, scale)
+    full = np.full((len(found.terms), len(found.terms)), np.nan)
+    cell = np.ix_(kept, kept)
+    full[cell] = bread @ middle[cell] @ bread
+    return full

@@ -1,0 +1,1 @@
+"""Campaigns, vehicles and twins as their YAML files declare them."""

@@ -1,0 +1,90 @@
+"""YAML that a user writes: loaded safely, duplicate keys refused, with the line of every key for error messages."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.pipeline.store.atomic_files import readable
+
+
+@dataclass(frozen=True)
+class YamlFile:
+    """A loaded file: its path, its value, and the line (from 1) of every key by its dotted path."""
+
+    path: Path
+    value: Any
+    lines: dict[str, int] = field(default_factory=dict)
+
+    def line(self, path: str | None) -> int | None:
+        """The line of a key, or of the nearest thing around it."""
+        while path:
+            if path in self.lines:
+                return self.lines[path]
+            path = path.rpartition("[")[0] if path.endswith("]") else path.rpartition(".")[0]
+        return None
+
+    def located(self, fault: PipelineError) -> PipelineError:
+        """The same fault with its line, where the field is known."""
+        if fault.row is None and fault.field is not None and type(fault).__name__ != "ManyFaults":
+            fault.row = self.line(fault.field)
+            fault.args = (str(fault),)
+        return fault
+
+    def check(self, schema: str) -> None:
+        """Check the value against a document schema."""
+        try:
+            check_document(self.value, schema, file=self.path)
+        except PipelineError as fault:
+            raise self.located(fault) from None
+
+
+def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> YamlFile:
+    """Load a YAML file. `named_in` and `what` say which entry of which file asked for it.
+
+    Raises `CampaignError` for text that is no YAML or holds a key twice, `PipelineError` for a file that cannot be read.
+    """
+    with readable(path, file=named_in if named_in is not None else path, what=what):
+        content = path.read_bytes()
+    try:
+        text = content.decode("utf-8")
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        lines: dict[str, int] = {}
+        _walk(node, "", lines, path, set())
+        value = yaml.safe_load(text)
+    except UnicodeDecodeError as fault:
+        raise CampaignError("not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1) from None
+    except (yaml.MarkedYAMLError, yaml.reader.ReaderError) as fault:
+        mark = getattr(fault, "problem_mark", None)
+        problem = getattr(fault, "problem", None) or str(fault).splitlines()[0]
+        raise CampaignError(f"not valid YAML: {problem}", file=path, row=mark.line + 1 if mark else None) from None
+    except (ValueError, TypeError, RecursionError) as fault:
+        raise CampaignError(f"not valid YAML: {fault}", file=path) from None
+    return YamlFile(path, {} if value is None else value, lines)
+
+
+def _walk(node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, seen: set[int]) -> None:
+    if node is None or id(node) in seen:
+        return
+    seen.add(id(node))
+    lines[path] = node.start_mark.line + 1
+    if isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            _walk(item, f"{path}[{index}]", lines, file, seen)
+    elif isinstance(node, yaml.MappingNode):
+        keys: set[Hashable] = set()
+        for key, value in node.value:
+            name = key.value if isinstance(key, yaml.ScalarNode) else str(key)
+            if name in keys and name != "<<":
+                raise CampaignError(
+                    "this key stands twice", file=file, row=key.start_mark.line + 1, field=f"{path}.{name}" if path else name
+                )
+            keys.add(name)
+            inner = f"{path}.{name}" if path else name
+            _walk(value, inner, lines, file, seen)
+            lines[inner] = key.start_mark.line + 1

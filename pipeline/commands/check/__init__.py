@@ -1,0 +1,1 @@
+"""`auvid check`: the health page of a log."""

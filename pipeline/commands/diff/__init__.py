@@ -1,0 +1,1 @@
+"""`auvid diff`: two runs or golden tables side by side."""

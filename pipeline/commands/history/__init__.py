@@ -1,0 +1,1 @@
+"""`auvid history`: earlier runs of a campaign."""

@@ -1,0 +1,123 @@
+"""`auvid history`: the earlier runs of a campaign in the terminal, one of them in full, and the report put beside one of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.errors import DataError
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.history.run_history import Entry, best, changes, entry_of, judged, read
+from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.execution.runner import Place, Run
+from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.terminal import plain
+from auvid.stages import report
+from auvid.stages.presentation import Block, section, table, text
+from rich.console import Console
+from rich.table import Table
+
+COMPARED = "compared.html"
+ORDER = 2
+
+
+def show(campaign: str, *, number: int | None, as_json: bool) -> None:
+    """Print the list of runs, or one in full."""
+    run = session.open_run(campaign)
+    entries = read(run.folder) if number is None else [entry_of(run, number)]
+    if as_json:
+        print(json.dumps([asdict(entry) for entry in entries], indent=1, ensure_ascii=False))
+    elif number is not None:
+        _print_entry(entries[0])
+    elif not entries:
+        print(f"no run of {run.campaign.name} has been finished yet: auvid run {run.campaign.name}")
+    else:
+        _print_list(entries)
+
+
+def _print_list(entries: Sequence[Entry]) -> None:
+    grid = Table(box=None, pad_edge=False, header_style="dim")
+    models = any(best(entry) for entry in entries)
+    heads = ("best model", "training", "validation") if models else ("figures determined",)
+    for name in ("run", "finished (UTC)", *heads, "changed since the run before"):
+        grid.add_column(name, justify="right" if name in ("run", "training", "validation") else "left", overflow="fold")
+    for before, entry in zip((None, *entries), entries, strict=False):
+        found = best(entry)
+        figures: tuple[str, ...] = ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
+        if not models:
+            good, of = judged(entry)
+            figures = (f"{good} of {of}" if of else f"{len(entry.figures)} found",)
+        grid.add_row(str(entry.number), entry.finished_utc, *map(plain, figures), plain("; ".join(changes(before, entry))))
+    Console(highlight=False).print(grid)
+
+
+def _print_entry(entry: Entry) -> None:
+    print(f"run {entry.number}, finished {entry.finished_utc} UTC")
+    for stage, params in entry.parameters.items():
+        for name, value in params.items():
+            print(plain(f"  {stage}.{name}: {json.dumps(value, ensure_ascii=False)}"))
+    for use, models in entry.error_tables.items():
+        print(f"\n{use}")
+        print(golden.to_csv(models).decode(), end="")
+    for name, item in entry.figures.items():
+        value = "not determined" if item["value"] is None else f"{item['value']:.6g}"
+        unit = "" if item["unit"] == "1" else f" {item['unit']}"
+        verdict = f" ({item['verdict']})" if item["verdict"] else ""
+        print(plain(f"{name}: {value}{unit}{verdict}"))
+
+
+def _then_and_now(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
+    """A row of the table of figures; the change in percent where both are known and the first is not zero."""
+    change = 100.0 * (float(new["value"]) / float(old["value"]) - 1.0) if old["value"] and new["value"] is not None else None
+    return [name, old["value"], new["value"], change, new["unit"]]
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def write_compared(run: Run, number: int | None) -> Path:
+    """The report with a section that puts it beside an earlier run: the one before the last unless a number is given.
+
+    Raises `PipelineError` where stages have not been run, or there is no earlier run.
+    """
+    entries = read(run.folder)
+    if number is None and len(entries) < 2:
+        remedy = "Every finished run that changes anything is remembered; there has been one or none."
+        raise DataError("there is no earlier run to compare with", value=run.campaign.name, remedy=remedy)
+    old = entries[-2] if number is None else entry_of(run, number)
+    task = run.task(run.graph.stage("report"), Place(WHOLE))
+    if not run.is_fresh(task):
+        print(f"the report is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
+    inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
+    told = report.tell(inputs, {"history": comparison(old, entries[-1])})
+    path = run.folder / COMPARED
+    write_atomically(path, report.page(inputs, told))
+    return path
+
+
+def comparison(old: Entry, new: Entry) -> dict[str, Any]:
+    """The section: what was set otherwise, and every figure of both."""
+    blocks: list[Block] = [text("; ".join(changes(old, new)))]
+    for use in [use for use in new.error_tables if use in old.error_tables]:
+        rows = []
+        for model in dict.fromkeys((*old.error_tables[use], *new.error_tables[use])):
+            before, now = old.error_tables[use].get(model, {}), new.error_tables[use].get(model, {})
+            ratios = [row.get("ratio") for row in (before, now)]
+            change = None if None in ratios or not ratios[0] else 100.0 * (float(ratios[1] or 0.0) / float(ratios[0]) - 1.0)
+            rows.append([model, before.get("n_bar"), now.get("n_bar"), before.get("J"), now.get("J"), *ratios, change])
+        heads: list[str | tuple[str, str]] = ["model", "terms then", "terms now", ("J then", "mixed"), ("J now", "mixed")]
+        heads += ["J/J0 then", "J/J0 now", ("change", "%")]
+        blocks.append(table(use.capitalize(), heads, rows))
+    names = [name for name in new.figures if name in old.figures]
+    if names:
+        rows = [_then_and_now(name, old.figures[name], new.figures[name]) for name in names]
+        blocks.append(table("Figures", ["figure", "then", "now", ("change", "%"), "unit"], rows))
+    return section(
+        f"Against run {old.number} of {old.finished_utc} UTC", blocks, order=ORDER, look_for="What the change of a parameter did."
+    )

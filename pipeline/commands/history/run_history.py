@@ -1,0 +1,162 @@
+"""What earlier runs of a campaign gave: a small file for every finished run, with its parameters, its error tables and its figures.
+
+A run is remembered when it made the report anew and anything that counts has changed since the last one. The last 200 are kept.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvid.data_schemas.errors import DataError
+from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.commands.regress.golden_tables import Tables
+from auvid.pipeline.store.artefacts import to_json, to_plain
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.fingerprints import as_document
+from auvid.stages.report.summary.figure_summary import DETERMINED
+
+if TYPE_CHECKING:
+    from auvid.pipeline.execution.runner import Run
+
+FOLDER = "history"
+FORMAT = 1
+KEPT = 200
+KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One finished run. `error_tables`: use -> model -> row, as golden tables; `figures`: of, name -> value and standard error."""
+
+    number: int
+    finished_utc: str
+    parameters: Mapping[str, Mapping[str, Any]]
+    code: Mapping[str, str]
+    data: Mapping[str, str]
+    packages: Mapping[str, str]
+    error_tables: Tables
+    figures: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All but when it was."""
+        return {name: value for name, value in asdict(self).items() if name not in ("number", "finished_utc")}
+
+
+def remember(run: Run) -> None:
+    """Write the entry of a run that has just been finished; nothing where it gave neither tables nor figures, or the same as the last."""
+    entries = read(run.folder)
+    entry = _entry(run, entries[-1].number + 1 if entries else 1)
+    if not (entry.error_tables or entry.figures) or (entries and entries[-1].content == entry.content):
+        return
+    folder = run.folder / FOLDER
+    write_atomically(folder / f"{entry.number:06d}.json", (to_json({"format": FORMAT, **asdict(entry)}) + "\n").encode())
+    for path in sorted(folder.glob("*.json"))[:-KEPT]:
+        path.unlink(missing_ok=True)
+
+
+def read(folder: Path) -> list[Entry]:
+    """The entries of a run's folder, the oldest first. Files that are damaged or of another format are passed over."""
+    return [entry for path in sorted((folder / FOLDER).glob("*.json")) if (entry := _read(path)) is not None]
+
+
+def _read(path: Path) -> Entry | None:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document.pop("format") != FORMAT:
+            return None
+        return Entry(**document)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return None
+
+
+def _entry(run: Run, number: int) -> Entry:
+    provenance = run.provenance()
+    tables: dict[str, Any] = {}
+    for document in _artefacts(run, "error_table"):
+        tables = golden.tables_of(document.to_pylist())
+    figures = {
+        f"{document['title']}: {row['quantity']}": {"of": document["title"], **{name: row.get(name) for name in KEPT_OF_FIGURES}}
+        for document in _artefacts(run, "results")
+        for row in document["rows"]
+    }
+    data = {f"{log} {item['name']}": item["content"] for log, items in provenance["logs"].items() for item in items}
+    return Entry(
+        number=number,
+        finished_utc=time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()),
+        parameters=to_plain({name: as_document(params) for name, params in run.params.items()}),
+        code={name: entry["code"] for name, entry in provenance["stages"].items()},
+        data={**data, "vehicle": provenance["vehicle"]},
+        packages=dict(provenance["packages"]),
+        error_tables=to_plain(tables),
+        figures=to_plain(figures),
+    )
+
+
+def _artefacts(run: Run, schema: str) -> Iterator[Any]:
+    for port in run.graph.producers(schema):
+        for item in run.manifests[port.stage.name].records:
+            for artefact in run.artefacts_of(port, item).values():
+                yield artefact.load()
+
+
+def entry_of(run: Run, number: int) -> Entry:
+    """One entry by its number. Raises `DataError` with the numbers that there are."""
+    entries = {entry.number: entry for entry in read(run.folder)}
+    if number not in entries:
+        allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
+        raise DataError("no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed)
+    return entries[number]
+
+
+def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
+    """The figures of an entry as documents of schema `results`, by their titles."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, item in entry.figures.items():
+        title = str(item.get("of") or name.partition(": ")[0])
+        row = {"quantity": name.removeprefix(f"{title}: "), **item}
+        found.setdefault(title, {"title": title, "rows": []})["rows"].append(row)
+    return found
+
+
+def judged(entry: Entry) -> tuple[int, int]:
+    """How many of the figures that a run shows first were determined (or held, or within their bound), and of how many."""
+    with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
+    shown = [item for item in with_verdict if item.get("headline")] or with_verdict
+    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(shown)
+
+
+def changes(old: Entry | None, new: Entry) -> list[str]:
+    """What a run had otherwise than the one before, in words: parameters with both values, data, code, packages."""
+    if old is None:
+        return ["first run"]
+    found = []
+    for stage, params in new.parameters.items():
+        before = old.parameters.get(stage, {})
+        found += [
+            f"{stage}.{name}: {_word(before.get(name))} -> {_word(value)}" for name, value in params.items() if before.get(name) != value
+        ]
+    for words, one, two in (("data", old.data, new.data), ("code", old.code, new.code), ("packages", old.packages, new.packages)):
+        names = [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
+        if names:
+            found.append(f"{words}: {', '.join(names)}")
+    return found or ["nothing that is recorded"]
+
+
+def _word(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def best(entry: Entry) -> tuple[str, float | None, float | None] | None:
+    """The model with the smallest J on validation (training without it), its J/J0 on training and on validation."""
+    judged = entry.error_tables.get("validation") or entry.error_tables.get("training")
+    if not judged:
+        return None
+    name = min(judged, key=lambda model: judged[model]["J"] if judged[model]["J"] is not None else float("inf"))  # type: ignore[return-value,arg-type]
+    ratios = [entry.error_tables.get(use, {}).get(name, {}).get("ratio") for use in ("training", "validation")]
+    return name, ratios[0], ratios[1]

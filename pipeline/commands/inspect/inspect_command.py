@@ -1,0 +1,169 @@
+"""`auvid inspect`: the recording of a campaign or of a raw log, in the Rerun viewer, in a browser, as a file or as a picture."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from auvid.data_schemas.errors import CampaignError, LogError, PipelineError, UsageError, nearest
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.check import check_command as check
+from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.execution.runner import Place, Run
+from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.terminal import plain
+
+RECORDING = ".rrd"
+MEMORY_PER_BYTE = 6.0
+"""Memory that decoding and drawing a log takes, per byte of it: decoding takes 3.9 (DataFlash) and 4.4 (telemetry) on logs of 38 MB."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is looked at: its name, its recording as bytes or as a file, and how to make a recording that is quick to draw."""
+
+    name: str
+    content: Callable[[], bytes]
+    preview: Callable[[], bytes]
+    file: Path | None = None
+
+
+def inspect(
+    target: str,
+    *,
+    log: str | None = None,
+    columns: Path | None = None,
+    save: Path | None = None,
+    picture: Path | None = None,
+    web: bool = False,
+    preview: bool = False,
+    tab: str = "",
+) -> None:
+    """Open the recording of a campaign, of one of its logs, of a log file, or a recording itself; a `preview` is thinned and quick to draw.
+
+    Raises `PipelineError` where there is nothing to show, or nothing to show it with.
+    """
+    subject = find(target, log=log, columns=columns, tab=tab)
+    if preview:
+        subject = Subject(subject.name, subject.preview, subject.preview)
+    if save is not None:
+        wants(save, RECORDING, "--save")
+        content = subject.content()
+        write_atomically(save, content)
+        print(f"{session.shown(save.resolve())}  {len(content) / 1e6:.1f} MB")
+    if picture is not None:
+        wants(picture, ".png", "--screenshot")
+        content = photograph(subject.preview())
+        write_atomically(picture, content)
+        print(f"{session.shown(picture.resolve())}  {len(content) / 1e3:.0f} kB")
+    if save is not None or picture is not None:
+        return
+    viewer.program()
+    path = subject.file or _kept(subject)
+    print(f"{plain(subject.name)}: {session.shown(path)}")
+    if web:
+        viewer.serve(path)
+    else:
+        viewer.show(path)
+
+
+def find(target: str, *, log: str | None = None, columns: Path | None = None, tab: str = "") -> Subject:
+    """What a word of the command line means. Raises `PipelineError` where it means nothing that can be shown."""
+    path = Path(target).expanduser()
+    if path.suffix == RECORDING:
+        if not path.is_file():
+            raise PipelineError("the recording is not there", value=str(path))
+        viewer.verify(path)
+        return Subject(path.name, path.read_bytes, path.read_bytes, path)
+    if log is None and check.names_campaign(target):
+        return campaign_subject(session.open_run(target), tab)
+    if not check.names_campaign(target):
+        _fits(path)
+    return log_subject(_page(check.pages_of(target, columns), log, target), tab)
+
+
+def campaign_subject(run: Run, tab: str = "") -> Subject:
+    """The recording of a campaign's run. A run that is not up to date is shown as it is, and that is said."""
+    stage = run.graph.stage("report")
+    remedy = f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name} --log ID."
+    producer = run.graph.producers("recording")[0]
+    artefact = run.artefacts_of(producer, WHOLE).get(None)
+    if artefact is None or not artefact.path.is_file():
+        raise PipelineError("there is no recording yet", value=run.campaign.name, remedy=remedy)
+    task = run.task(stage, Place(WHOLE))
+    if not run.is_fresh(task):
+        print(f"the recording is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
+
+    def draw(preview: bool) -> bytes:
+        from auvid.stages import report
+
+        inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
+        return report.draw(inputs, task.params, report.tell(inputs), preview=preview, tab=tab)
+
+    if tab:
+        return Subject(run.campaign.name, lambda: draw(False), lambda: draw(True))
+    return Subject(run.campaign.name, artefact.path.read_bytes, lambda: draw(True), artefact.path)
+
+
+def log_subject(page: check.Page, tab: str = "") -> Subject:
+    """The recording of one raw log. Raises `LogError` where the log was refused."""
+    if page.outputs is None or page.health is None:
+        raise LogError(plain(page.refused))
+    outputs, health = page.outputs, page.health
+
+    def draw(preview: bool) -> bytes:
+        from auvid.stages.report.recording.log_recording import record_log
+
+        return record_log(page.name, check.tables_of(outputs), outputs.log_info, health, page.legs, preview=preview, tab=tab)
+
+    return Subject(page.name, lambda: draw(False), lambda: draw(True))
+
+
+def photograph(content: bytes) -> bytes:
+    """A picture of how a recording opens, as PNG."""
+    with tempfile.TemporaryDirectory(prefix="auvid_") as folder:
+        path = Path(folder) / f"picture{RECORDING}"
+        path.write_bytes(content)
+        return viewer.picture(path)
+
+
+def _page(pages: list[check.Page], log: str | None, target: str) -> check.Page:
+    if log is None:
+        return pages[0]
+    found = {page.name.rpartition(": ")[2]: page for page in pages}
+    if log not in found:
+        raise CampaignError("no such log", file=target, value=log, allowed=list(found), remedy=nearest(log, found))
+    return found[log]
+
+
+def _fits(path: Path) -> None:
+    """Raises `LogError` for a log that memory cannot hold."""
+    if not path.is_file():
+        return  # what is wrong with it is said by who reads it
+    size, memory = path.stat().st_size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if MEMORY_PER_BYTE * size > memory:
+        raise LogError(
+            f"the log has {size / 1e9:.1f} GB: to draw it whole takes about {MEMORY_PER_BYTE * size / 1e9:.0f} GB of memory",
+            file=path,
+            allowed=f"{memory / MEMORY_PER_BYTE / 1e9:.1f} GB on this machine",
+            remedy="Write a campaign with short legs of it: auvid run reads it once, and auvid inspect CAMPAIGN shows the legs.",
+        )
+
+
+def wants(path: Path, suffix: str, option: str) -> None:
+    """Raises `UsageError` for a file name with another ending than what is written into it."""
+    if path.suffix != suffix:
+        raise UsageError(f"the name does not end in {suffix}", field=option, value=str(path))
+
+
+def _kept(subject: Subject) -> Path:
+    """The recording as a temporary file, which outlives this program because the viewer reads it."""
+    handle, name = tempfile.mkstemp(prefix="auvid_", suffix=RECORDING)
+    with os.fdopen(handle, "wb") as file:
+        file.write(subject.content())
+    return Path(name)

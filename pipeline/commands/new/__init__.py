@@ -1,0 +1,1 @@
+"""`auvid new`: a workspace with an example campaign."""

@@ -1,0 +1,1 @@
+"""`auvid regress`: a run against its golden tables."""

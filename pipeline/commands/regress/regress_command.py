@@ -1,0 +1,239 @@
+"""Hold the error tables of a campaign against its golden tables, and write those anew with a line in the changelog."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.errors import DataError, PipelineError
+from auvid.pipeline.campaigns.workspace import workspace_of
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.regress import changelog
+from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
+from auvid.stages import STAGES
+
+DEFAULT_TOLERANCES = "default_tolerances.yaml"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is compared: campaign, the golden folder, the changelog that remembers, and the tables of the run."""
+
+    campaign: str
+    folder: Path
+    changelog: Path
+    tables: Tables
+
+
+def open_setting(campaign: str, baseline: Path | None) -> Setting:
+    """The tables of a campaign's run and where its golden tables are.
+
+    Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden` in the campaign's folder.
+    Raises `PipelineError` where the campaign has no error table, has not been run, or its results are not up to date.
+    """
+    run = session.open_run(campaign)
+    root = workspace_of(campaign).root
+    folder = baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
+    return Setting(run.campaign.name, folder, root / changelog.FILE, error_tables(run))
+
+
+def default_folder(root: Path, campaign: Path) -> Path:
+    """Where the golden tables of a campaign are, or would be made where there are none yet."""
+    shared, own = root / "tests" / "golden" / campaign.name, campaign / "golden"
+    return next((folder for folder in (shared, own) if folder.is_dir()), shared if shared.parent.is_dir() else own)
+
+
+def error_tables(run: Run) -> Tables:
+    """The golden tables of what a run left behind."""
+    producers = run.graph.producers("error_table")
+    if not producers:
+        raise DataError("a campaign of this kind has no error tables", file=run.campaign.file.path, value=run.campaign.document["kind"])
+    remedy = f"auvid run {run.campaign.name}"
+    for stage in session.select(run.graph, until=producers[0].stage.name):
+        for place in run.places(stage.maps_over):
+            if place.item not in run.manifests[stage.name].records:
+                raise DataError(f"stage {stage.name} has not been run", file=run.folder, remedy=remedy)
+            if not run.is_fresh(run.task(stage, place)):
+                raise DataError(f"the results of stage {stage.name} are not up to date", file=run.folder, remedy=remedy)
+    artefact = next(iter(run.artefacts_of(producers[0], WHOLE).values()))
+    return golden.tables_of(artefact.load().to_pylist())
+
+
+def check(setting: Setting, *, as_json: bool) -> bool:
+    """Print whether the tables hold, or every cell that does not; True if they hold."""
+    old = golden.read_tables(setting.folder)
+    if not old:
+        remedy = f'Make them: auvid regress {setting.campaign} --update --message "STAGE: why"'
+        raise DataError("there are no golden tables", file=setting.folder, remedy=remedy)
+    tolerances = golden.read_tolerances(setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables))
+    held, departures = golden.compare(old, setting.tables, tolerances)
+    where = session.shown(setting.folder.resolve())
+    if as_json:
+        print(json.dumps(_document(setting, held, departures), indent=1, ensure_ascii=False))
+    elif not departures:
+        print(f"{setting.campaign}: all {held} cells hold ({where})")
+    else:
+        print("\n".join(_lines(setting, held, departures, where)))
+    return not departures
+
+
+def _document(setting: Setting, held: int, departures: Sequence[Departure]) -> dict[str, Any]:
+    found = []
+    for item in departures:
+        size = item.size if math.isfinite(item.size) else None
+        found.append({**asdict(item), "axis": item.axis, "figure": item.figure, "tolerances": size})
+    return {"campaign": setting.campaign, "baseline": str(setting.folder), "holds": not departures, "held": held, "departures": found}
+
+
+def _lines(setting: Setting, held: int, departures: Sequence[Departure], where: str) -> list[str]:
+    cells = [item for item in departures if item.kind == "changed"]
+    lines = [_apart(item) for item in departures if item.kind != "changed"]
+    if cells:
+        rows = [("use", "model", "axis", "figure", "old", "new", "change", "tolerance", "times tolerance"), *map(_row, cells)]
+        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+        left = 4  # words to the left, numbers to the right
+        lines += [
+            "  ".join(
+                text.ljust(width) if place < left else text.rjust(width)
+                for place, (text, width) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        ]
+    counts = f"{len(cells)} of {len(cells) + held} cells left their tolerance"
+    apart = len(departures) - len(cells)
+    lines += ["", f"{setting.campaign}: {counts}" + (f", {apart} missing or new" if apart else "") + f" ({where})"]
+    return [*lines, f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what changed and why"']
+
+
+def _apart(item: Departure) -> str:
+    what = f"{item.use} tables" if item.model is None else f"{item.use}: model {item.model}"
+    what += f": axis {item.column}" if item.column is not None else ""
+    return f"{what}: {'in the baseline, not in the run' if item.kind == 'missing' else 'in the run, not in the baseline'}"
+
+
+def _row(item: Departure) -> tuple[str, ...]:
+    def number(value: float | None) -> str:
+        return "undefined" if value is None else f"{value:.6g}"
+
+    change = "" if item.old is None or item.new is None else f"{item.new - item.old:+.3g}"
+    if change and item.old:
+        change += f" ({100.0 * (float(item.new or 0.0) / item.old - 1.0):+.3g} %)"
+    allowed = f"{item.allowed:.3g}" + (f" {item.unit}" if item.unit != "1" else "")
+    words = (item.use, str(item.model), item.axis, item.figure)
+    return (*words, number(item.old), number(item.new), change, allowed, f"{item.size:.1f}" if math.isfinite(item.size) else "-")
+
+
+def update(setting: Setting, message: str, *, as_json: bool) -> None:
+    """Write the golden tables anew and the message into the changelog: all of them or nothing.
+
+    The message goes to the entries of the stage that it begins with (`fuse: why`), else of the one whose results moved the tables.
+    Raises `PipelineError` for an empty message, or a changelog without a heading for the current version.
+    """
+    words = " ".join(message.split())
+    if not words:
+        raise PipelineError("the message is empty", field="--message", remedy="Say what changed and why; it goes into the changelog.")
+    old = _old_tables(setting.folder)
+    contents: dict[Path, bytes | None] = {setting.folder / f"{use}.csv": golden.to_csv(table) for use, table in setting.tables.items()}
+    contents |= {setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables}
+    tolerances = setting.folder / golden.TOLERANCES
+    if tolerances.is_file():
+        golden.read_tolerances(tolerances, golden.columns_of(setting.tables))
+    else:
+        contents[tolerances] = (resources.files(__package__) / DEFAULT_TOLERANCES).read_bytes()
+    changed = {path: content for path, content in contents.items() if content != (path.read_bytes() if path.is_file() else None)}
+    if changed:
+        stage, words, note = _entry(setting, old, words)
+        changed[setting.changelog] = changelog.with_entry(setting.changelog, stage, f"{words} ({note})")
+        write_together(changed)
+    paths = [session.shown(path.resolve()) for path in changed]
+    if as_json:
+        print(json.dumps({"campaign": setting.campaign, "baseline": str(setting.folder), "written": paths}, indent=1, ensure_ascii=False))
+    else:
+        print("\n".join(f"written: {path}" for path in paths) or f"{setting.campaign}: the golden tables are the same, nothing is written")
+
+
+def _old_tables(folder: Path) -> Tables | None:
+    """The golden tables that are replaced; None if there are none, or none that can be read."""
+    try:
+        return golden.read_tables(folder) or None
+    except PipelineError:
+        return None
+
+
+def _entry(setting: Setting, old: Tables | None, words: str) -> tuple[str, str, str]:
+    """Stage, message without the stage, and which tables the line is about.
+
+    J0 holds no model: if it moved, the residual force did. All else moves with the fit.
+    """
+    match = re.match(r"([a-z_]+)\s*:\s*(\S.*)", words)
+    named = match if match and match[1] in {stage.name for stage in STAGES} else None
+    if old is None:
+        stage, note = "validate", f"golden tables of {setting.campaign} made"
+    else:
+        exact = {name: golden.Tolerance("", "") for name in golden.columns_of(old, setting.tables)}
+        _, moved = golden.compare(old, setting.tables, exact)
+        stage = "residual" if any(item.column == "J0" for item in moved) else "synthesise"
+        cells = sum(item.kind == "changed" for item in moved)
+        note = f"golden tables of {setting.campaign}: {cells} cell{'s' * (cells != 1)} changed"
+    return (named[1], named[2], note) if named else (stage, words, note)
+
+
+def write_together(contents: Mapping[Path, bytes | None]) -> None:
+    """Write several files, or remove those whose content is None, so that all are new or all stay. Raises `PipelineError`.
+
+    All contents are on the disk under temporary names before the first file is replaced; a replacement that fails is taken back.
+    """
+    parts: dict[Path, Path] = {}
+    try:
+        for path, content in contents.items():
+            if content is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                parts[path] = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
+                _write_through(parts[path], content)
+        _replace_all(contents, parts)
+    except OSError as fault:
+        words = f"cannot be written: {fault.strerror or fault}; nothing is changed"
+        raise PipelineError(words, file=fault.filename2 or fault.filename, remedy=REMEDIES.get(fault.errno or 0)) from fault
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+    for folder in {path.parent for path in contents if path.parent.is_dir()}:
+        sync_folder(folder)
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _replace_all(contents: Mapping[Path, bytes | None], parts: Mapping[Path, Path]) -> None:
+    before = {path: path.read_bytes() if path.exists() else None for path in contents}
+    done: list[Path] = []
+    try:
+        for path, content in contents.items():
+            if content is None:
+                path.unlink(missing_ok=True)
+            else:
+                parts[path].replace(path)
+            done.append(path)
+    except BaseException:
+        for path in done:
+            old = before[path]
+            if old is None:
+                path.unlink(missing_ok=True)
+            else:
+                write_atomically(path, old)
+        raise

@@ -1,0 +1,1 @@
+"""`auvid reproduce`: tables of a thesis beside those of a twin."""

@@ -1,0 +1,111 @@
+"""What a user sees when a run is over: where the results are, the errors in short, what was lost, and the warnings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import WHOLE
+from auvid.stages.page.campaign_sections import shared_data
+
+PLACES = {
+    "report_html": "report",
+    "error_table": "error table",
+    "tables_text": "tables as text",
+    "model_card": "models",
+    "recording": "recording",
+}
+SHOWN = 20
+
+
+def places(run: Run) -> dict[str, Path]:
+    """Where the results of the campaign are: what they are -> file, or folder for several."""
+    found: dict[str, Path] = {}
+    for schema_name, words in PLACES.items():
+        for port in run.graph.producers(schema_name):
+            artefacts = list(run.artefacts_of(port, WHOLE).values())
+            if artefacts:
+                found[words] = artefacts[0].path if not port.many else artefacts[0].path.parent
+    return found
+
+
+def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
+    """Model, rank, and J/J0 on training and validation, over all axes and legs; models in the order of the table."""
+    rows: dict[str, dict[str, Any]] = {}
+    for artefact in _of_schema(run, "error_table"):
+        for row in artefact.to_pylist():
+            if row["axis"] == row["leg"] == "all":
+                rows.setdefault(row["model"], {"rank": row["rank"]})[row["use"]] = row["ratio"]
+    return [(model, found["rank"], found.get("training"), found.get("validation")) for model, found in rows.items()]
+
+
+def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
+    """Of a twin: quantity, unit, and the RMS error against the truth per axis, over all legs; the models have their own table."""
+    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for table in _of_schema(run, "truth_errors"):
+        for row in table.to_pylist():
+            if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
+                found.setdefault((row["quantity"], row["unit"]), []).append((row["axis"], row["rms_error"]))
+    return [(quantity, unit, parts) for (quantity, unit), parts in found.items()]
+
+
+def bounds(run: Run) -> list[dict[str, Any]]:
+    """The bounds that a twin campaign sets for its chain, beside what was measured (schema `trust_checks`)."""
+    return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
+
+
+def comparison_rows(run: Run) -> list[dict[str, Any]]:
+    """Printed values beside those of the run, with what is asked of them (schema `comparison`)."""
+    return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
+
+
+def losses(run: Run) -> list[str]:
+    """What of the logs did not reach the results, in words: damaged logs and rejected samples."""
+    found = []
+    for log, info in _per_item(run, "log_info"):
+        if info["status"] != "complete":
+            skipped = sum(int(part.get("bytes") or 0) for file in info["files"] for part in file.get("skipped") or [])
+            seconds = sum(float(file.get("seconds_lost") or 0.0) for file in info["files"])
+            found.append(f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost")
+    for log, table in _per_item(run, "dropped"):
+        counts: Counter[str] = Counter()
+        for row in (row for row in table.to_pylist() if row.get("bytes") is None):  # bytes are in the line above
+            counts[f"{row['stream']}: {row['reason']}"] += row["count"]
+        found += [f"log '{log}': {count} rejected ({reason})" for reason, count in counts.items() if count]
+    return found
+
+
+def warnings(run: Run) -> list[str]:
+    """What a user should read: warnings of the report sections and of Python, notes on segments, legs without segment."""
+    found: Counter[str] = Counter()
+    for document in _of_schema(run, "section"):
+        found.update(block["text"] for block in document["blocks"] if block["kind"] == "remark" and block["level"] == "warning")
+    segments = {str(document["id"]): document for document in _of_schema(run, "segment")}
+    found.update(f"{name}: {words}" for name, document in segments.items() for words in document["notes"])
+    found.update(shared_data(segments))
+    for stage in run.graph.stages:
+        manifest = run.manifests[stage.name]
+        for item, record in manifest.records.items():
+            found.update({f"{stage.name}, {item}: {words}": count for words, count in record.warnings.items()})
+            if stage.yields and not manifest.keys(item):
+                found[f"{stage.name}: leg '{item}' gave no segment"] += 1
+    return [words if count == 1 else f"{words} ({count} times)" for words, count in found.items()]
+
+
+def shortened(lines: list[str]) -> list[str]:
+    """The first twenty lines and the count of the rest."""
+    return lines if len(lines) <= SHOWN else [*lines[:SHOWN], f"... and {len(lines) - SHOWN} more"]
+
+
+def _of_schema(run: Run, schema_name: str) -> Iterator[Any]:
+    return (artefact for _, artefact in _per_item(run, schema_name))
+
+
+def _per_item(run: Run, schema_name: str) -> Iterator[tuple[str, Any]]:
+    for port in run.graph.producers(schema_name):
+        for item in run.manifests[port.stage.name].records:
+            for artefact in run.artefacts_of(port, item).values():
+                yield item, artefact.load()

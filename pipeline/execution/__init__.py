@@ -1,0 +1,1 @@
+"""Running stages: tasks, engines, locks, progress, and the generated dvc.yaml."""

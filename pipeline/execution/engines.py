@@ -1,0 +1,96 @@
+"""Where work items run: one after the other in this process, or spread over processes. Results are the same."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Protocol
+
+from auvid.data_schemas.errors import UsageError, nearest
+from auvid.pipeline.execution.task import Outcome, Task, execute
+
+ENGINES = ("serial", "processes")
+
+
+class Engine(Protocol):
+    """Runs tasks and gives their outcomes as they finish."""
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]: ...
+
+    def close(self) -> None: ...
+
+
+class Serial:
+    """One item after the other."""
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        return map(execute, tasks)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class Processes:
+    """A pool of fresh interpreters, started with the first stage that has work for more than one.
+
+    Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no state of the parent.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+        self._waiting: dict[Future[Outcome], str] = {}
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        if self._jobs < 2 or len(tasks) < 2:
+            yield from map(execute, tasks)
+            return
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+        with _interrupts_held_back():
+            self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
+        for future in as_completed(tuple(self._waiting)):
+            item = self._waiting.pop(future)
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                self._pool = None
+                yield Outcome(item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)")
+
+    def close(self) -> None:
+        """Stop the workers, at once if they are in the middle of something; what they had not finished is not in any manifest."""
+        if self._pool is None:
+            return
+        if self._waiting:
+            for worker in (self._pool._processes or {}).values():
+                worker.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool, self._waiting = None, {}
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back while workers are started: they inherit that, and leave interruptions to the parent, which gets them afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
+    """The engine of a name. `jobs` processes, as many as the machine has cores unless said; more than one means processes, named or not."""
+    if name is None:
+        name = "processes" if jobs is not None and jobs > 1 else "serial"
+    if name not in ENGINES:
+        raise UsageError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
+    if jobs is not None and (jobs < 1 or (name == "serial" and jobs > 1)):
+        raise UsageError("does not fit the engine", field="--jobs", value=jobs, allowed="1" if name == "serial" else "1 or more")
+    if name == "serial":
+        return Serial()
+    return Processes(jobs if jobs is not None else (os.cpu_count() or 1))

@@ -1,0 +1,279 @@
+"""Run the stages of a campaign: find what is stale, run it, and vouch for the results in the manifests.
+
+An item is fresh if its key (hash of inputs, parameters, schemas and code) is that of its record and its files still have the recorded
+hashes. Inputs count by content, so a stage that gives the same result again makes nothing after it stale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.errors import DataError, PipelineError, raise_faults
+from auvid.data_schemas.schemas import schema
+from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.pipeline.commands.history import run_history as history
+from auvid.pipeline.execution.engines import Engine
+from auvid.pipeline.execution.lock import locked
+from auvid.pipeline.execution.progress import Progress, Silent
+from auvid.pipeline.execution.task import Outcome, Task
+from auvid.pipeline.execution.task_inputs import Artefact, Log, Many, Source, Value, log_source, simulated_log
+from auvid.pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
+from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
+from auvid.pipeline.store.fingerprints import FileHashes, as_document, fingerprint_line, hash_value, package_versions, stage_code
+from auvid.pipeline.store.manifest import Manifest
+from auvid.stages.base import ports
+
+
+class StageFault(PipelineError):
+    """A user's fault, with the stage and the item in which it came up."""
+
+
+class InternalFault(Exception):
+    """A fault of auvid itself; `trace` is the Python traceback of the process where it happened."""
+
+    def __init__(self, message: str, trace: str) -> None:
+        super().__init__(message)
+        self.trace = trace
+
+
+@dataclass(frozen=True)
+class Place:
+    """An item with the log and the leg that it belongs to."""
+
+    item: str
+    log: str | None = None
+    leg: str | None = None
+
+
+@dataclass
+class Run:
+    """One campaign, its graph and the parameters of its stages, over a folder of artefacts."""
+
+    campaign: Campaign
+    graph: Graph
+    params: Mapping[str, Any]
+    folder: Path
+    manifests: dict[str, Manifest] = field(init=False)
+    hashes: FileHashes = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.manifests = {stage.name: Manifest(self.folder / stage.name) for stage in self.graph.stages}
+        self.hashes = FileHashes(self.folder / ".hashes.json")
+
+    def execute(self, stages: Sequence[AnyStage], engine: Engine, progress: Progress | None = None, *, force: bool = False) -> int:
+        """Bring these stages up to date and return how many items had to run.
+
+        Raises `StageFault` (all faults of a stage together), or `InternalFault`.
+        """
+        with locked(self.folder):
+            try:
+                count = sum(self._stage(stage, engine, progress or Silent(), force) for stage in stages)
+                if count and any(stage.name == "report" for stage in stages):
+                    history.remember(self)
+                return count
+            finally:
+                engine.close()
+                for stage in stages:
+                    sweep(self.folder / stage.name)
+                self.hashes.save()
+
+    def _stage(self, stage: AnyStage, engine: Engine, progress: Progress, force: bool) -> int:
+        manifest = self.manifests[stage.name]
+        places = self.places(stage.maps_over)
+        order = [place.item for place in places]
+        outcomes: dict[str, Outcome] = {}
+        stale: list[Task] = []
+        for place in places:
+            try:
+                task = self.task(stage, place)
+            except PipelineError as fault:
+                outcomes[place.item] = Outcome(place.item, fault=fault)
+                continue
+            if force or not self.is_fresh(task):
+                stale.append(task)
+        again = {*outcomes, *(task.item for task in stale)}
+        manifest.write({item: record for item, record in manifest.records.items() if item not in again}, order)
+        progress.stage(stage.name, todo=len(again), total=len(places), level=stage.maps_over)
+        for outcome in engine.map(stale):
+            outcomes[outcome.item] = outcome
+            if outcome.record is not None:
+                manifest.write({**manifest.records, outcome.item: outcome.record}, order)
+            progress.item(outcome.item)
+        prune(manifest.folder, {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))})
+        progress.finish(failed=sum(outcome.record is None for outcome in outcomes.values()))
+        _raise(stage, [outcomes[item] for item in order if item in outcomes])
+        return len(stale)
+
+    def places(self, level: str) -> list[Place]:
+        """The items of a level, in the order of the manifest; segments in the order of their legs."""
+        legs = self.campaign.legs
+        if level == WHOLE:
+            return [Place(WHOLE)]
+        if level == "log":
+            return [Place(log, log) for log in self.campaign.logs]
+        if level == "leg":
+            return [Place(leg, entry["log"], leg) for leg, entry in legs.items()]
+        manifest = self.manifests[self._divider.name]
+        missing = [leg for leg in legs if leg not in manifest.records]
+        if missing:
+            raise self._not_run(self._divider)
+        return [Place(key, entry["log"], leg) for leg, entry in legs.items() for key in manifest.keys(leg)]
+
+    @cached_property
+    def _codes(self) -> dict[str, str]:
+        return {stage.name: stage_code(stage) for stage in self.graph.stages}
+
+    @cached_property
+    def _divider(self) -> AnyStage:
+        """The stage that divides legs into segments."""
+        return next(stage for stage in self.graph.stages if stage.yields == "segment")
+
+    def task(self, stage: AnyStage, place: Place) -> Task:
+        """The task of one item: its inputs found, its key formed. Raises `DataError` where an input has not been made yet."""
+        sources = {feed.port: self._source(stage, feed, place) for feed in self.graph.feeds(stage)}
+        params, code = self.params[stage.name], self._codes[stage.name]
+        inputs = {name: source.fingerprint for name, source in sources.items()}
+        key = hash_value({"stage": stage.name, "item": place.item, "inputs": inputs, "params": params, "code": code})
+        outputs = tuple(port for port in self.graph.outputs if port.stage is stage)
+        return Task(stage, place.item, params, sources, outputs, self.folder / stage.name, key, code)
+
+    def is_fresh(self, task: Task) -> bool:
+        """Whether the record of an item has this key and its files are what the record says."""
+        record = self.manifests[task.stage.name].records.get(task.item)
+        if record is None or record.key != task.key:
+            return False
+        return all(self._has(artefact) for port in task.outputs for artefact in self.artefacts_of(port, task.item).values())
+
+    def _has(self, artefact: Artefact) -> bool:
+        try:
+            return self.hashes.of(artefact.path) == artefact.hash
+        except OSError:
+            return False
+
+    def artefacts(self, stage: AnyStage) -> Iterator[tuple[Port, str, str | None, Artefact]]:
+        """All artefacts of a stage: port, item, key (None for a port with a single one), artefact."""
+        for port in self.graph.outputs:
+            if port.stage is stage:
+                for item in self.manifests[stage.name].records:
+                    for key, artefact in self.artefacts_of(port, item).items():
+                        yield port, item, key, artefact
+
+    def artefacts_of(self, port: Port, item: str) -> dict[str | None, Artefact]:
+        """What a port gave for an item, by key (None for a single one); empty if it gave none."""
+        manifest = self.manifests[port.stage.name]
+        record = manifest.records.get(item)
+        hashes = record.outputs.get(port.name) if record is not None else None
+        if hashes is None:
+            return {}
+        named = [(None, hashes)] if isinstance(hashes, str) else hashes.items()
+        return {key: Artefact(manifest.folder / port.path(item, key), port.schema, value) for key, value in named}
+
+    def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
+        if feed.schema == "raw_log":
+            assert place.log is not None
+            return self._log(place.log)
+        if feed.schema == "twin":
+            return Value(self.campaign.twin)
+        if feed.schema == "vehicle":
+            return Value(self.campaign.vehicle)
+        if feed.schema == "campaign":
+            return Value(self.campaign.seen_by(place.log, place.leg))
+        if feed.schema == "leg":
+            return Value(self.campaign.legs[str(place.leg)])
+        if feed.schema == "provenance":
+            return Value(self.provenance())
+        if feed.every:
+            return Many(self._collected(feed))
+        if not feed.producers:
+            many = ports(stage.inputs)[feed.port]["many"]  # the manifest names one document: no collection (report) takes it
+            return Value(None if many else self.campaign.documents.get(feed.schema))
+        return self._produced(stage, feed, feed.producers[0], place)
+
+    def _log(self, log: str) -> Log:
+        """The source of a log: the files of the manifest, or what the twin wrote."""
+        if self.campaign.twin is None:
+            return log_source(self.campaign, log, self.hashes)
+        producer = self.graph.producers(SIMULATED_LOG)[0]
+        self._items(producer.stage)
+        files = {str(key): artefact for key, artefact in self.artefacts_of(producer, WHOLE).items()}
+        return simulated_log(self.campaign.logs[log], self.campaign.twin, files)
+
+    def provenance(self) -> dict[str, Any]:
+        """Where the results come from: content hashes of the logs and the vehicle, code and parameters of every stage, package versions."""
+        logs = {log: self._log(log).fingerprint["files"] for log in self.campaign.logs}
+        stages = {name: {"code": code, "parameters": as_document(self.params[name])} for name, code in self._codes.items()}
+        return {"logs": logs, "vehicle": hash_value(self.campaign.vehicle), "stages": stages, "packages": package_versions()}
+
+    def _collected(self, feed: Feed) -> dict[str, Artefact]:
+        """Artefacts of a schema from all stages, keyed `stage/item`; tables `stage/item/port`, several of a port `stage/item/port/key`."""
+        entries: dict[str, Artefact] = {}
+        for producer in feed.producers:
+            for item in self._items(producer.stage):
+                for key, artefact in self.artefacts_of(producer, item).items():
+                    entries[self._label(feed, producer, item, key)] = artefact
+        return entries
+
+    def _label(self, feed: Feed, producer: Port, item: str, key: str | None) -> str:
+        parts = [producer.stage.name] if producer.level == WHOLE else [producer.stage.name, producer.owner(item, key)]
+        if feed.schema == "table" or producer.keyed:
+            parts.append(producer.name)
+        return "/".join([*parts, *([str(key)] if producer.keyed else [])])
+
+    def _produced(self, stage: AnyStage, feed: Feed, producer: Port, place: Place) -> Source:
+        """What a port delivers: the artefact of the item or of what it belongs to, or all of them for a campaign stage."""
+        items = self._items(producer.stage)
+        if stage.maps_over == WHOLE and producer.level != WHOLE:
+            found = {
+                f"{item}/{key}" if producer.keyed else producer.owner(item, key): artefact
+                for item in items
+                for key, artefact in self.artefacts_of(producer, item).items()
+            }
+            return Many(found)
+        item = {"log": place.log, "leg": place.leg, "segment": place.item, WHOLE: WHOLE}[producer.stage.maps_over]
+        if item not in items:
+            raise self._not_run(producer.stage)
+        given = self.artefacts_of(producer, item)
+        if producer.keyed:
+            return Many({str(key): artefact for key, artefact in given.items()})
+        artefact = given.get(place.item if producer.many else None)
+        if artefact is not None:
+            return artefact
+        if feed.optional:
+            return Value(None)
+        meaning = schema(producer.schema).meaning.rstrip(".")
+        raise DataError(f"needs '{producer.schema}' ({meaning}), and stage {producer.stage.name} gave none for '{item}'")
+
+    def _items(self, producer: AnyStage) -> tuple[str, ...]:
+        """The items that a stage has finished; an error if there is none."""
+        records = self.manifests[producer.name].records
+        if not records:
+            raise self._not_run(producer)
+        return tuple(records)
+
+    def _not_run(self, producer: AnyStage) -> PipelineError:
+        return DataError(
+            f"stage {producer.name} has not been run", file=self.folder, remedy=f"auvid run {self.campaign.name} --until {producer.name}"
+        )
+
+
+def _raise(stage: AnyStage, outcomes: Sequence[Outcome]) -> None:
+    for outcome in outcomes:
+        if outcome.crash is not None:
+            raise InternalFault(f"{_where(stage, outcome.item)}: {outcome.crash}", outcome.trace)
+    raise_faults([StageFault(f"{_where(stage, outcome.item)}: {outcome.fault}") for outcome in outcomes if outcome.fault is not None])
+
+
+def _where(stage: AnyStage, item: str) -> str:
+    return stage.name if stage.maps_over == WHOLE else f"{stage.name}, {stage.maps_over} '{item}'"
+
+
+def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
+    """Write the small file of each stage on which DVC depends in place of the code; unchanged ones are left alone."""
+    for stage in stages:
+        path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()
+        if not path.is_file() or path.read_bytes() != line:
+            write_atomically(path, line)

@@ -1,0 +1,1 @@
+"""Artefacts on disk: atomic files, hashes, manifests."""

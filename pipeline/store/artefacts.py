@@ -1,0 +1,99 @@
+"""Artefacts on disk: tables as Parquet, documents as JSON, and bytes; checked against their schema on write and on read."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import SchemaError
+from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.tables import check_table
+from auvid.pipeline.store.atomic_files import readable
+from auvid.pipeline.store.fingerprints import hash_bytes
+
+LINE = 120
+
+
+def encode(artefact: object, name: str, *, file: object) -> bytes:
+    """The bytes of an artefact of schema `name`, the same for the same content. Raises `SchemaError` where it does not fit."""
+    kind = schema(name).kind
+    if kind == "table":
+        if not isinstance(artefact, pa.Table):
+            raise SchemaError("not a table", file=file, value=type(artefact).__name__)
+        check_table(artefact, name, file=file)
+        sink = io.BytesIO()
+        pq.write_table(artefact.combine_chunks(), sink, compression="zstd")
+        return sink.getvalue()
+    if kind == "document":
+        plain = to_plain(artefact, file=file)
+        check_document(plain, name, file=file)
+        return (to_json(plain) + "\n").encode()
+    if not isinstance(artefact, bytes):
+        raise SchemaError("not bytes", file=file, value=type(artefact).__name__)
+    return artefact
+
+
+def load(path: Path, name: str, expected: str | None = None) -> Any:
+    """Read an artefact back, checked. `expected`: hash of the content that the caller counts on; another one is a `SchemaError`."""
+    with readable(path, file=path, what="artefact"):
+        content = path.read_bytes()
+    if expected is not None and hash_bytes(content) != expected:
+        raise SchemaError("the artefact is not what its manifest says", file=path, remedy="Run the whole campaign: it is made again.")
+    kind = schema(name).kind
+    if kind == "bytes":
+        return content
+    try:
+        # one thread: Arrow's readers let go of a Python buffer after they return, and at exit that aborts (apache/arrow#34314)
+        found = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False) if kind == "table" else json.loads(content)
+    except (pa.ArrowInvalid, OSError, ValueError) as fault:
+        raise SchemaError(f"cannot be read: {fault}", file=path, remedy="Remove the file and run again.") from fault
+    if kind == "table":
+        check_table(found, name, file=path)
+    else:
+        check_document(found, name, file=path)
+    return found
+
+
+def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
+    """A document of plain Python values; numpy scalars and arrays are taken over, NaN and infinity refused."""
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key)) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [to_plain(item, file=file, at=f"{at}[{index}]") for index, item in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SchemaError("no number", file=file, field=at, value=value, allowed="finite numbers, or null")
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    raise SchemaError("a document cannot hold this", file=file, field=at, value=type(value).__name__)
+
+
+def to_json(value: Any, indent: int = 0) -> str:
+    """JSON that a person can read in a diff: one key a line, short containers and lists of scalars on one line."""
+    if not isinstance(value, dict | list) or not value:
+        return _line(value)
+    items = value.values() if isinstance(value, dict) else value
+    if isinstance(value, list) and not any(isinstance(item, dict | list) for item in items):
+        return _line(value)
+    if not any(isinstance(item, dict | list) and item for item in items):
+        line = _line(value)
+        if len(line) + indent <= LINE:
+            return line
+    pad = " " * (indent + 1)
+    if isinstance(value, dict):
+        inner = [f"{pad}{_line(key)}: {to_json(item, indent + 1)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(inner) + "\n" + pad[1:] + "}"
+    return "[\n" + ",\n".join(pad + to_json(item, indent + 1) for item in value) + "\n" + pad[1:] + "]"
+
+
+def _line(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,92 @@
+"""Column names of the state, and small helpers that several stages need to move between tables and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.tables import column, matrix
+
+Array = npt.NDArray[np.float64]
+Span = tuple[float, float]
+
+POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
+VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
+VELOCITY_SD = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s", "p_sd_rad_s", "q_sd_rad_s", "r_sd_rad_s")
+POSE_RATE = ("x_dot_m_s", "y_dot_m_s", "z_dot_m_s", "phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
+ACCELERATION = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2", "p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")
+ATTITUDE = POSE[3:]
+ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
+AXES = ("X", "Y", "Z", "K", "M", "N")
+AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}
+
+
+def force_columns(component: str) -> tuple[str, ...]:
+    """The six column names of a force component: `tau_bar` -> tau_bar_X_N ... tau_bar_N_N_m."""
+    return tuple(f"{component}_{axis}_{AXIS_UNITS[axis].replace(' ', '_')}" for axis in AXES)
+
+
+def named(names: Sequence[str], values: Array) -> dict[str, Array]:
+    """Columns of an array (n, k) under k names."""
+    return {name: np.ascontiguousarray(values[:, index]) for index, name in enumerate(names)}
+
+
+def clock(table: pa.Table) -> Array:
+    """The time column t_s (n,)."""
+    return column(table, "t_s")
+
+
+def forces(table: pa.Table, component: str) -> Array:
+    """The six columns of a force component as an array (n, 6) in N and N m."""
+    return matrix(table, force_columns(component))
+
+
+def rms(values: Array) -> float:
+    """Root mean square of all entries, 0 for none."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
+    """The leg in seconds from the start of the log. Raises `DataError` for a leg that lies outside the log."""
+    length = (end_us - start_us) / 1e6
+    start, end = leg.get("start_s"), leg.get("end_s")
+    first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
+    last = length if end is None else float(end)  # type: ignore[arg-type]
+    if first >= length or last <= first:
+        raise DataError(
+            f"leg '{leg['id']}' lies outside log '{leg['log']}'",
+            field="start_s" if first >= length else "end_s",
+            value=f"from {first:g} s on" if end is None else f"{first:g} to {last:g} s",
+            allowed=f"0 to {length:.3f} s from the first time-stamped record",
+        )
+    return first, last
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one stream at their own times: `t_s` (n,) in s from the start of the log, `values` (n, k), all finite."""
+
+    t_s: Array
+    values: Array
+
+    def between(self, first_s: float, last_s: float) -> Samples:
+        """The samples at or between two times."""
+        rows = (self.t_s >= first_s) & (self.t_s <= last_s)
+        return Samples(self.t_s[rows], self.values[rows])
+
+
+def samples_within(table: pa.Table, names: Sequence[str], *, start_us: int, lag_s: float, window: Span) -> Samples:
+    """Finite samples of a raw stream inside a window [s], its lag taken off."""
+    t = (column(table, "time_us") - start_us) / 1e6 - lag_s
+    values = matrix(table, names)
+    rows = np.isfinite(values).all(axis=1) & (t >= window[0]) & (t <= window[1])
+    return Samples(t[rows], values[rows])
+
+
+def span_text(span: Span) -> str:
+    """A span of a log in words."""
+    return f"{span[0]:.1f} to {span[1]:.1f} s of the log"

@@ -1,0 +1,299 @@
+"""CSV logs: recognise, and read through a column map. Parsing is pyarrow's; units, signs, time and the account of rows are ours.
+
+The messages of a decoded CSV are the streams themselves, already in SI, FRD and NED; `offset` holds the row as an editor counts it
+(the header is row 1).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pacsv
+from auvid.data_schemas.errors import CampaignError, LogError
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, Messages, Skipped
+from auvid.stages.ingest.formats.csv.column_map import ColumnMap, MappedColumn, column_map, dialect_map
+from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
+from auvid.stages.ingest.formats.csv.tolerant_lines import ISO_TIME, Form, SoundRows, read_sound_rows
+from auvid.stages.ingest.formats.dataflash.byte_account import covered_seconds
+
+NAME = "csv"
+HEADER_BYTES = 1 << 16
+BLOCK = 1 << 20
+NEWLINE = 10
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
+TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
+NO_VALUE = "no value in the row"
+REPEATED = "held value repeated"
+Rows = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Head:
+    """The first line of a file: its column names, its length in bytes, the text encoding and the separator."""
+
+    names: tuple[str, ...]
+    bytes: int
+    encoding: str
+    delimiter: str
+
+
+class CsvReader:
+    """Reader of CSV logs with a column map."""
+
+    name = NAME
+
+    def recognises(self, head: bytes) -> bool:
+        """True for text whose first line has separated columns."""
+        first = head.split(b"\n", 1)[0]
+        return head.startswith(UTF_16) or (b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t")))
+
+    def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
+        """The streams that the column map names; `wanted` limits them. Raises as `read_csv`."""
+        return read_csv(file, wanted)[0]
+
+
+CSV = CsvReader()
+
+
+def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[DecodedLog, ColumnMap]:
+    """The streams of a CSV log, and its checked column map.
+
+    Raises:
+        LogError: no column map, no header, cells that are not numbers (all together, with rows).
+        CampaignError: the column map does not fit the file.
+    """
+    raw = file.columns
+    head = header(file, None if raw is None else str(raw.get("delimiter", ",")))
+    known = dialect_map(head.names) if raw is None else None
+    raw, said = known if known is not None else (raw, None)
+    if raw is None:
+        raise LogError(
+            "a CSV log needs a column map",
+            file=file.name,
+            row=1,
+            value=f"{len(head.names)} columns",
+            allowed="a YAML file that says what the columns are, named in the manifest (columns: FILE) or by auvid check --columns FILE",
+            remedy=proposed_map(head.names),
+        )
+    _check_separator(head, file.name)
+    mapping = column_map(raw, head.names, file=file.name)
+    columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
+    found = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
+    rows = found.rows
+    time_us = _time(found.table, mapping, rows, file.name)
+    messages, idle, notes = _streams(found.table, columns, mapping, time_us, rows)
+    unused = [name for name in head.names if name not in {item.column for item in mapping.columns} | {mapping.time}]
+    if said is not None:
+        notes.append(f"{file.name}: {said}")
+    elif unused:
+        notes.append(f"{file.name}: columns that the column map does not name: {', '.join(unused)}")
+    log = DecodedLog(
+        format="CSV",
+        messages=messages,
+        counts={name: len(item) for name, item in messages.items()},
+        account=_account(file.buffer.size, head, (*found.skipped(), *idle)),
+        status=_status(found),
+        seconds_lost=_seconds_lost(found, time_us),
+        notes=(*notes, *found.notes),
+    )
+    return log, mapping
+
+
+def _account(size: int, head: Head, skipped: tuple[Skipped, ...]) -> ByteAccount:
+    return ByteAccount(size, size - head.bytes - sum(part.bytes for part in skipped), head.bytes, skipped)
+
+
+def _status(found: SoundRows) -> LogStatus:
+    lost = found.lost_lines
+    if not lost:
+        return "complete"
+    return "truncated" if len(lost) == 1 and (not found.rows.size or lost[0] > found.rows[-1]) else "damaged"
+
+
+def _seconds_lost(found: SoundRows, time_us: npt.NDArray[np.float64]) -> float:
+    known = np.isfinite(time_us)
+    return covered_seconds(found.rows[known], time_us[known].astype(np.int64), found.lost_lines) if found.lost else 0.0
+
+
+def header(file: RawFile, delimiter: str | None) -> Head:
+    """Column names of the first line. Raises `LogError` for an empty file and for a first line that names no columns."""
+    start = file.buffer[:HEADER_BYTES].tobytes()
+    if not start.strip():
+        raise LogError("the file is empty", file=file.name)
+    if start.startswith(UTF_16):
+        raise LogError("the file is UTF-16 text", file=file.name, allowed="UTF-8 or Latin-1", remedy=TO_UTF_8 % (file.name, file.name))
+    encoding = "utf-8"
+    line = start.split(b"\n", 1)[0]
+    try:
+        text = line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        encoding, text = "latin-1", line.decode("latin-1")
+    if delimiter is None:
+        delimiter = max(",;\t", key=text.count)
+    try:
+        names = tuple(next(csv.reader(io.StringIO(text.rstrip("\r")), delimiter=delimiter)))
+    except csv.Error:
+        what = "the first line has a stray carriage return or quotation mark in it"
+        raise LogError(what, file=file.name, row=1, remedy="Mend the line that names the columns; lines end in LF or CR LF.") from None
+    return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
+
+
+def _check_separator(head: Head, file: str) -> None:
+    """Raises `LogError` for a single column whose name holds what separates columns in other files."""
+    other = next((mark for mark in ";\t," if mark in head.names[0]), None) if len(head.names) == 1 else None
+    if other is not None:
+        shown = {"\t": "a tab", ";": "a semicolon", ",": "a comma"}[other]
+        remedy = f"The columns are separated by {shown}: add delimiter: {json.dumps(other)} to the column map, "
+        remedy += 'and decimal: "," if the numbers have a decimal comma.'
+        raise LogError(f"the first line has no {head.delimiter!r} in it", file=file, row=1, value=head.names[0], remedy=remedy)
+
+
+def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str) -> SoundRows:
+    """The columns of the file; line by line only if it is not sound from end to end."""
+    types: dict[str, pa.DataType] = {
+        item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64()) for item in columns
+    }
+    types[mapping.time] = pa.float64() if mapping.time_factor is not None else ISO_TIME
+    form = Form(head.names, head.delimiter, decimal, mapping.missing)
+    try:
+        # One thread at once: a stream of batches takes twice as long, and several threads parse far ahead of what they convert.
+        table = pacsv.read_csv(
+            pa.BufferReader(pa.py_buffer(file.buffer)),
+            read_options=pacsv.ReadOptions(encoding=head.encoding, use_threads=False),
+            parse_options=pacsv.ParseOptions(delimiter=head.delimiter),
+            convert_options=form.options(types),
+        )
+    except (pa.ArrowInvalid, UnicodeError):
+        table = None
+    rows = None if table is None else _rows(file.buffer, table.num_rows)
+    if table is None or rows is None or (mapping.time_factor is None and iso_microseconds(table[mapping.time]) is None):
+        return read_sound_rows(file.buffer.tobytes(), types, form, file=file.name)
+    return SoundRows(table, rows)
+
+
+def _rows(buffer: npt.NDArray[np.uint8], count: int) -> Rows | None:
+    """The row of each of `count` samples as an editor counts it; None if they are not one to a line."""
+    ends = sum(int(np.count_nonzero(buffer[at : at + BLOCK] == NEWLINE)) for at in range(0, buffer.size, BLOCK))
+    lines = ends + int(buffer[-1] != NEWLINE)
+    if lines == count + 1:
+        return np.arange(2, count + 2)
+    content = [number for number, line in enumerate(buffer.tobytes().split(b"\n"), 1) if line not in (b"", b"\r")]
+    return np.array(content[1:], np.int64) if len(content) == count + 1 else None
+
+
+def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDArray[np.float64]:
+    """The time column in microseconds (n,), NaN where it is empty."""
+    values = table[mapping.time]
+    if mapping.time_factor is not None:
+        return np.asarray(values.to_numpy(), dtype=np.float64) * mapping.time_factor
+    result = np.full(len(values), np.nan)
+    stamps = iso_microseconds(values)
+    if stamps is None:
+        bad = next(index for index, item in enumerate(values) if item.is_valid and iso_microseconds(pa.array([item.as_py()])) is None)
+        raise LogError(
+            "not an ISO 8601 time like the ones before",
+            file=file,
+            row=int(rows[bad]),
+            field=mapping.time,
+            value=values[bad].as_py(),
+            allowed="2024-05-01T12:30:00.123 with or without a zone, all alike",
+        )
+    valid = np.asarray(values.is_valid())
+    result[valid] = np.asarray(stamps.drop_null(), dtype=np.float64)
+    return result
+
+
+def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
+    """The time from which legs count, where the column map says so. Raises `CampaignError` if it is no time."""
+    if mapping.start is None:
+        return None
+    if mapping.time_factor is not None and isinstance(mapping.start, int | float):
+        return round(mapping.start * mapping.time_factor)
+    stamps = iso_microseconds(pa.array([str(mapping.start)])) if mapping.time_factor is None else None
+    if stamps is None:
+        allowed = "a number in the unit of the time column" if mapping.time_factor is not None else "an ISO 8601 time"
+        raise CampaignError("is no time", file=f"column map of {file}", field="time.start", value=mapping.start, allowed=allowed)
+    return int(stamps[0].as_py())
+
+
+def iso_microseconds(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray | None:
+    """ISO 8601 texts as microseconds since 1970 (UTC where no zone is given); None if they are not all of one kind."""
+    for kind in (pa.timestamp("us"), pa.timestamp("us", "UTC")):
+        try:
+            return pc.cast(pc.cast(values, kind), pa.int64())
+        except pa.ArrowInvalid:
+            continue
+    return None
+
+
+def _streams(
+    table: pa.Table, columns: Sequence[MappedColumn], mapping: ColumnMap, time_us: npt.NDArray[np.float64], rows: Rows
+) -> tuple[dict[str, Messages], list[Skipped], list[str]]:
+    """One `Messages` per stream. Rows without any value of the stream, and repeats of a held value, are no samples of it."""
+    messages: dict[str, Messages] = {}
+    idle: list[Skipped] = []
+    notes: list[str] = []
+    for stream in dict.fromkeys(item.stream for item in columns):
+        fields = {item.field: _values(table[item.column], item) for item in columns if item.stream == stream}
+        empty = _without_value(list(fields.values()), rows.size)
+        kept = ~empty
+        idle += _idle(f"{stream}: {NO_VALUE}", empty, rows)
+        if empty.all():
+            notes.append(f"{stream}: the mapped columns are empty, there is no sample")
+            continue
+        if stream in mapping.held:
+            index = np.flatnonzero(kept)
+            same = np.all([values[index[1:]] == values[index[:-1]] for values in fields.values()], axis=0)
+            repeat = np.zeros(kept.size, bool)
+            repeat[index[1:][same]] = True
+            kept &= ~repeat
+            idle += _idle(f"{stream}: {REPEATED}", repeat, rows)
+        chosen: dict[str, npt.NDArray[Any]] = {"time_us": time_us, **fields}
+        if not kept.all():
+            chosen = {name: values[kept] for name, values in chosen.items()}
+        messages[stream] = Messages(stream, chosen, rows if kept.all() else rows[kept])
+    return messages, idle, notes
+
+
+def _values(values: pa.ChunkedArray, item: MappedColumn) -> npt.NDArray[Any]:
+    if item.dtype in ("string", "bool"):
+        return np.array(values.to_pylist(), dtype=object)
+    numbers = np.asarray(values.to_numpy(), dtype=np.float64)
+    if item.factor != 1.0:
+        numbers = numbers * item.factor
+    return numbers + item.offset if item.offset != 0.0 else numbers
+
+
+def _without_value(fields: Sequence[npt.NDArray[Any]], rows: int) -> npt.NDArray[np.bool_]:
+    """Rows (n,) in which every field is empty."""
+    empty = np.ones(rows, bool)
+    for values in fields:
+        # A sum that is a number has no NaN in it; most columns are full.
+        with np.errstate(invalid="ignore"):
+            full = values.dtype != object and not np.isnan(values.sum())
+        if full:
+            return np.zeros(rows, bool)
+        empty &= _is_missing(values)
+    return empty
+
+
+def _is_missing(values: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    if values.dtype == object:
+        return np.array([item is None for item in values], bool)
+    missing: npt.NDArray[np.bool_] = np.isnan(values)
+    return missing
+
+
+def _idle(reason: str, rows: npt.NDArray[np.bool_], numbers: Rows) -> list[Skipped]:
+    found = numbers[rows]
+    return [Skipped(reason, 0, int(found.size), int(found[0]), int(found[-1]))] if found.size else []

@@ -1,0 +1,208 @@
+"""Find every frame of a telemetry log that its checksum proves.
+
+No chain has to hold: each place that looks like [time stamp][magic] is tried and the checksum decides, so damage costs only the
+frames it touches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+from auvid.data_schemas.formats import mavlink
+
+Bytes = npt.NDArray[np.uint8]
+Integers = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+_SCAN_BYTES = 1 << 21
+_LATEST_YEAR_BYTE = 0x0E  # second byte of a stamp: 2^56 us; 0x0E is the year 2100, and the first byte is zero
+_UNCUT_BATCH = 4096
+_OLDER_DEFINITIONS = 4  # ends of the last fields that are tried as the end of the sender's payload
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames as columns, ascending by `start`, the first byte of the time stamp; compact, because a file has many.
+
+    `header` and `size` count the bytes before the payload and in all, the time stamp included.
+    """
+
+    start: Integers
+    stamp: Integers
+    message_id: npt.NDArray[np.int32]
+    size: npt.NDArray[np.uint16]
+    header: Bytes
+    length: Bytes
+    system: Bytes
+    component: Bytes
+    sequence: Bytes
+
+    def __len__(self) -> int:
+        return int(self.start.size)
+
+    @property
+    def stop(self) -> Integers:
+        """The byte after the last."""
+        return self.start + self.size
+
+    @property
+    def payload(self) -> Integers:
+        """The first byte of the payload."""
+        return self.start + self.header
+
+    def take(self, rows: npt.NDArray[np.intp] | Mask | slice) -> Frames:
+        """Some of the rows."""
+        if isinstance(rows, np.ndarray) and rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        return Frames(**{name: getattr(self, name)[rows] for name in _COLUMNS})
+
+
+_COLUMNS = tuple(part.name for part in fields(Frames))
+
+
+def joined(parts: Sequence[Frames]) -> Frames:
+    """Several lots of frames, one after the other (at least one)."""
+    return Frames(**{name: np.concatenate([getattr(frames, name) for frames in parts]) for name in _COLUMNS})
+
+
+def merged(frames: Frames, few: Frames) -> Frames:
+    """Frames with a few more at their places."""
+    at = np.searchsorted(frames.start, few.start)
+    return Frames(**{name: np.insert(getattr(frames, name), at, getattr(few, name)) for name in _COLUMNS})
+
+
+def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
+    """Rows of `width` bytes from each start, shape (n, width); bytes beyond the end of the buffer are zero."""
+    if buffer.size < width:
+        buffer = np.concatenate([buffer, np.zeros(width - buffer.size, dtype=np.uint8)])
+    last = buffer.size - width
+    window = np.ndarray((last + 1,), np.dtype(f"V{width}"), buffer=buffer, strides=(1,))
+    if not start.size or int(start.max()) <= last:
+        return window[start].view(np.uint8).reshape(start.size, width)
+    rows = window[np.minimum(start, last)].view(np.uint8).reshape(start.size, width)
+    for row in np.flatnonzero(start > last).tolist():
+        tail = buffer[start[row] :]
+        rows[row] = 0
+        rows[row, : tail.size] = tail
+    return rows
+
+
+def places(buffer: Bytes, first: int, last: int) -> Integers:
+    """Offsets from first to last - 1 of everything that looks like a time stamp before 2100 followed by a magic byte."""
+    part = buffer[first : last + mavlink.STAMP_BYTES]
+    number = max(part.size - mavlink.STAMP_BYTES, 0)
+    at: Integers = np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1) if number else np.zeros(0, np.int64)
+    at = at[part[at] == 0]
+    at = at[part[at + 1] <= _LATEST_YEAR_BYTE]
+    at += first
+    return at
+
+
+def frames_at(buffer: Bytes, start: Integers) -> Frames:
+    """Headers at the given offsets; places with undefined incompatibility flags are left out. `stop` may lie beyond the end."""
+    rows = gather(buffer, start, mavlink.STAMPED_HEADER_V2.itemsize)
+    head = rows.view(mavlink.STAMPED_HEADER_V2)[:, 0]
+    usable = (head["magic"] == mavlink.MAGIC_V1) | ((head["magic"] == mavlink.MAGIC_V2) & (head["incompatible"] <= mavlink.SIGNED_FLAG))
+    if not usable.all():
+        return frames_at(buffer, start[np.flatnonzero(usable)])
+    length = head["length"].copy()
+    message_id = head["id_low"].astype(np.int32)
+    message_id += head["id_high"].astype(np.int32) << 16
+    system, component, sequence = (head[name].copy() for name in ("system", "component", "sequence"))
+    header = np.full(start.size, mavlink.STAMPED_HEADER_V2.itemsize, dtype=np.uint8)
+    size = length + np.uint16(mavlink.STAMPED_HEADER_V2.itemsize + mavlink.CHECKSUM_BYTES)
+    size += np.uint16(mavlink.SIGNATURE_BYTES) * head["incompatible"]
+    old = np.flatnonzero(head["magic"] == mavlink.MAGIC_V1)
+    if old.size:
+        first = np.ndarray((start.size,), mavlink.STAMPED_HEADER_V1, buffer=rows, strides=(rows.shape[1],))
+        message_id[old] = first["id"][old]
+        system[old], component[old], sequence[old] = first["system"][old], first["component"][old], first["sequence"][old]
+        header[old] = mavlink.STAMPED_HEADER_V1.itemsize
+        size[old] = length[old] + np.uint16(mavlink.STAMPED_HEADER_V1.itemsize + mavlink.CHECKSUM_BYTES)
+    return Frames(start, head["stamp"].astype(np.int64), message_id, size, header, length, system, component, sequence)
+
+
+def scan(buffer: Bytes) -> tuple[Frames, Frames]:
+    """All places that look like frames: those whose checksum is right, and the others."""
+    right, wrong = [], []
+    for first in range(0, max(buffer.size, 1), _SCAN_BYTES):
+        seen = frames_at(buffer, places(buffer, first, first + _SCAN_BYTES))
+        good = proven(buffer, seen)
+        if not good.all():
+            wrong.append(seen.take(~good))
+            seen = seen.take(good)
+        right.append(seen)
+    return joined(right), joined(wrong) if wrong else right[0].take(slice(0))
+
+
+def known(frames: Frames) -> Mask:
+    """True where the dialect defines the message id."""
+    extras = mavlink.crc_extras()
+    return np.asarray(extras[np.minimum(frames.message_id, extras.size - 1)] >= 0)
+
+
+def proven(buffer: Bytes, frames: Frames) -> Mask:
+    """True where the frame is whole, its message defined and its checksum right."""
+    right = known(frames) & (frames.stop <= buffer.size)
+    rows = np.flatnonzero(right)
+    start = frames.start[rows]
+    end = start + frames.header[rows] + frames.length[rows]
+    extra = mavlink.crc_extras()[frames.message_id[rows]].astype(np.uint8)
+    right[rows] = mavlink.checksums(buffer, start + (mavlink.STAMP_BYTES + 1), end, extra) == stored_checksums(buffer, end)
+    return right
+
+
+def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
+    """True where the checksum is right for the payload with its trailing zeros, which were cut after the checksum was made.
+
+    Some routers do so with what companion computers send; it explains every wrong checksum of the BlueROV2 logs at hand. The sender's
+    payload ended with a field of its definition, perhaps an older one without the last fields, or with the NUL of a string.
+    As several ends are tried, one hit of a sender may be chance: two are asked for.
+    """
+    right = np.zeros(len(frames), dtype=np.bool_)
+    usable = known(frames) & (frames.stop <= buffer.size) & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
+    rows = np.flatnonzero(usable)
+    if not rows.size:
+        return right
+    ids, which = np.unique(frames.message_id[rows], return_inverse=True)
+    ends = np.zeros((ids.size, _OLDER_DEFINITIONS), dtype=np.int64)
+    for row, number in enumerate(ids.tolist()):
+        layout = mavlink.layout(number)
+        last = sorted({layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())})[
+            : -_OLDER_DEFINITIONS - 1 : -1
+        ]
+        ends[row, : len(last)] = last
+    length = frames.length[rows].astype(np.int64)
+    tries = np.column_stack([ends[which], np.where(length < ends[which].max(axis=1), length + 1, 0)])
+    for sizes in (tries[:, :1], tries[:, 1:]):
+        trial, column = np.nonzero((sizes > length[:, None]) & ~right[rows, None])
+        for first in range(0, trial.size, _UNCUT_BATCH):
+            some, of = trial[first : first + _UNCUT_BATCH], column[first : first + _UNCUT_BATCH]
+            found = _right_at_size(buffer, frames.take(rows[some]), sizes[some, of])
+            right[rows[some[found]]] = True
+    sender = frames.system.astype(np.uint16) << np.uint16(8) | frames.component
+    hits = np.bincount(sender[right], minlength=1 << 16)
+    return np.asarray(right & (hits[sender] > 1))
+
+
+def _right_at_size(buffer: Bytes, frames: Frames, size: Integers) -> Mask:
+    """True where the checksum is right for MAVLink 2 payloads filled up with zeros to `size` bytes."""
+    head = mavlink.HEADER_BYTES_V2 - 1
+    width = head + mavlink.LARGEST_PAYLOAD
+    content = gather(buffer, frames.payload - head, width)
+    content[:, head:] *= (np.arange(mavlink.LARGEST_PAYLOAD, dtype=np.uint8) < frames.length[:, None]).view(np.uint8)
+    content[:, 0] = size
+    begin = np.arange(len(frames)) * width
+    extra = mavlink.crc_extras()[frames.message_id].astype(np.uint8)
+    computed = mavlink.checksums(content.reshape(-1), begin, begin + head + size, extra)
+    return np.asarray(computed == stored_checksums(buffer, frames.payload + frames.length))
+
+
+def stored_checksums(buffer: Bytes, at: Integers) -> npt.NDArray[np.uint16]:
+    """The two bytes at each offset."""
+    low: npt.NDArray[np.uint16] = buffer[at].astype(np.uint16)
+    low |= buffer[at + 1].astype(np.uint16) << np.uint16(8)
+    return low

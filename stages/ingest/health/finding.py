@@ -1,0 +1,143 @@
+"""What all checks look at, and how a finding is written down."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from auvid.data_schemas.checks import checks
+from auvid.data_schemas.tables import column, matrix
+from auvid.stages.base import Document
+from auvid.stages.ingest.streams.mapping import OtherSource
+
+Array = npt.NDArray[np.float64]
+Finding = dict[str, Any]
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
+ATTITUDE = ("phi_rad", "theta_rad", "psi_rad")
+VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
+POSITION = ("x_m", "y_m", "z_m")
+ON_CHANGE = ("mode", "events")
+UNDER_WATER = re.compile(r"ArduSub")
+ELSEWHERE = re.compile(r"Ardu(Copter|Plane|Rover)|APM:(Copter|Plane|Rover)|APMrover|Blimp|AntennaTracker")
+MAV_TYPE_SUBMARINE = 12
+MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 to Motor12
+MOTORS = 8
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One log as the checks see it: its streams, `log_info`, rejected samples, the vehicle file if there is one, and the other sources."""
+
+    tables: Mapping[str, pa.Table]
+    info: Document
+    dropped: pa.Table
+    vehicle: Document | None = None
+    others: Sequence[OtherSource] = ()
+    _times: dict[str, Array] = field(default_factory=dict, repr=False)
+
+    def has(self, *streams: str) -> bool:
+        """Whether all of these streams are there."""
+        return all(name in self.tables for name in streams)
+
+    def t_s(self, stream: str) -> Array:
+        """Times of a stream (n,) in seconds from the start of the log."""
+        if stream not in self._times:
+            stamps = np.asarray(self.tables[stream]["time_us"].to_numpy())
+            self._times[stream] = self.seconds(stamps)
+        return self._times[stream]
+
+    def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
+        """Time stamps (n,) in seconds from the start of the log."""
+        return np.asarray((time_us - int(self.info["start_us"])) / 1e6)
+
+    def values(self, stream: str, names: Iterable[str]) -> Array:
+        """Columns of a stream side by side (n, k)."""
+        return matrix(self.tables[stream], list(names))
+
+    def column(self, stream: str, name: str) -> Array:
+        """One column of a stream (n,)."""
+        return column(self.tables[stream], name)
+
+    def source(self, stream: str) -> str:
+        """Where a stream was taken from."""
+        return str(self.info["streams"][stream]["source"])
+
+    def accelerometer(self) -> Array | None:
+        """Accelerometer (n, 3) if the inertial unit has one."""
+        if not self.has("imu") or not set(ACCELEROMETER) <= set(self.tables["imu"].column_names):
+            return None
+        values = self.values("imu", ACCELEROMETER)
+        return values if np.isfinite(values).any() else None
+
+    @property
+    def under_water(self) -> bool | None:
+        """Whether the firmware is that of an underwater vehicle; None if the log does not say."""
+        firmware = str(self.info["vehicle"] or "")
+        if UNDER_WATER.search(firmware):
+            return True
+        kind = self.info["parameters"].get("MAV_TYPE")
+        if ELSEWHERE.search(firmware) or (kind is not None and int(kind) != MAV_TYPE_SUBMARINE):
+            return False
+        return True if kind is not None else None
+
+    def thrusters(self) -> list[str]:
+        """Columns of the outputs that drive thrusters: as the vehicle file says, else the vehicle's parameters, else outputs 1 to 8."""
+        there = self.tables["actuators"].column_names if self.has("actuators") else []
+        named = ((self.vehicle or {}).get("actuators") or {}).get("thrusters", {}).get("outputs")
+        if named is None:
+            functions = {number: self.info["parameters"].get(f"SERVO{number}_FUNCTION") for number in range(1, 17)}
+            named = [number for number, function in functions.items() if function is not None and int(function) in MOTOR_FUNCTIONS]
+        wanted = [f"pwm_{number}_us" for number in (named or range(1, MOTORS + 1))]
+        return [name for name in wanted if name in there]
+
+    def commands(self) -> list[str]:
+        """Columns of normalised commands."""
+        return [name for name in self.tables["actuators"].column_names if name.startswith("command_")] if self.has("actuators") else []
+
+
+def finding(name: str, text: str, *, stream: str | None = None, value: float | None = None, at_s: float | None = None) -> Finding:
+    """A finding of the catalogue with its measured value, one sentence and, where it has one, its time from the start of the log."""
+    check = checks()[name]
+    number = None if value is None or not np.isfinite(value) else float(value)
+    return {
+        "id": name,
+        "severity": check.severity,
+        "stream": stream,
+        "text": text,
+        "value": number,
+        "threshold": check.threshold,
+        "unit": check.unit,
+        "remedy": check.remedy,
+        "at_s": None if at_s is None or not np.isfinite(at_s) else float(at_s),
+    }
+
+
+def limit(name: str) -> float:
+    """The threshold of a check."""
+    return checks()[name].limit
+
+
+def number(value: float) -> str:
+    """A measured value with three digits."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def percent(share: float) -> str:
+    """A share in percent."""
+    return f"{100.0 * share:.3g} %"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas, and `and` before the last."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def counted(count: int, word: str) -> str:
+    """`1 gap`, `3 gaps`."""
+    return f"{count} {word}{'' if count == 1 else 's'}"

@@ -1,0 +1,188 @@
+"""What a log can be used for: excitation per axis, and which stages can run on it and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
+from auvid.hydro.identification.signals.resampling import gaps
+from auvid.stages.base import Document
+from auvid.stages.ingest.health.finding import Finding, Recorded, finding, limit, listed, number
+from auvid.stages.ingest.health.vehicle import AXES, activity, motions
+
+UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+SHORTEST_DRIVEN_S = 20.0
+"""A small vehicle needs one to three seconds to answer a command; ten answers are the least that tell drag from inertia."""
+SHORTEST_S = 5.0
+"""The default of stages.resample.min_segment_s."""
+FEWEST = 5
+NO_STATE, NO_FORCE = "no fused state", "no residual force"
+CAVEATS = {
+    "low_actuator_rate": "commands are recorded too slowly",
+    "estimated_velocity": "velocity is the estimate of the navigation filter",
+    "simulated": "the log is simulated",
+    "gyro_sign": "the gyro turns against the attitude",
+    "gyro_axes": "axes of the gyro are exchanged",
+    "gyro_scale": "gyro and attitude differ in scale",
+    "accelerometer_unit": "the accelerometer has another unit",
+    "accelerometer_convention": "the accelerometer does not measure what it is said to",
+    "accelerometer_direction": "the accelerometer contradicts the attitude",
+    "depth_sign": "depth and vertical velocity contradict each other",
+    "velocity_disagrees": "two velocities contradict each other",
+    "constant_signal": "a sensor is dead",
+}
+COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
+
+
+def excitation(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> dict[str, dict[str, Any]]:
+    """Motion per axis u v w p q r within a window of seconds from the start of the log; null where nothing measures an axis.
+
+    Without a velocity sensor heave is the rate of depth, which is the body's w only while it is level.
+    """
+    found = motions(log)
+    result = {}
+    for axis in AXES:
+        empty = {"rms": None, "low": None, "high": None, "share_beyond": None}
+        about = {"threshold": THRESHOLDS[axis], "unit": UNITS[axis]}
+        at, values, source = found.get(axis, (np.zeros(0), np.zeros(0), "not measured"))
+        values = values[(at >= window[0]) & (at <= window[1])]
+        if not values.size:
+            result[axis] = {**empty, **about, "source": source, "excited": False}
+            continue
+        column = "uvwpqr".index(axis)
+        nu = np.zeros((values.size, 6))
+        nu[:, column] = values
+        item = axis_excitation(nu)[axis]
+        measured = {"rms": item.rms, "low": item.low, "high": item.high, "share_beyond": item.share_beyond}
+        result[axis] = {**measured, **about, "source": source, "excited": item.excited}
+    return result
+
+
+def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    """Axes that are measured and hardly move."""
+    still = [(axis, item) for axis, item in excited.items() if item["rms"] is not None and not item["excited"]]
+    if still:
+        said = [f"{AXES[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still]
+        text = f"Hardly any motion in {listed(said)} (RMS; threshold {limit('not_excited'):g})."
+        yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
+
+
+def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Which stages can run on the log, and why not: {name, possible, reason}."""
+    resample = _resample(log)
+    dead = None if set(motions(log)) & set("pqr") else "no live gyro"
+    kinematic = resample or _without(log, "velocity", "imu") or dead
+    accelerometer = None if log.accelerometer() is not None else "no accelerometer"
+    integrating = kinematic or accelerometer
+    residual = _forces(log) or (NO_STATE if kinematic else None)
+    rows = [
+        ("resample", resample, "attitude and depth"),
+        ("fuse (kinematic)", kinematic, "velocity, gyro and depth"),
+        ("fuse (thesis)", integrating, "accelerometer, its bias found against the velocity; drifts on slow vehicles"),
+        ("fuse (smoother)", integrating, "accelerometer, velocity, gyro and depth, each at its own times"),
+        ("residual", residual, "commands to forces through the vehicle file"),
+    ]
+    short = None if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S else f"outputs act for {driven_s(log):.1f} s only"
+    for axis, name in AXES.items():
+        item = excited[axis]
+        motion = short
+        if item["rms"] is None:
+            motion = "not measured"
+        elif not item["excited"]:
+            motion = "hardly any motion"
+        reason = "" if item["rms"] is None else f"RMS {number(item['rms'])} {item['unit']}"
+        rows.append((f"synthesise {name}", (residual and NO_FORCE) or motion, reason))
+    return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
+
+
+def driven_s(log: Recorded) -> float:
+    """For how long outputs act [s]; the whole log where that cannot be told."""
+    moving = activity(log) if log.has("actuators") else None
+    if moving is None:
+        return (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+    steps = np.minimum(np.diff(log.t_s("actuators"), append=log.t_s("actuators")[-1]), limit("gap"))
+    return float(np.sum(steps[moving]))
+
+
+def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> str:
+    """What a log can be used for, in one sentence."""
+    possible = {item["name"]: item["possible"] for item in uses}
+    reasons = {item["name"]: item["reason"] for item in uses}
+    axes = [name.removeprefix("synthesise ") for name in possible if name.startswith("synthesise ") and possible[name]]
+    if axes:
+        caveats = list(dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS))
+        return f"A force model can be fitted in {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
+    if not possible["residual"]:
+        blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
+        why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))
+        return f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
+    why = dict.fromkeys(reasons[name] for name in reasons if name.startswith("synthesise "))
+    return f"No force model can be fitted: {'; '.join(why)}."
+
+
+def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
+    """Legs of a manifest in this log: span, time that all sensors cover in one piece, share of active outputs, RMS per axis."""
+    length = (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+    moving = activity(log) if log.has("actuators") else None
+    rows = []
+    for entry in entries:
+        start = float(entry.get("start_s") or 0.0)
+        end = length if entry.get("end_s") is None else float(entry["end_s"])
+        inside = start < min(end, length)
+        within = (log.t_s("actuators") >= start) & (log.t_s("actuators") <= end) if moving is not None else np.zeros(0, bool)
+        active = float(np.mean(moving[within])) if moving is not None and within.any() else None
+        excited = excitation(log, (start, end)) if inside else {}
+        rows.append(
+            {
+                "id": str(entry["id"]),
+                "use": entry.get("use"),
+                "start_s": start,
+                "end_s": end,
+                "inside": inside,
+                "covered_s": longest_common_s(log, (start, min(end, length))) if inside else 0.0,
+                "active_share": active,
+                "rms": {axis: item["rms"] for axis, item in excited.items()},
+                "excited": [AXES[axis] for axis, item in excited.items() if item["excited"]],
+            }
+        )
+    return rows
+
+
+def _without(log: Recorded, *streams: str) -> str | None:
+    missing = [name for name in streams if not log.has(name)]
+    return f"no {listed(missing)}" if missing else None
+
+
+def _resample(log: Recorded) -> str | None:
+    missing = _without(log, "attitude", "depth")
+    if missing is not None:
+        return missing
+    longest = longest_common_s(log)
+    return None if longest >= SHORTEST_S else f"all sensors together cover {longest:.1f} s at most, {SHORTEST_S:g} s are needed"
+
+
+def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
+    """The longest time within a window that all motion sensors and commands cover without a gap [s]."""
+    spans = [window]
+    for stream in COVERING:
+        if not log.has(stream):
+            continue
+        t_s = log.t_s(stream)
+        own = [(float(t_s[a]), float(t_s[b - 1])) for a, b in gaps(t_s, limit("gap")) if b - a >= FEWEST]
+        spans = [(max(a, c), min(b, d)) for a, b in spans for c, d in own if min(b, d) > max(a, c)]
+    return max((end - start for start, end in spans), default=0.0)
+
+
+def _forces(log: Recorded) -> str | None:
+    """Why the commands of a log cannot become forces; None if they can."""
+    if not log.has("actuators"):
+        return "no actuators"
+    if log.under_water is False:
+        return "not an underwater vehicle"
+    columns = log.tables["actuators"].column_names
+    if not log.thrusters() and not any(name.startswith(("propeller", "fin_")) for name in columns):
+        return "normalised commands only, which give no newtons"
+    moving = activity(log)
+    return "no actuator acts" if moving is not None and not moving.any() else None

@@ -1,0 +1,155 @@
+"""Samples that cannot be used: empty or non-finite cells, and time stamps that repeat, go backward or leap. Rejected and counted."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.streams import NEEDED
+from auvid.stages.ingest.streams.mapping import Columns, Stream
+
+EMPTY = "empty or non-finite cell"
+IMPOSSIBLE = "impossible value"
+NO_TIME = "no time stamp"
+REPEATED = "repeated time stamp"
+BACKWARD = "time stamp out of order"
+BEFORE_LEAP = "before the clock was set"
+LEAP_US = 30 * 86_400_000_000  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
+# Limits that no underwater vehicle reaches; damaged records that still look like records are far beyond them.
+POSSIBLE: Mapping[str, tuple[float, float]] = {
+    "gyro": (-100.0, 100.0),
+    "accel": (-1000.0, 1000.0),
+    "phi_rad": (-7.0, 7.0),
+    "theta_rad": (-7.0, 7.0),
+    "depth_m": (-1000.0, 12_000.0),
+    "u_m_s": (-50.0, 50.0),
+    "v_m_s": (-50.0, 50.0),
+    "w_m_s": (-50.0, 50.0),
+    "interval_s": (0.0, 3600.0),
+    "x_m": (-1e7, 1e7),
+    "y_m": (-1e7, 1e7),
+    "z_m": (-12_000.0, 12_000.0),
+    "psi_rad": (-1e5, 1e5),
+    "current_a": (-10_000.0, 10_000.0),
+    "range_m": (-1.0, 20_000.0),
+    "command": (-1e3, 1e3),
+    "fin": (-7.0, 7.0),
+    "propeller_rev_s": (-1e3, 1e3),
+}
+Mask = npt.NDArray[np.bool_]
+Ints = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """Samples of one stream that were rejected for one reason: how many, and where the first and the last are in the file."""
+
+    stream: str
+    reason: str
+    count: int
+    first: int
+    last: int
+
+
+def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
+    """The usable samples of a stream, and the account of the others. `set_us` is the time to which a leaping clock was set."""
+    rejected: list[Rejected] = []
+
+    def keep(stream: Stream, good: Mask, reason: str) -> Stream:
+        if good.all():
+            return stream
+        place = stream.place[~good]
+        rejected.append(Rejected(stream.name, reason, int(place.size), int(place[0]), int(place[-1])))
+        return stream.rows(good)
+
+    stamps = stream.columns["time_us"]
+    if stamps.dtype != np.int64:
+        finite = np.isfinite(stamps) & (np.abs(stamps) < float(2**62))
+        stream = keep(stream, finite, NO_TIME)
+        whole = np.rint(stream.columns["time_us"]).astype(np.int64)
+        stream = replace(stream, columns={**stream.columns, "time_us": whole})
+    stream = keep(stream, complete_rows(stream.name, stream.columns), EMPTY)
+    stream = keep(stream, possible_rows(stream.name, stream.columns), IMPOSSIBLE)
+    if set_us is not None:
+        stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
+    stamps = stream.columns["time_us"]
+    if stamps.size and (np.diff(stamps) <= 0).any():
+        stream = keep(stream, np.append(True, np.diff(stamps) != 0), REPEATED)
+        stream = keep(stream, increasing(stream.columns["time_us"]), BACKWARD)
+    return stream, rejected
+
+
+def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
+    """Rows (n,) whose needed fields are all there; of a stream without needed fields, rows with any field there."""
+    needed = [columns[name] for name in NEEDED[stream]]
+    if needed:
+        return np.asarray(np.all([_there(values) for values in needed], axis=0))
+    return np.asarray(np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0))
+
+
+def possible_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
+    """Rows (n,) without a value outside the range of its schema, or outside what an underwater vehicle can reach."""
+    good = np.ones(columns["time_us"].size, bool)
+    for name, values in columns.items():
+        limits = schema(stream).columns[name].range or next((span for key, span in POSSIBLE.items() if name.startswith(key)), None)
+        if limits is not None:
+            good &= ~((values < limits[0]) | (values > limits[1]))
+    return good
+
+
+def _there(values: npt.NDArray[Any]) -> Mask:
+    if values.dtype == object:
+        return np.array([item is not None for item in values], bool)
+    finite: Mask = np.isfinite(values)
+    return finite
+
+
+def increasing(stamps: Ints) -> Mask:
+    """A largest set of samples (n,) whose time stamps increase strictly, so that one wrong stamp far ahead costs one sample.
+
+    Samples that agree with all others are kept at once; the search for the longest increasing sequence runs on the rest.
+    """
+    before = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(stamps)[:-1])
+    after = np.append(np.minimum.accumulate(stamps[::-1])[::-1][1:], np.iinfo(np.int64).max)
+    kept = (stamps > before) & (stamps < after)
+    doubtful = np.flatnonzero(~kept)
+    if doubtful.size:
+        kept[doubtful[_longest(stamps[doubtful].tolist())]] = True
+    return kept
+
+
+def _longest(values: list[int]) -> list[int]:
+    """Indexes of a longest strictly increasing subsequence (patience sorting)."""
+    tails: list[int] = []
+    ends: list[int] = []
+    previous = [-1] * len(values)
+    for index, value in enumerate(values):
+        pile = bisect_left(tails, value)
+        previous[index] = ends[pile - 1] if pile else -1
+        if pile == len(tails):
+            tails.append(value)
+            ends.append(index)
+        else:
+            tails[pile], ends[pile] = value, index
+    chain = []
+    index = ends[-1]
+    while index >= 0:
+        chain.append(index)
+        index = previous[index]
+    return chain[::-1]
+
+
+def clock_set(streams: Mapping[str, Columns]) -> int | None:
+    """The time to which the clock was set during the log, seen in the longest stream as a leap of more than 30 days; None if not."""
+    if not streams:
+        return None
+    stamps = np.asarray(max(streams.values(), key=lambda columns: columns["time_us"].size)["time_us"], dtype=np.float64)
+    leap = np.flatnonzero(np.diff(stamps) > LEAP_US)
+    # One stamp far ahead comes back down; a clock that was set stays.
+    stays = [index for index in leap if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]
+    return int(np.rint(stamps[stays[0] + 1])) if stays else None

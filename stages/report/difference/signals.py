@@ -1,0 +1,247 @@
+"""Two runs side by side: how far signals, coefficients and named figures moved, and what has no partner.
+
+Signals are compared on the clock of the leg; where the clocks differ, the second is interpolated linearly to the times of the first
+within their overlap, and nothing is extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.stages.columns import ATTITUDE, AXES, AXIS_UNITS, VELOCITY, force_columns, rms
+from auvid.stages.report.recording.rerun_stream import Array
+
+Document = Mapping[str, Any]
+STATE = (*VELOCITY, "z_m", *ATTITUDE)
+UNITS = {"m_s": "m/s", "rad_s": "rad/s", "m": "m", "rad": "rad", "N": "N", "N_m": "N m"}
+SAME_CLOCK_S = 1e-6
+NAMED = 6
+FORCE, MODEL = "residual force", "model"
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of two: the run by name, its documents and its tables by segment; `model` narrows it to one model.
+
+    `viewed`: the signals that the views of a bench or control run name, by `place_of_view`.
+    """
+
+    name: str
+    model: str | None = None
+    segments: Mapping[str, Document] = field(default_factory=dict)
+    logs: Mapping[str, Document] = field(default_factory=dict)
+    cards: Mapping[str, Document] = field(default_factory=dict)
+    results: Mapping[str, Document] = field(default_factory=dict)
+    fused: Mapping[str, pa.Table] = field(default_factory=dict)
+    residual: Mapping[str, pa.Table] = field(default_factory=dict)
+    predictions: Mapping[str, pa.Table] = field(default_factory=dict)
+    viewed: Mapping[tuple[str, str], Signals] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals of one kind over one segment: times (n,) in s on the clock of the log, values (n, k), a name and a unit for each."""
+
+    times: Array
+    values: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The same signals of both sides, and their difference, second less first, at times that both have."""
+
+    segment: str
+    kind: str
+    first: Signals
+    second: Signals
+    times: Array
+    difference: Array
+
+
+@dataclass(frozen=True)
+class SignalChange:
+    """How far one signal moved: RMS of the first, of the difference, and its largest magnitude with its time in s of the log."""
+
+    segment: str
+    kind: str
+    name: str
+    unit: str
+    rms: float
+    rms_difference: float
+    largest: float
+    at_s: float
+
+
+@dataclass(frozen=True)
+class FigureChange:
+    """How far a coefficient or a named figure moved. `sigmas`: the change in standard errors of the difference, None without them."""
+
+    of: str
+    name: str
+    unit: str
+    old: float | None
+    new: float | None
+    old_error: float | None
+    new_error: float | None
+    old_verdict: str
+    new_verdict: str
+
+    @property
+    def sigmas(self) -> float | None:
+        """The change in standard errors, as if the two estimates were independent."""
+        if None in (self.old, self.new, self.old_error, self.new_error):
+            return None
+        spread = math.hypot(float(self.old_error or 0), float(self.new_error or 0))
+        return abs(float(self.new or 0) - float(self.old or 0)) / spread if spread > 0 else None
+
+
+def differs(old: float | None, new: float | None, relative: float) -> bool:
+    """Whether two figures differ by more than a share of the larger; a figure and none always differ."""
+    if old is None or new is None:
+        return old is not new
+    return abs(new - old) > relative * max(abs(old), abs(new))
+
+
+def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
+    """All signals of a side by segment and kind: state, residual force, and the force of each model.
+
+    A side that is narrowed to one model calls its force `model`, so that two different ones are partners.
+    """
+    found = dict(side.viewed)
+    for segment, document in side.segments.items():
+        start = float(document["leg_start_s"])
+        if segment in side.fused:
+            found[segment, "state"] = _signals(side.fused[segment], STATE, start)
+        if segment in side.residual and has_columns(side.residual[segment], force_columns("tau_bar")):
+            found[segment, FORCE] = _signals(side.residual[segment], force_columns("tau_bar"), start, AXES)
+        if segment in side.predictions:
+            table = side.predictions[segment]
+            for model in pc.unique(table["model"]).to_pylist() if side.model is None else [side.model]:
+                kind = f"{MODEL} {model}" if side.model is None else MODEL
+                rows = table.filter(pc.equal(table["model"], model))
+                if rows.num_rows:
+                    found[segment, kind] = _signals(rows, force_columns("tau"), start, AXES)
+    return found
+
+
+def _signals(table: pa.Table, columns: tuple[str, ...], start_s: float, names: tuple[str, ...] = ()) -> Signals:
+    short = names or tuple(name.split("_")[0] for name in columns)
+    units = tuple(AXIS_UNITS[name] for name in names) or tuple(UNITS[name.partition("_")[2]] for name in columns)
+    return Signals(column(table, "t_s") + start_s, matrix(table, columns), short, units)
+
+
+def place_of_view(group: Document) -> tuple[str, str]:
+    """What a group of a view belongs to (leg, swing, flight) and what it shows: `rlse/dive/mass/history` -> dive, mass history."""
+    parts = str(group["entity"]).split("/")
+    own = parts[1:] if len(parts) > 2 else parts
+    return own[0], " ".join(own[1:])
+
+
+def signals_of_view(group: Document, table: pa.Table) -> Signals | None:
+    """The series of a group of a view on their own clock; None for a table without one, or where nothing of it is left."""
+    columns = tuple(map(str, group["columns"]))
+    if not has_columns(table, ("t_s", *columns)):
+        return None
+    for name, value in (group.get("filter") or {}).items():
+        table = table.filter(pc.equal(table[name], value))
+    if not table.num_rows:
+        return None
+    names, unit = tuple(map(str, group["names"])), str(group["unit"])
+    return Signals(column(table, "t_s"), matrix(table, columns), names, (unit,) * len(names))
+
+
+def pairs(first: Side, second: Side) -> tuple[list[Pair], list[str]]:
+    """The signals that both sides have, and sentences on those that have no partner."""
+    one, two = signals_of(first), signals_of(second)
+    found, apart = [], []
+    for segment, kind in (key for key in one if key in two):
+        pair = _pair(segment, kind, one[segment, kind], two[segment, kind])
+        if pair is None:
+            apart.append(f"{segment}: {kind} at no common time")
+        else:
+            found.append(pair)
+    alone = [*_alone([key for key in one if key not in two], first), *_alone([key for key in two if key not in one], second)]
+    return found, [*alone, *apart]
+
+
+def _alone(keys: Sequence[tuple[str, str]], side: Side) -> list[str]:
+    """A sentence for each segment, model or stage on what of it one side has alone."""
+    names: dict[str, list[str]] = {}
+    for of, name in keys:
+        names.setdefault(of, []).append(name)
+    return [
+        f"{of}: {', '.join(few[:NAMED])}{f' and {len(few) - NAMED} more' if len(few) > NAMED else ''} only in {side.name}"
+        for of, few in names.items()
+    ]
+
+
+def _pair(segment: str, kind: str, first: Signals, second: Signals) -> Pair | None:
+    same = first.times.size == second.times.size and bool(np.all(np.abs(first.times - second.times) < SAME_CLOCK_S))
+    if same:
+        return Pair(segment, kind, first, second, first.times, second.values - first.values)
+    if not first.times.size or not second.times.size:
+        return None
+    inside = (first.times >= second.times[0]) & (first.times <= second.times[-1])
+    times = first.times[inside]
+    if not times.size:
+        return None
+    moved = np.column_stack([np.interp(times, second.times, values) for values in second.values.T])
+    return Pair(segment, kind, first, second, times, moved - first.values[inside])
+
+
+def signal_changes(found: list[Pair]) -> Iterator[SignalChange]:
+    """How far each signal of each pair moved."""
+    for pair in found:
+        for place, (name, unit) in enumerate(zip(pair.first.names, pair.first.units, strict=True)):
+            apart = pair.difference[:, place]
+            good = np.isfinite(apart)
+            if not good.any():
+                continue
+            at = int(np.nanargmax(np.abs(apart)))
+            whole = pair.first.values[:, place]
+            size = rms(whole[np.isfinite(whole)])
+            yield SignalChange(pair.segment, pair.kind, name, unit, size, rms(apart[good]), float(abs(apart[at])), float(pair.times[at]))
+
+
+def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], list[str]]:
+    """Every coefficient and named figure of both sides, and sentences on those that have no partner."""
+    one, two = _figures(first), _figures(second)
+    changes = []
+    for of, name in (key for key in one if key in two):
+        old, new = one[of, name], two[of, name]
+        changes.append(
+            FigureChange(
+                of,
+                name,
+                str(old.get("unit") or ""),
+                old["value"],
+                new["value"],
+                old.get("standard_error"),
+                new.get("standard_error"),
+                str(old.get("verdict") or ""),
+                str(new.get("verdict") or ""),
+            )
+        )
+    return changes, [*_alone([key for key in one if key not in two], first), *_alone([key for key in two if key not in one], second)]
+
+
+def _figures(side: Side) -> dict[tuple[str, str], Document]:
+    """(Model or stage, name) -> coefficient or figure; a side that is narrowed to one model has that one only, called `model`."""
+    found: dict[tuple[str, str], Document] = {}
+    for name, card in side.cards.items():
+        if side.model in (None, name):
+            of = f"{MODEL} {name}" if side.model is None else MODEL
+            found |= {(of, f"{axis} {term['term']}"): term for axis, fit in card["axes"].items() for term in fit["terms"]}
+    if side.model is None:
+        for name, document in side.results.items():
+            found |= {(name, str(row["quantity"])): row for row in document["rows"]}
+    return found

@@ -1,0 +1,1 @@
+"""The first screen: what a run found and what it is good for."""

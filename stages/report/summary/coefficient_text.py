@@ -1,0 +1,155 @@
+"""What a model card says about the vehicle, in the words of the first screen: coefficients with unit and interval, and what was assumed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.regression.separability import breaks_symmetry
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.stages.page.first_screen import AXES, AXIS_WORDS, Finding
+
+VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
+NORMAL_95 = 1.96
+LONGEST = 6
+"""Longer lists of assumed numbers stay in the vehicle file."""
+Document = Mapping[str, Any]
+
+
+def findings(card: Document) -> tuple[Finding, ...]:
+    """Damping per axis where a term in that axis's own velocity is identified, then constant forces, then the number of couplings.
+
+    Standard errors are those of the model card and take the assumed figures of the vehicle as exact.
+    """
+    found = [
+        Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
+        for axis, part in card["axes"].items()
+        if (lines := _damping(axis, part))
+    ]
+    single = [(axis, item) for axis, part in card["axes"].items() for item in _identified(part)]
+    constant = [
+        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, CONSTANT))
+        for axis, item in single
+        if item["term"] == CONSTANT
+    ]
+    if constant:
+        found.append(
+            Finding("constant force per axis", tuple(constant), "Z below zero pushes up: net buoyancy. Moments: trim, or thrusters.")
+        )
+    crossed = [breaks_symmetry(axis, item["term"]) for axis, item in single if item["term"] != CONSTANT and not _own(axis, item["term"])]
+    if crossed:
+        words = f"{len(crossed)} identified, in Models and coefficients"
+        note = (
+            f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at thrusters, sensor mounting and load first."
+        )
+        found.append(Finding("couplings", (words,), note if any(crossed) else ""))
+    return tuple(found)
+
+
+def _range(axis: str, conditions: Document) -> str:
+    """Where the training legs went, and so where the damping holds."""
+    name = VELOCITY_OF[axis]
+    seen = conditions[name]
+    return true_minus(
+        f"Between {seen['low']:.2g} and {seen['high']:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'}, where the training legs went."
+    )
+
+
+def _damping(axis: str, part: Document) -> tuple[str, ...]:
+    """The identified terms in the axis's own velocity, and the determined sums of such terms, with 95 % intervals."""
+    lines = [_coefficient(axis, item, interval=True) for item in _identified(part) if _own(axis, item["term"])]
+    for item in part["combinations"]:
+        error = item.get("standard_error")
+        if error and abs(item["value"]) >= 2 * error and all(_own(axis, term) for term in item["weights"]):
+            units = {_unit(axis, term) for term in item["weights"]}
+            if len(units) == 1:
+                name = " + ".join(
+                    f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}" for term, weight in item["weights"].items()
+                )
+                lines.append(_figure(name.replace("+ -1 ", "− "), item["value"], error, units.pop(), interval=True))
+    return tuple(lines)
+
+
+def _identified(part: Document) -> list[Document]:
+    return [item for item in part["terms"] if item["verdict"] == IDENTIFIED and item["value"] is not None and item["standard_error"]]
+
+
+def _factors(term: str) -> tuple[str, ...]:
+    return tuple(BASIS_TERMS[term].factors) if term in BASIS_TERMS else ()
+
+
+def _own(axis: str, term: str) -> bool:
+    factors = _factors(term)
+    return bool(factors) and all(factor.strip("|") == VELOCITY_OF[axis] for factor in factors)
+
+
+def _coefficient(axis: str, item: Document, *, interval: bool = False) -> str:
+    return _figure(_symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, item["term"]), interval=interval)
+
+
+def _symbol(axis: str, term: str) -> str:
+    return f"{axis}_{term.replace('*', '').replace('(eta-1)', '(η−1)')}"
+
+
+def _unit(axis: str, term: str) -> str:
+    """Unit of a coefficient as engineers print it: N s/m, N s²/m², N m s/rad."""
+    return coefficient_unit(axis, term).translate(str.maketrans("234", "²³⁴")).replace("^", "")
+
+
+def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:
+    """`X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two if it begins with 1."""
+    first = math.floor(math.log10(error))
+    digits = max(0, (1 if error < 2 * 10.0**first else 0) - first)
+    words = f"{symbol} = {value:.{digits}f} ± {error:.{digits}f} {unit}"
+    if interval:
+        words += f" (95 %: {value - NORMAL_95 * error:.{digits}f} to {value + NORMAL_95 * error:.{digits}f})"
+    return true_minus(words)
+
+
+def assumed_words(vehicle: Document) -> tuple[int, str]:
+    """How many figures of a vehicle document are assumed, and which: names and values, grouped, without their sources."""
+    groups: dict[str, list[str]] = {}
+    for path, quantity in _assumed(vehicle, ()):
+        groups.setdefault("".join(path[-2:-1]).replace("_", " "), []).append(f"{_name(path[-1])}{_value(quantity)}")
+    words = [f"{group}: {', '.join(items)}" if group else ", ".join(items) for group, items in groups.items()]
+    return sum(len(items) for items in groups.values()), "; ".join(words)
+
+
+def _assumed(part: Document, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Document]]:
+    for key, value in part.items():
+        if isinstance(value, Mapping):
+            if value.get("assumed") and "value" in value:
+                yield (*path, str(key)), value
+            else:
+                yield from _assumed(value, (*path, str(key)))
+
+
+def _name(field: str) -> str:
+    return field if field != field.lower() else field.replace("_", " ")
+
+
+def _value(quantity: Document) -> str:
+    """` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`; nothing for a longer list, which the vehicle file holds."""
+    value = np.asarray(quantity["value"], dtype=float)
+    if value.ndim == 2 and value.shape[0] == value.shape[1] and not np.any(value - np.diag(np.diag(value))):
+        words = f" diag({_numbers(np.diag(value))})"
+    elif value.size > LONGEST:
+        return ""
+    else:
+        words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:.4g}"
+    unit = str(quantity.get("unit", "1")).replace("*", " ").replace("^2", "²").replace("^3", "³")
+    return true_minus(words if unit == "1" else f"{words} {unit}")
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+def true_minus(words: str) -> str:
+    """Hyphens before numbers as minus signs; dates and names keep theirs."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", words)

@@ -1,0 +1,114 @@
+"""One verdict per coefficient, by the rules written in its module; excitation of the motion behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation, term_floors
+from auvid.hydro.identification.regression.least_squares import AxisFit, TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.verdicts import judge
+
+
+def fit_of(nu: np.ndarray, terms: tuple[str, ...], force: np.ndarray) -> AxisFit:
+    forces = np.zeros((nu.shape[1], 6))
+    forces[:, 0] = force
+    return solve_axis(TriangularFactor.empty(terms).update(basis_rows(nu, None, terms), forces), "X", terms)
+
+
+@pytest.fixture
+def nu() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return rng.standard_normal((6, 4000)) * np.array([0.3, 0.2, 0.2, 0.001, 0.3, 0.3])[:, None] + np.array([[2.0], [0], [0], [0], [0], [0]])
+
+
+def test_every_verdict(nu: np.ndarray) -> None:
+    noise = np.random.default_rng(2).standard_normal(4000)
+    fit = fit_of(nu, ("u", "|u|", "v", "w", "p"), -8.0 * nu[0] + 5.0 * nu[1] + 400.0 * nu[3] + noise)
+    verdicts = judge(fit, floors=term_floors(fit.terms, axis_excitation(nu.T)))
+    assert {term: str(verdict) for term, verdict in verdicts.items()} == {
+        "u": "inseparable from |u|",
+        "|u|": "inseparable from u",
+        "v": "identified",
+        "w": "weak",
+        "p": "not excited",
+    }
+    assert verdicts["v"].t_ratio > 20
+    assert verdicts["w"].t_ratio < 2
+    assert verdicts["p"].excitation < 0.1
+    assert verdicts["v"].share == pytest.approx(5.0 * 0.2 / fit.j0, rel=0.1)
+
+
+def test_without_floors_a_small_but_clear_term_is_identified(nu: np.ndarray) -> None:
+    fit = fit_of(nu, ("p",), 400.0 * nu[3])
+    assert judge(fit)["p"].status == "identified"
+
+
+def test_larger_standard_errors_turn_identified_into_weak(nu: np.ndarray) -> None:
+    fit = fit_of(nu, ("v",), 5.0 * nu[1] + np.random.default_rng(3).standard_normal(4000))
+    assert judge(fit)["v"].status == "identified"
+    assert judge(fit, standard_errors=[3.0])["v"].status == "weak"
+    with pytest.raises(DataError, match="one standard error per term"):
+        judge(fit, standard_errors=[1.0, 2.0])
+
+
+def test_nearly_dependent_terms_are_inseparable_when_neither_is_clear() -> None:
+    rng = np.random.default_rng(4)
+    nu = np.zeros((6, 3000))
+    nu[0] = rng.uniform(0.5, 2.0, 3000)
+    nu[0, :3] = -0.2
+    nu[1] = rng.standard_normal(3000)
+    fit = fit_of(nu, ("u", "|u|", "v"), -8.0 * nu[0] + 4.0 * nu[1] + 5.0 * rng.standard_normal(3000))
+    assert fit.rank == 3
+    assert {term: str(verdict) for term, verdict in judge(fit).items()} == {
+        "u": "inseparable from |u|",
+        "|u|": "inseparable from u",
+        "v": "identified",
+    }
+
+
+def test_a_zero_column_is_not_excited() -> None:
+    nu = np.zeros((6, 100))
+    nu[0] = np.linspace(0.1, 1.0, 100)
+    verdicts = judge(fit_of(nu, ("u", "r"), nu[0]))
+    assert verdicts["r"].status == "not excited"
+    assert verdicts["u"].status == "identified"
+
+
+def test_excitation_of_a_motion() -> None:
+    nu = np.zeros((200, 6))
+    nu[:, 0] = 2.0
+    nu[:, 1] = np.where(np.arange(200) % 2, 0.05, -0.05)
+    found = axis_excitation([nu[:50], nu[50:]], eta_ratio=np.full(200, 1.2))
+    assert found["u"].rms == pytest.approx(2.0)
+    assert (found["u"].excited, found["u"].changes_sign, found["u"].std) == (True, False, pytest.approx(0.0, abs=1e-12))
+    assert (found["v"].excited, found["v"].changes_sign, found["v"].share_beyond) == (True, True, 1.0)
+    assert (found["w"].excited, found["w"].share_beyond) == (False, 0.0)
+    assert found["eta-1"].rms == pytest.approx(0.2)
+    assert (found["v"].low, found["v"].high) == (-0.05, 0.05)
+
+
+def test_a_product_counts_as_excited_only_if_each_factor_is() -> None:
+    rng = np.random.default_rng(5)
+    nu = np.zeros((6, 1000))
+    nu[0], nu[1], nu[5] = 2.0, 0.01 * rng.standard_normal(1000), 0.3 * rng.standard_normal(1000)
+    terms = ("u*v", "u*r", "u*u", "r*V", "v*|v|")
+    floors = term_floors((*terms, "constant"), axis_excitation(nu.T))
+    assert floors["u*v"] == pytest.approx(THRESHOLDS["v"] * 2.0)
+    assert floors["constant"] == 0.0
+    rms = dict(zip(terms, np.sqrt(np.mean(basis_rows(nu, None, terms) ** 2, axis=1)), strict=True))
+    assert {term: bool(rms[term] >= floors[term]) for term in terms} == {
+        "u*v": False,
+        "u*r": True,
+        "u*u": True,
+        "r*V": False,
+        "v*|v|": False,
+    }
+
+
+def test_excitation_refuses_nothing_and_nan() -> None:
+    with pytest.raises(DataError, match=r"\(n, 6\)"):
+        axis_excitation(np.zeros((0, 6)))
+    with pytest.raises(DataError, match="not finite"):
+        axis_excitation(np.full((3, 6), np.nan))

@@ -1,0 +1,57 @@
+"""The zero-phase low-pass: amplitude, no lag, edge zone, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.signals.filters import edge_zone_s, zero_phase_lowpass
+
+T = np.arange(3000) / 50.0
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize(("frequency", "share"), [(0.2, 1.0), (3.0, 0.5), (15.0, 0.0)])
+def test_amplitude(frequency: float, share: float, order: int) -> None:
+    wave = np.sin(2 * np.pi * frequency * T)
+    inner = slice(500, -500)
+    filtered = zero_phase_lowpass(T, wave, cutoff_hz=3.0, order=order)
+    # Zero phase: the result is the wave itself, scaled.
+    np.testing.assert_allclose(filtered[inner], share * wave[inner], atol=2e-3)
+
+
+def test_all_channels_alike_and_input_untouched() -> None:
+    values = np.column_stack([np.sin(T), np.sin(T), T])
+    values.flags.writeable = False
+    filtered = zero_phase_lowpass(T, values, cutoff_hz=1.0)
+    np.testing.assert_array_equal(filtered[:, 0], filtered[:, 1])
+    # A ramp is continued as a ramp for two edge zones, after which 1e-4 of its step is felt.
+    np.testing.assert_allclose(filtered[:, 2], T, atol=1e-4)
+
+
+def test_edge_effects_stay_in_the_edge_zone() -> None:
+    spike = np.zeros_like(T)
+    spike[0] = 1.0
+    zone = edge_zone_s(3.0)
+    assert zone == pytest.approx(0.64, abs=0.01)
+    filtered = np.abs(zero_phase_lowpass(T, spike, cutoff_hz=3.0))
+    assert filtered[zone <= T].max() < 0.02 * filtered.max()
+
+
+def test_short_leg_is_filtered() -> None:
+    assert np.isfinite(zero_phase_lowpass(T[:6], np.sin(T[:6]), cutoff_hz=3.0)).all()
+
+
+def test_refuses_nan_gaps_and_impossible_cutoffs() -> None:
+    hole = np.sin(T)
+    hole[7] = np.nan
+    with pytest.raises(ValueError, match="not finite"):
+        zero_phase_lowpass(T, hole, cutoff_hz=3.0)
+    with pytest.raises(ValueError, match="uniform clock"):
+        zero_phase_lowpass(np.delete(T, 100), np.delete(T, 100), cutoff_hz=3.0)
+    with pytest.raises(ValueError, match="belong together"):
+        zero_phase_lowpass(T, T[:-1], cutoff_hz=3.0)
+    with pytest.raises(DataError, match="half the sample rate"):
+        zero_phase_lowpass(T, T, cutoff_hz=25.0)
+    with pytest.raises(DataError, match="too few samples"):
+        zero_phase_lowpass(T[:3], T[:3], cutoff_hz=3.0)

@@ -1,0 +1,94 @@
+"""What the end of a run says: losses, warnings, errors in short, and places. On made-up artefacts of the real graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from auvid.data_schemas.tables import make_table
+from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.commands.open_run import print_summary
+from auvid.pipeline.commands.run_summary import error_rows, losses, places, shortened, warnings
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import Graph
+from auvid.pipeline.store.artefacts import encode
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.fingerprints import hash_bytes
+from auvid.pipeline.store.manifest import Record
+from auvid.stages import STAGES
+from auvid.stages.presentation import remark, section
+
+from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
+
+FILE = {"name": "a.log", "status": "truncated", "skipped": [{"reason": "damaged bytes", "bytes": 40, "count": 1}], "seconds_lost": 1.25}
+LOG_INFO: dict[str, Any] = {
+    "log": "a",
+    "files": [FILE],
+    "status": "truncated",
+    "start_us": 0,
+    "end_us": 1,
+    "utc_offset_us": None,
+    "vehicle": None,
+    "parameters": {},
+    "accelerometer": None,
+    "streams": {},
+    "counts": {},
+    "notes": [],
+}
+ERRORS = ("sse", "mae", "mse", "rms", "mad", "j0")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    campaign = load_campaign(write_campaign(tmp_path / "toy"), kinds=KINDS, vehicles=VEHICLES)
+    return Run(campaign, Graph(STAGES), {}, tmp_path / "runs" / "toy")
+
+
+def put(run: Run, stage: str, item: str, **artefacts: Any) -> None:
+    """Artefacts as a stage would have left them."""
+    hashes = {}
+    for port in run.graph.outputs:
+        if port.stage.name == stage and port.name in artefacts:
+            content = encode(artefacts[port.name], port.schema, file="test")
+            write_atomically(run.folder / stage / port.path(item), content)
+            hashes[port.name] = hash_bytes(content)
+    run.manifests[stage].records[item] = Record("key", "code", {}, {}, hashes, {})
+
+
+def test_losses_name_log_bytes_time_and_reason(run: Run) -> None:
+    dropped = {"stream": ["a.log", "velocity", "velocity"], "reason": ["damaged bytes", "spike", "spike"], "count": [1, 3, 4]}
+    table = make_table("dropped", {**dropped, "bytes": [40, None, None], "first": [0, 0, 0], "last": [0, 0, 0]})
+    put(run, "ingest", "a", log_info=LOG_INFO, dropped=table)
+    assert losses(run) == ["log 'a' is truncated: 40 bytes skipped, 1.2 s lost", "log 'a': 7 rejected (velocity: spike)"]
+
+
+def test_whole_log_has_no_losses(run: Run) -> None:
+    put(run, "ingest", "a", log_info={**LOG_INFO, "status": "complete"})
+    assert losses(run) == []
+
+
+def test_warnings_are_counted(run: Run) -> None:
+    for item in ("one", "two"):
+        put(run, "fuse", item, section=section("Fused", [remark("drifts", "warning"), remark("fine", "note")], order=1))
+    assert warnings(run) == ["drifts (2 times)"]
+
+
+def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        (use, leg, "fossen", "all", ratio)
+        for use, leg, ratio in (("training", "all", 0.5), ("training", "one", 9.0), ("validation", "all", None))
+    ]
+    columns = {name: [row[index] for row in rows] for index, name in enumerate(("use", "leg", "model", "axis", "ratio"))}
+    counts = {name: [12] * 3 for name in ("n_bar", "rank", "samples")}
+    put(run, "validate", "campaign", error_table=make_table("error_table", {**columns, **counts, **{name: [1.0] * 3 for name in ERRORS}}))
+    assert error_rows(run) == [("fossen", 12, 0.5, None)]
+    assert places(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
+    print_summary(run)
+    said = capsys.readouterr().out
+    assert "fossen              12       0.500           -" in said
+    assert f"error table:    {run.folder}/validate/error_table.parquet" in said
+
+
+def test_long_lists_are_cut_with_the_count() -> None:
+    assert shortened([str(number) for number in range(25)])[-2:] == ["19", "... and 5 more"]

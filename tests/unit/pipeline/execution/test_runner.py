@@ -1,0 +1,347 @@
+"""The runner: what runs again, what does not, and what an interrupted or failed run leaves behind. On toy stages."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.commands.run_summary import warnings
+from auvid.pipeline.execution import runner
+from auvid.pipeline.execution.engines import Processes, Serial, make_engine
+from auvid.pipeline.execution.lock import FILE as LOCK
+from auvid.pipeline.execution.lock import locked
+from auvid.pipeline.execution.runner import InternalFault, Run, StageFault
+from auvid.pipeline.graph import Graph, WiringError, select
+from auvid.pipeline.store import atomic_files as files
+from auvid.pipeline.store import fingerprints
+from auvid.pipeline.store.atomic_files import TEMPORARY
+from auvid.pipeline.store.manifest import Manifest
+from auvid.stages.base import make_params, port
+
+from tests.support import toy_stages
+from tests.support.toy_stages import MANIFEST, STAGES, open_run, write_campaign
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return write_campaign(tmp_path / "campaigns" / "toy")
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    return tmp_path / "runs"
+
+
+def run_all(run: Run, **options: Any) -> int:
+    return run.execute(run.graph.stages, Serial(), **options)
+
+
+def ran(run: Run) -> dict[str, list[str]]:
+    """Run everything and say which items of which stages ran."""
+    seen: dict[str, list[str]] = {stage.name: [] for stage in run.graph.stages}
+
+    class Watch:
+        now = ""
+
+        def stage(self, name: str, *, todo: int, total: int, level: str) -> None:
+            self.now = name
+
+        def item(self, name: str) -> None:
+            seen[self.now].append(name)
+
+        def finish(self, *, failed: int) -> None:
+            pass
+
+    run.execute(run.graph.stages, Serial(), Watch())
+    return {name: items for name, items in seen.items() if items}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All artefacts and manifests of a run, by path."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file() and path.name[0] != "."
+    }
+
+
+def written(folder: Path) -> dict[Path, int]:
+    """When each artefact and manifest was written."""
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
+
+
+def test_second_run_does_nothing(campaign: Path, runs: Path) -> None:
+    assert ran(open_run(campaign, runs)) == {
+        "decode": ["a", "b"],
+        "cut": ["one", "two", "three"],
+        "spread": ["one", "two", "three"],
+        "total": ["campaign"],
+    }
+    before = written(runs)
+    assert ran(open_run(campaign, runs)) == {}
+    assert written(runs) == before
+
+
+def test_changed_parameter_reruns_what_depends_on_it(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    assert sorted(ran(open_run(campaign, runs, spread={"floor": 3.0}))) == ["spread", "total"]
+
+
+def test_same_result_again_makes_nothing_after_it_stale(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    below_every_distance = 0.25
+    assert sorted(ran(open_run(campaign, runs, spread={"floor": below_every_distance}))) == ["spread"]
+
+
+def test_changed_log_reruns_its_items_only(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    (campaign / "a.log").write_bytes(bytes(range(50, 90)))
+    assert ran(open_run(campaign, runs)) == {"decode": ["a"], "cut": ["one"], "spread": ["one"], "total": ["campaign"]}
+
+
+def test_changed_leg_does_not_touch_the_logs(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    (campaign / "campaign.yaml").write_text(MANIFEST.replace("log: a, use: training", "log: a, use: training, end_s: 40"))
+    assert ran(open_run(campaign, runs)) == {"cut": ["one"]}
+
+
+def test_removed_leg_leaves_no_files(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    (campaign / "campaign.yaml").write_text(MANIFEST.replace("  - {id: three, log: b, use: validation}\n", ""))
+    run_all(open_run(campaign, runs))
+    assert not list(runs.rglob("*three*"))
+
+
+def test_other_number_of_segments_replaces_the_old_ones(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    run = open_run(campaign, runs, cut={"parts": 2})
+    run_all(run)
+    names = ["one.1", "one.2", "two.1", "two.2", "three.1", "three.2"]
+    assert [place.item for place in run.places("segment")] == names
+    assert sorted(path.name for path in (runs / "toy" / "spread").iterdir() if path.is_dir()) == sorted(names)
+    assert [path.stem for path in sorted((runs / "toy" / "total" / "mode").iterdir())] == sorted(names)
+
+
+def test_changed_code_reruns_the_stage(campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_all(open_run(campaign, runs))
+    true = fingerprints.stage_code
+    monkeypatch.setattr(runner, "stage_code", lambda stage: "edited" if stage.name == "cut" else true(stage))
+    assert sorted(ran(open_run(campaign, runs))) == ["cut"]
+
+
+@pytest.mark.parametrize("damage", ["remove", "alter"])
+def test_lost_or_altered_artefact_is_made_again(campaign: Path, runs: Path, damage: str) -> None:
+    run_all(open_run(campaign, runs))
+    whole = contents(runs)
+    victim = runs / "toy" / "spread" / "two" / "range.parquet"
+    victim.unlink() if damage == "remove" else victim.write_bytes(b"PAR1")
+    assert ran(open_run(campaign, runs)) == {"spread": ["two"]}
+    assert contents(runs) == whole
+
+
+def test_damaged_manifest_reruns_its_stage(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    (runs / "toy" / "cut" / "manifest.json").write_text("{")
+    assert sorted(ran(open_run(campaign, runs))) == ["cut"]
+
+
+def test_force_runs_everything_and_gives_the_same(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    whole = contents(runs)
+    assert run_all(open_run(campaign, runs), force=True) == 9
+    assert contents(runs) == whole
+
+
+def test_processes_give_the_same_bytes(campaign: Path, runs: Path, tmp_path: Path) -> None:
+    run_all(open_run(campaign, runs, cut={"parts": 3}))
+    run = open_run(campaign, tmp_path / "other", cut={"parts": 3})
+    run.execute(run.graph.stages, Processes(2))
+    assert contents(tmp_path / "other") == contents(runs)
+    (campaign / "b.log").write_bytes(b"CRASH")
+    crashing = open_run(campaign, tmp_path / "other")
+    with pytest.raises(InternalFault, match=r"decode, log 'b': ZeroDivisionError: toy crash"):
+        crashing.execute(crashing.graph.stages, Processes(2), force=True)
+
+
+def test_every_collects_by_stage_and_item(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    lines = (runs / "toy" / "total" / "tables_text.txt").read_text().splitlines()
+    assert lines == [
+        *("decode/a", "decode/b", "spread/one", "spread/two", "spread/three"),
+        *("decode/a/depth", "decode/b/depth", "decode/b/battery"),
+        *("cut/one/samples_depth", "cut/two/samples_depth", "cut/three/samples_depth"),
+        *("spread/one/range", "spread/two/range", "spread/three/range"),
+    ]
+
+
+def test_optional_input_is_none_where_the_log_has_none(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    found = {item: (runs / "toy" / "spread" / item / "section.json").read_text() for item in ("one", "two")}
+    assert ("battery" in found["one"], "battery" in found["two"]) == (False, True)
+
+
+def test_missing_required_input_names_stage_item_and_artefact(campaign: Path, runs: Path) -> None:
+    @dataclass(frozen=True)
+    class Needs(toy_stages.SpreadInputs):
+        battery: pa.Table = port("battery")
+
+    run = open_run(campaign, runs)
+    run.graph = Graph((*STAGES[:2], replace(STAGES[2], inputs=Needs), STAGES[3]))
+    with pytest.raises(StageFault, match=r"spread, segment 'one': needs 'battery' .*stage decode gave none for 'a'"):
+        run_all(run)
+    assert list(Manifest(runs / "toy" / "spread").records) == ["two", "three"]
+
+
+def test_fault_of_one_item_keeps_the_others(campaign: Path, runs: Path) -> None:
+    good = (campaign / "a.log").read_bytes()
+    (campaign / "a.log").write_bytes(b"BAD")
+    with pytest.raises(StageFault, match=r"decode, log 'a': a.log: not a toy log"):
+        run_all(open_run(campaign, runs))
+    (campaign / "a.log").write_bytes(good)
+    assert ran(open_run(campaign, runs))["decode"] == ["a"]
+
+
+def test_all_faults_of_a_stage_come_together(campaign: Path, runs: Path) -> None:
+    for name in ("a.log", "b.log"):
+        (campaign / name).write_bytes(b"BAD")
+    with pytest.raises(PipelineError, match=r"(?s)2 faults.*log 'a'.*log 'b'"):
+        run_all(open_run(campaign, runs))
+
+
+def test_crash_names_stage_and_item_and_keeps_the_trace(campaign: Path, runs: Path) -> None:
+    (campaign / "b.log").write_bytes(b"CRASH")
+    run = open_run(campaign, runs)
+    with pytest.raises(InternalFault, match=r"decode, log 'b': ZeroDivisionError: toy crash") as caught:
+        run_all(run)
+    assert "toy_stages.py" in caught.value.trace
+
+
+def test_empty_log_is_an_empty_buffer(campaign: Path, runs: Path) -> None:
+    (campaign / "a.log").write_bytes(b"")
+    run = open_run(campaign, runs)
+    run.execute(select(run.graph, only="decode"), Serial())
+    assert (runs / "toy" / "decode" / "a" / "depth.parquet").is_file()
+
+
+def test_log_that_changes_while_it_is_read_is_refused(campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def grows(inputs: Any, params: Any) -> Any:
+        with (campaign / "a.log").open("ab") as file:
+            file.write(b"more")
+        return toy_stages.decode(inputs, params)
+
+    run = open_run(campaign, runs)
+    run.graph = Graph((replace(STAGES[0], run=grows), *STAGES[1:]))
+    with pytest.raises(PipelineError, match=r"a.log: the file of log 'a' changed while it was read"):
+        run_all(run)
+
+
+def test_python_warnings_are_counted_and_stay_in_the_manifest(campaign: Path, runs: Path) -> None:
+    (campaign / "a.log").write_bytes(b"WARN of something")
+    run_all(open_run(campaign, runs))
+    again = open_run(campaign, runs)
+    assert warnings(again) == ["decode, a: RuntimeWarning: toy warning"]
+
+
+def test_leg_without_segments_is_a_warning(campaign: Path, runs: Path) -> None:
+    run = open_run(campaign, runs, cut={"parts": 0})
+    run.execute(select(run.graph, only="decode"), Serial())
+    run.execute(select(run.graph, only="cut"), Serial())
+    assert warnings(run) == [f"cut: leg '{leg}' gave no segment" for leg in ("one", "two", "three")]
+
+
+@pytest.fixture
+def break_writing(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BaseException | None]]:
+    """A list to which a test adds what the next writes raise in the middle; None lets one through."""
+    plan: list[BaseException | None] = []
+    true = os.fsync
+
+    def fsync(handle: int) -> None:
+        fault = plan.pop(0) if plan else None
+        if fault is not None:
+            raise fault
+        true(handle)
+
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    return plan
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_broken_write_leaves_nothing_half_done(
+    campaign: Path, runs: Path, break_writing: list[BaseException | None], fault: BaseException
+) -> None:
+    run_all(open_run(campaign, runs))
+    writes_per_artefact = 2  # file and folder
+    break_writing += [*[None] * writes_per_artefact * 2, fault]
+    expected = KeyboardInterrupt if isinstance(fault, KeyboardInterrupt) else StageFault
+    with pytest.raises(expected) as caught:
+        run_all(open_run(campaign, runs, decode={"scale": 2.0}))
+    assert not list(runs.rglob(f"*{TEMPORARY}"))
+    records = Manifest(runs / "toy" / "decode").records
+    assert "a" not in records, "the manifest must not vouch for a log whose artefacts are half replaced"
+    if expected is StageFault:
+        assert "No space left on device" in str(caught.value)
+        assert "Free some space" in str(caught.value)
+    break_writing.clear()
+    assert "a" in ran(open_run(campaign, runs, decode={"scale": 2.0}))["decode"]
+
+
+def test_parts_of_killed_writers_are_swept(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    part = runs / "toy" / "decode" / "a" / f".depth.parquet.123{TEMPORARY}"
+    part.write_bytes(b"half")
+    run_all(open_run(campaign, runs))
+    assert not part.exists()
+
+
+def test_two_runs_of_one_campaign_exclude_each_other(campaign: Path, runs: Path) -> None:
+    with locked(runs / "toy"), pytest.raises(PipelineError, match=rf"another run .* under way; found 'process {os.getpid()}'"):
+        run_all(open_run(campaign, runs))
+    assert run_all(open_run(campaign, runs)) == 9
+
+
+def test_lock_of_a_dead_process_is_free(campaign: Path, runs: Path) -> None:
+    (runs / "toy").mkdir(parents=True)
+    (runs / "toy" / LOCK).write_text("999999999\n")
+    assert run_all(open_run(campaign, runs)) == 9
+
+
+def test_only_needs_what_came_before(campaign: Path, runs: Path) -> None:
+    run = open_run(campaign, runs)
+    with pytest.raises(PipelineError, match=r"stage cut has not been run.*auvid run toy --until cut"):
+        run.execute(select(run.graph, only="spread"), Serial())
+
+
+def test_until_runs_what_is_needed(campaign: Path, runs: Path) -> None:
+    run = open_run(campaign, runs)
+    assert [stage.name for stage in select(run.graph, until="cut")] == ["decode", "cut"]
+    with pytest.raises(PipelineError, match=r"no such stage.*Did you mean 'spread'"):
+        select(run.graph, until="spred")
+
+
+def test_stages_that_do_not_fit_together_are_refused() -> None:
+    with pytest.raises(WiringError, match=r"cut.depth needs one earlier stage that outputs 'depth'; there is: none"):
+        Graph(STAGES[1:])
+    twin = replace(STAGES[0], name="decode_too")
+    with pytest.raises(WiringError, match="there is: decode, decode_too"):
+        Graph((STAGES[0], twin, STAGES[1]))
+
+
+def test_engine_names_and_jobs_are_checked() -> None:
+    with pytest.raises(PipelineError, match="Did you mean 'processes'"):
+        make_engine("process")
+    for name, jobs in (("processes", 0), ("serial", 2)):
+        with pytest.raises(PipelineError, match="'--jobs': does not fit the engine"):
+            make_engine(name, jobs)
+    assert isinstance(make_engine(), Serial)
+    assert isinstance(make_engine(jobs=2), Processes)
+
+
+def test_params_of_a_record_are_those_of_the_run(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs, spread={"floor": 1.0, "plan": {"x": 2.0}}))
+    assert Manifest(runs / "toy" / "spread").records["one"].params == {"floor": 1.0, "plan": {"x": 2.0}}
+    assert make_params(toy_stages.SpreadParams, {}, stage="spread").floor == 0.0

@@ -1,0 +1,212 @@
+"""The artefact store: what is written is whole, says its units, comes back equal, and is the same bytes for the same content."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from auvid.data_schemas.errors import PipelineError, SchemaError
+from auvid.data_schemas.tables import make_table
+from auvid.pipeline.graph import Graph
+from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
+from auvid.pipeline.store.atomic_files import TEMPORARY, prune, sweep, write_atomically
+from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
+from auvid.stages import STAGES
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support import toy_stages
+
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
+JSON = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4), max_leaves=20)
+
+
+def depth_table(rows: int = 5) -> pa.Table:
+    return make_table("depth", {"time_us": np.arange(rows, dtype=np.int64), "depth_m": np.linspace(0.0, 1.0, rows)})
+
+
+def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
+    path = tmp_path / "depth.parquet"
+    write_atomically(path, encode(depth_table(), "depth", file="x"))
+    found = load(path, "depth")
+    assert found.equals(depth_table())
+    metadata = pq.read_schema(path).field("depth_m").metadata
+    assert metadata == {b"unit": b"m", b"frame": b"NED", b"meaning": b"depth of the pressure sensor"}
+    assert pq.ParquetFile(path).metadata.row_group(0).column(0).compression == "ZSTD"
+
+
+def test_same_content_is_the_same_bytes_however_it_is_chunked() -> None:
+    whole = depth_table(1000)
+    chunked = pa.concat_tables([whole.slice(0, 17), whole.slice(17, 400), whole.slice(417)])
+    assert encode(chunked, "depth", file="x") == encode(whole, "depth", file="x")
+
+
+def test_table_is_checked_on_write_and_on_read(tmp_path: Path) -> None:
+    wrong = depth_table().rename_columns(["time_us", "depth_ft"])
+    with pytest.raises(PipelineError, match="depth_ft"):
+        encode(wrong, "depth", file="x")
+    pq.write_table(wrong, tmp_path / "depth.parquet")
+    with pytest.raises(PipelineError, match=r"(?s)depth.parquet.*depth_ft"):
+        load(tmp_path / "depth.parquet", "depth")
+
+
+@pytest.mark.parametrize(("name", "artefact"), [("depth", b"bytes"), ("tables_text", "text"), ("section", {"title": 1})])
+def test_artefact_of_another_kind_is_refused(name: str, artefact: object) -> None:
+    with pytest.raises(PipelineError, match=r"output 'x'"):
+        encode(artefact, name, file="output 'x'")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"{", b"\xff\xfe"])
+def test_damaged_artefact_is_a_clear_error(content: bytes, tmp_path: Path) -> None:
+    for name in ("depth.parquet", "section.json"):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(SchemaError, match=rf"{name}: cannot be read.*Remove the file"):
+            load(tmp_path / name, name.partition(".")[0])
+
+
+def test_altered_artefact_is_noticed_by_its_hash(tmp_path: Path) -> None:
+    write_atomically(tmp_path / "depth.parquet", encode(depth_table(), "depth", file="x"))
+    with pytest.raises(SchemaError, match="not what its manifest says"):
+        load(tmp_path / "depth.parquet", "depth", expected="0" * 64)
+
+
+def test_documents_hold_plain_finite_values_only() -> None:
+    assert to_plain({"a": np.float64(1.5), "b": np.arange(2), "c": (True, None)}) == {"a": 1.5, "b": [0, 1], "c": [True, None]}
+    with pytest.raises(SchemaError, match=r"field 'a\[1\]': no number"):
+        to_plain({"a": [1.0, float("nan")]}, file="x")
+    with pytest.raises(SchemaError, match="cannot hold this"):
+        to_plain({"a": {1, 2}})
+
+
+@given(JSON)
+def test_json_layout_changes_no_value(value: object) -> None:
+    assert json.loads(to_json(value)) == value
+
+
+def test_json_is_one_key_a_line_and_keeps_the_order() -> None:
+    document = {"z": [1, 2, 3], "a": {"x": {"deep": [{"y": 1}]}}, "text": "u'"}
+    assert to_json(document).splitlines() == [
+        "{",
+        ' "z": [1, 2, 3],',
+        ' "a": {',
+        '  "x": {',
+        '   "deep": [',
+        '    {"y": 1}',
+        "   ]",
+        "  }",
+        " },",
+        ' "text": "u\'"',
+        "}",
+    ]
+
+
+def test_write_replaces_as_a_whole_and_leaves_no_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "deep" / "x.json"
+    write_atomically(path, b"old")
+
+    def fail(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(PipelineError, match=r"x.json: cannot be written: No space left on device.*Free some space"):
+        write_atomically(path, b"new")
+    assert [entry.name for entry in path.parent.iterdir()] == ["x.json"]
+    assert path.read_bytes() == b"old"
+
+
+def test_prune_and_sweep(tmp_path: Path) -> None:
+    for name in ("keep/a", "drop/b", "keep/c"):
+        write_atomically(tmp_path / name, b"")
+    prune(tmp_path, {tmp_path / "keep" / "a"})
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == ["keep", "keep/a"]
+    (tmp_path / "keep" / f".a.77{TEMPORARY}").touch()
+    sweep(tmp_path)
+    assert [path.name for path in (tmp_path / "keep").iterdir()] == ["a"]
+
+
+def test_file_hashes_notice_change_and_forget_what_is_gone(tmp_path: Path) -> None:
+    path, memory = tmp_path / "x", tmp_path / ".hashes.json"
+    path.write_bytes(b"one")
+    long_ago = time.time() - 100.0
+    os.utime(path, (long_ago, long_ago))
+    hashes = FileHashes(memory)
+    first = hashes.of(path)
+    hashes.save()
+    assert FileHashes(memory).of(path) == first
+    path.write_bytes(b"two")
+    assert FileHashes(memory).of(path) != first
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        FileHashes(memory).of(path)
+    memory.write_text("[broken")
+    path.write_bytes(b"one")
+    assert FileHashes(memory).of(path) == first
+
+
+def test_young_file_is_hashed_again(tmp_path: Path) -> None:
+    """Two writes of one length within a tick of the file system's clock must not be taken for one."""
+    path = tmp_path / "x"
+    path.write_bytes(b"one")
+    hashes = FileHashes()
+    first, stamp = hashes.of(path), path.stat().st_mtime_ns
+    path.write_bytes(b"two")
+    os.utime(path, ns=(stamp, stamp))
+    assert hashes.of(path) != first
+
+
+def test_value_hash_ignores_the_order_of_keys_only() -> None:
+    assert hash_value({"a": 1, "b": [1, 2]}) == hash_value({"b": [1, 2], "a": 1})
+    assert hash_value({"a": [1, 2]}) != hash_value({"a": [2, 1]})
+    assert hash_value(1.0) != hash_value("1.0")
+
+
+def test_closure_holds_what_a_stage_imports_and_nothing_else() -> None:
+    fuse = import_closure("auvid.stages.fuse")
+    assert {
+        "auvid.stages.fuse",
+        "auvid.stages.base",
+        "auvid.hydro.dynamics.mechanics.kinematics",
+        "auvid.hydro.identification.signals.splines",
+        "auvid.data_schemas.tables",
+    } <= set(fuse)
+    assert not {"auvid.stages", "auvid.stages.residual", "auvid.stages.ingest", "auvid.stages.ingest.decoded_log"} & set(fuse)
+    assert not [name for name in fuse if name.startswith("auvid.pipeline")]
+    assert {"auvid.stages.ingest.registry", "data_schemas/formats/streams.yaml"} <= set(import_closure("auvid.stages.ingest"))
+    assert {"stages/page/style.css", "stages/page/page.html.j2"} <= set(import_closure("auvid.stages.report"))
+    assert not {"auvid.hydro.dynamics.viscous.models", "auvid.hydro.identification.regression.least_squares"} & set(
+        import_closure("auvid.stages.resample")
+    )
+
+
+def test_every_module_that_a_stage_loads_is_in_its_closure() -> None:
+    """The closure is found in the source; what running Python imports for one stage alone must not go beyond it."""
+    import subprocess
+    import sys
+
+    floors = ("auvid.data_schemas", "auvid.hydro", "auvid.stages")
+    program = "import sys, importlib, types; sys.modules['auvid.stages'] = types.ModuleType('auvid.stages')\n"
+    program += "sys.modules['auvid.stages'].__path__ = [PATH]\n"
+    program += "importlib.import_module('auvid.stages.residual'); print(*sorted(sys.modules))"
+    path = str(Path(import_closure("auvid.stages.residual")["auvid.stages.residual"]).parent)
+    loaded = subprocess.run([sys.executable, "-c", program.replace("PATH", repr(path))], capture_output=True, text=True, check=True).stdout
+    modules = [name for name in loaded.split() if name.startswith(floors)]
+    ours = {name for name in modules if not any(other.startswith(f"{name}.") for other in modules)}
+    assert ours <= set(import_closure("auvid.stages.residual"))
+    assert "auvid.hydro.dynamics.equations_of_motion" in ours
+
+
+def test_stages_have_different_code() -> None:
+    assert len({stage_code(stage) for stage in STAGES}) == len(STAGES)
+    assert len({stage_code(stage) for stage in toy_stages.STAGES}) == 4, "schemas of the ports count, though the module is the same"
+
+
+def test_artefact_paths_of_the_real_graph_are_distinct() -> None:
+    graph = Graph(STAGES)
+    paths = [(port.stage.name, port.path("item", "key" if port.many else None)) for port in graph.outputs]
+    assert len(set(paths)) == len(paths)

@@ -1,0 +1,206 @@
+"""The command line: help, refusals, exit codes, and what a user sees when something goes wrong."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from auvid.hydro.dynamics.viscous.models import MODELS
+from auvid.pipeline import cli
+from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.new.new_example import example_log
+from auvid.stages import STAGES
+from auvid.stages.base import ports
+from typer.testing import CliRunner
+
+from tests.support import toy_stages
+from tests.support.toy_stages import write_campaign
+
+LOOKING = ("inspect", "diff", "history")
+COMMANDS = ("coefficients", "run", "report", *LOOKING, "check", "regress", "simulate", "reproduce", "stages", "models", "vehicles", "new")
+TEMPLATES = Path(cli.__file__).parent / "templates"
+
+
+@pytest.fixture(autouse=True)
+def _signals() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture
+def toy_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A workspace whose stages are the toys."""
+    (tmp_path / "params.yaml").write_text("campaigns: [toy]\n")
+    write_campaign(tmp_path / "campaigns" / "toy")
+    (tmp_path / "vehicles").mkdir()
+    (tmp_path / "vehicles" / "toy.yaml").write_text(toy_stages.VEHICLES["toy"].read_text())
+    monkeypatch.setattr(session, "STAGES", toy_stages.STAGES)
+    monkeypatch.setattr(session, "KINDS", toy_stages.KINDS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def auvid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command in this process."""
+    monkeypatch.setattr(sys, "argv", ["auvid", *words])
+    code: Any = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = end.code or 0
+    said = capsys.readouterr()
+    return int(code), said.out, said.err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(command: str) -> None:
+    shown = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "120"}).output
+    assert re.search(rf"Example: auvid {command}\b", shown)
+
+
+def test_commands_are_those_that_are_tested() -> None:
+    names = {
+        str(command.name or getattr(command.callback, "__name__", "")) for command in cli.app.registered_commands if not command.hidden
+    }
+    assert names == set(COMMANDS)
+
+
+def test_help_loads_nothing_heavy() -> None:
+    program = "import sys; sys.argv = ['auvid', '--help']\nfrom pipeline import cli\n"
+    program += "try: cli.main()\nexcept SystemExit: pass\nprint(*sys.modules)"
+    loaded = set(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split())
+    assert not loaded & {"numpy", "scipy", "pandas", "pyarrow", "rerun", "dvc", "numba"}
+
+
+def test_one_blas_thread_is_set_before_numpy() -> None:
+    program = "import pipeline, sys, os; print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env={"OMP_NUM_THREADS": "8"}).stdout
+    assert said.split() == ["False", "1", "1"]
+
+
+@pytest.mark.parametrize("words", [("run",), ("run", "toy", "--fast"), ("fly",), ("run", "toy", "--jobs", "many")])
+def test_wrong_use_is_2(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert auvid(monkeypatch, capsys, *words)[0] == 2
+
+
+def test_run_says_what_ran_and_then_that_nothing_is_to_do(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = auvid(monkeypatch, capsys, "run", "toy")
+    assert (code, out.splitlines()[0]) == (0, "9 items run")
+    assert "tables as text: runs/toy/total/tables_text.txt" in out
+    assert "spread: segment three" in err
+    code, out, err = auvid(monkeypatch, capsys, "run", "campaigns/toy")
+    assert (code, out.splitlines()[0]) == (0, "nothing to do: everything is up to date")
+    assert err.splitlines() == [f"{name}: up to date" for name in ("decode", "cut", "spread", "total")]
+    assert (toy_workspace / "runs" / ".code" / "decode.txt").read_text().startswith("decode ")
+
+
+def test_user_fault_is_one_line_and_1(toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    (toy_workspace / "campaigns" / "toy" / "a.log").write_bytes(b"BAD")
+    code, _, err = auvid(monkeypatch, capsys, "run", "toy")
+    assert code == 1
+    assert err.splitlines()[-1] == "error: decode, log 'a': a.log: not a toy log"
+    assert "Traceback" not in err
+
+
+def test_internal_fault_is_short_unless_the_traceback_is_wanted(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (toy_workspace / "campaigns" / "toy" / "a.log").write_bytes(b"CRASH")
+    code, _, err = auvid(monkeypatch, capsys, "run", "toy")
+    assert code == 1
+    assert "internal fault: decode, log 'a': ZeroDivisionError: toy crash" in err
+    assert "AUVID_TRACEBACK=1" in err
+    assert "Traceback" not in err
+    monkeypatch.setenv("AUVID_TRACEBACK", "1")
+    assert re.search(r"(?s)Traceback.*toy_stages.py.*ZeroDivisionError", auvid(monkeypatch, capsys, "run", "toy")[2])
+
+
+def test_interrupt_says_so(toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupt(inputs: Any, params: Any) -> Any:
+        raise KeyboardInterrupt
+
+    stages = (*toy_stages.STAGES[:2], replace(toy_stages.STAGES[2], run=interrupt), toy_stages.STAGES[3])
+    monkeypatch.setattr(session, "STAGES", stages)
+    code, _, err = auvid(monkeypatch, capsys, "run", "toy")
+    assert (code, err.splitlines()[-1]) == (130, "interrupted: what was finished is kept")
+
+
+def test_losses_are_named_and_3_when_strict(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert auvid(monkeypatch, capsys, "run", "toy", "--strict")[0] == 0
+    monkeypatch.setattr(session, "losses", lambda run: ["log 'a': 3 rejected (depth: NaN)"])
+    code, out, _ = auvid(monkeypatch, capsys, "run", "toy", "--strict")
+    assert code == 3
+    assert "lost (1):\n  log 'a': 3 rejected (depth: NaN)" in out
+
+
+def test_report_that_is_not_there_says_how_to_get_it(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = auvid(monkeypatch, capsys, "report", "toy")
+    assert (code, err.strip()) == (1, "error: there is no report yet; found 'toy'. auvid run toy")
+
+
+def test_stages_are_printed_from_their_declarations(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "240")
+    _, out, _ = auvid(monkeypatch, capsys, "stages")
+    for stage in STAGES:
+        assert f"{stage.name}  {stage.summary}" in out
+        for port in (*ports(stage.inputs), *ports(stage.outputs)):
+            assert re.search(rf"^ +{port}\b", out, re.MULTILINE)
+    code, one, _ = auvid(monkeypatch, capsys, "stages", "resample")
+    assert code == 0
+    assert re.search(r"rate_hz +Hz +50.0 +0.1 to 10000 ", one)
+    assert "fuse" not in one.split()
+    code, _, err = auvid(monkeypatch, capsys, "stages", "resampel")
+    assert code == 1
+    assert "Did you mean 'resample'?" in err
+
+
+def test_models_and_vehicles_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "240")
+    _, out, _ = auvid(monkeypatch, capsys, "models")
+    for model in MODELS:
+        assert re.search(rf"{model.name} .* {model.n_bar} ", out)
+    assert "u*|u|" in auvid(monkeypatch, capsys, "models", "fossen")[1]
+    assert re.search(r"vt690 .*vt690.yaml", auvid(monkeypatch, capsys, "vehicles")[1])
+
+
+def test_new_refuses_to_overwrite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "ws"
+    code, out, _ = auvid(monkeypatch, capsys, "new", str(target))
+    assert code == 0
+    assert "auvid run example" in out
+    log = (target / "campaigns" / "example" / "logs" / "synthetic_run.csv").read_bytes()
+    assert log == example_log(load_yaml(TEMPLATES / "vehicles" / "example_rov.yaml").value)
+    (target / "params.yaml").write_text("mine")
+    code, _, err = auvid(monkeypatch, capsys, "new", str(target))
+    assert code == 1
+    assert "nothing is overwritten" in err
+    assert (target / "params.yaml").read_text() == "mine"
+
+
+def test_bars_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
+    from auvid.pipeline.execution.progress import Bars, Lines
+
+    with session.progress() as plain:
+        assert isinstance(plain, Lines)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with session.progress() as bars:
+        assert isinstance(bars, Bars)
+        bars.stage("decode", todo=1, total=2, level="log")
+        bars.item("a")
+        bars.finish(failed=1)
+        assert bars._bars.tasks[-1].completed == 2

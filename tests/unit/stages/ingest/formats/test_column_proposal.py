@@ -1,0 +1,49 @@
+"""The draft of a column map from the names of the columns: what it takes for what, what it leaves open, and that it can be read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+from auvid.stages.ingest.formats.csv.column_map import column_map
+from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
+
+TANK = ["t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "cmd0"]
+BLUEYE = ("Time", "Surge", "Sway", "Heave", "Yaw", "Depth", "Yaw Angle", "Desired Depth")
+
+
+def draft(names: tuple[str, ...] | list[str]) -> tuple[str, dict[str, Any]]:
+    said, text = proposed_map(names).split("\n", 1)
+    return said, yaml.safe_load(text)
+
+
+def test_names_with_units_give_a_map_that_holds_as_it_is() -> None:
+    said, found = draft(TANK)
+    mapped = column_map(found, TANK, file="tank.csv")
+    assert mapped.time == "t_s"
+    assert {(item.column, item.field) for item in mapped.columns} >= {
+        ("u_mps", "u_m_s"),
+        ("yaw_rad", "psi_rad"),
+        ("p_radps", "gyro_x_rad_s"),
+    }
+    assert "nothing looks like depth (resample), actuators (residual)" in said
+    assert "# no guess for cmd0" in proposed_map(TANK)
+
+
+def test_commands_are_not_taken_for_angles_nor_wishes_for_measurements() -> None:
+    said, found = draft(BLUEYE)
+    places = {item["column"]: item["field"] for item in found["columns"]}
+    assert places["Yaw"] == "command_yaw"
+    assert places["Yaw Angle"] == "psi_rad"
+    assert places["Depth"] == "depth_m"
+    assert "Desired Depth" not in places
+    assert "attitude (without phi_rad, theta_rad)" in said
+    assert {item["unit"] for item in found["columns"] if item["column"] == "Depth"} == {"?"}, "no name tells this unit"
+
+
+@pytest.mark.parametrize("names", [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")])
+def test_odd_names_leave_a_draft_that_can_be_read(names: tuple[str, ...]) -> None:
+    _, found = draft(names)
+    assert found["time"]["column"] in names
+    assert {item["column"] for item in found["columns"]} <= {*names, "?"}

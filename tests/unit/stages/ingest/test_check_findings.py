@@ -1,0 +1,362 @@
+"""Every finding of the health page appears where its cause is put into a sound log, and the sound log has none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from auvid.data_schemas.checks import SEVERITIES, checks
+from auvid.data_schemas.documents import check_document
+from auvid.stages.ingest.streams.mapping import OtherSource
+
+from tests.support.sound_log import DELAY_S, FIRST_US, LENGTH_S, Log, micro, sound
+
+IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
+Spoil = Callable[[Log], None]
+SPOIL: dict[str, Spoil] = {}
+
+
+def spoils(name: str) -> Callable[[Spoil], Spoil]:
+    def register(change: Spoil) -> Spoil:
+        SPOIL[name] = change
+        return change
+
+    return register
+
+
+def scaled(stream: str, names: tuple[str, ...], factor: float) -> Spoil:
+    def change(log: Log) -> None:
+        for name in names:
+            log.streams[stream][name] = log.streams[stream][name] * factor
+
+    return change
+
+
+def without(stream: str) -> Spoil:
+    def change(log: Log) -> None:
+        del log.streams[stream]
+
+    return change
+
+
+def saying(**info: Any) -> Spoil:
+    def change(log: Log) -> None:
+        log.info |= info
+
+    return change
+
+
+def rejecting(stream: str, count: int) -> Spoil:
+    def change(log: Log) -> None:
+        log.dropped.append({"stream": stream, "reason": "repeated time stamp", "count": count, "first": 0, "last": 9})
+
+    return change
+
+
+def slower(stream: str, stride: int) -> Spoil:
+    def change(log: Log) -> None:
+        log.keep(stream, np.arange(log.t_s(stream).size) % stride == 0)
+
+    return change
+
+
+def at(stream: str, start_s: float, end_s: float, **values: float) -> Spoil:
+    """These values between two times."""
+
+    def change(log: Log) -> None:
+        rows = (log.t_s(stream) >= start_s) & (log.t_s(stream) < end_s)
+        for name, value in values.items():
+            log.streams[stream][name] = np.where(rows, value, log.streams[stream][name])
+
+    return change
+
+
+def other(stream: str, source: str, *, refused: str | None = None, **change: Callable[[Any], Any]) -> Spoil:
+    """Another source of a stream that the log has: its columns changed."""
+
+    def add(log: Log) -> None:
+        columns = {name: change.get(name, lambda values: values)(values) for name, values in log.streams[stream].items()}
+        log.others.append(OtherSource(stream, source, refused, None if refused else columns))
+
+    return add
+
+
+def of_file(status: str, reason: str, lost: int) -> Spoil:
+    def change(log: Log) -> None:
+        log.info["status"] = status
+        skipped = [{"reason": reason, "bytes": lost, "count": 1}]
+        log.info["files"][0] |= {"status": status, "skipped": skipped, "seconds_lost": 0.4}
+
+    return change
+
+
+SPOIL |= {
+    "file_damaged": of_file("damaged", "damaged bytes", 70),
+    "file_truncated": of_file("truncated", "record cut off by the end of the file", 7),
+    "clock_leap": saying(notes=["The clock goes back by 5 s near byte 7. It leaps 3 times in all."]),
+    "stray_stamps": saying(notes=["2 time stamp(s) of mission stray ahead of the clock, up to 1194 s at byte 6."]),
+    "rejected_samples": rejecting("imu", 40),
+    "most_rejected": rejecting("depth", 2000),
+    "low_rate": slower("attitude", 3),
+    "low_actuator_rate": slower("actuators", 5),
+    "constant_signal": at("velocity", 0.0, 99.0, v_m_s=0.0),
+    "stuck_sensor": at("velocity", 20.0, 25.0, u_m_s=0.1, v_m_s=0.0, w_m_s=0.0),
+    "outputs_saturated": at("actuators", 20.0, 22.0, pwm_3_us=1900.0),
+    "gyro_sign": scaled("imu", ("gyro_y_rad_s",), -1.0),
+    "gyro_scale": scaled("imu", IMU_COLUMNS, 57.3),
+    "accelerometer_unit": scaled("imu", ACCEL, 1.0 / 9.81),
+    "accelerometer_convention": saying(accelerometer="inertial"),
+    "accelerometer_direction": scaled("imu", ACCEL, -1.0),
+    "attitude_disagrees": other("attitude", "AHR2", psi_rad=lambda psi: psi + np.radians(35.0)),
+    "depth_above_water": scaled("depth", ("depth_m",), -1.0),
+    "depth_disagrees": other("depth", "XKF1", depth_m=lambda depth: 1.5 * depth),
+    "velocity_disagrees": other("velocity", "XKF1", v_m_s=lambda sway: -sway),
+    "depth_unit": other("depth", "CTUN", depth_m=lambda depth: 0.01 * depth),
+    "depth_estimated": saying(notes=["depth: depth is the estimate of the navigation filter, not a pressure"]),
+    "unaided_velocity": other("velocity", "XKF1", refused="the navigation filter had no velocity or position sensor"),
+    "estimated_velocity": saying(notes=["velocity: velocity is the estimate of the navigation filter, not a velocity sensor"]),
+    "no_velocity": without("velocity"),
+    "no_attitude": without("attitude"),
+    "no_depth": without("depth"),
+    "no_imu": without("imu"),
+    "no_actuators": without("actuators"),
+    "no_battery": without("battery"),
+    "battery_sag": at("battery", 30.0, 35.0, voltage_v=13.0),
+    "battery_current": scaled("battery", ("current_a",), -1.0),
+    "little_actuation": lambda log: [at("actuators", 5.0, 99.0, **{f"pwm_{number}_us": 1500.0})(log) for number in range(1, 9)] and None,
+    "not_excited": scaled("velocity", ("v_m_s",), 0.1),
+    "simulated": saying(counts={"SIM2": 400}),
+    "not_underwater": saying(vehicle="ArduCopter V4.5.0"),
+    "firmware_unknown": saying(vehicle=None),
+    "parameters_missing": saying(parameters={}),
+    "several_vehicles": saying(notes=["several vehicles: system 1 (90 messages) and system 2 (80 messages); system 1 is read"]),
+    "recut_messages": saying(
+        notes=["system 1 component 194: read although a router cut trailing zeros after the checksum was made: 73 DISTANCE_SENSOR"]
+    ),
+    "wrong_checksum": saying(notes=["system 1 component 1: wrong checksum, not read: 3 ATTITUDE"]),
+}
+
+
+@spoils("housing_barometer")
+def _housing(log: Log) -> None:
+    log.info["streams"]["depth"] = {"source": "BARO[1]"}
+    other("depth", "BARO[0]", depth_m=lambda depth: 80.0 + 3.0 * np.linspace(0.0, 1.0, depth.size))(log)
+
+
+@spoils("gap")
+def _gap(log: Log) -> None:
+    for stream in ("imu", "attitude", "depth", "velocity", "actuators", "battery"):
+        log.keep(stream, (log.t_s(stream) < 20.0) | (log.t_s(stream) > 24.0))
+
+
+@spoils("irregular_rate")
+def _irregular(log: Log) -> None:
+    random = np.random.default_rng(1)
+    log.keep("velocity", random.uniform(size=log.t_s("velocity").size) < 0.6)
+
+
+@spoils("held_samples")
+def _held(log: Log) -> None:
+    rows = np.arange(log.t_s("velocity").size) // 4 * 4
+    for name in ("u_m_s", "v_m_s", "w_m_s"):
+        log.streams["velocity"][name] = log.streams["velocity"][name][rows]
+
+
+@spoils("gyro_saturated")
+def _clipped(log: Log) -> None:
+    rate = 20.0 * log.streams["imu"]["gyro_z_rad_s"]
+    log.streams["imu"]["gyro_z_rad_s"] = np.clip(rate, -4.0, 4.0)
+
+
+@spoils("gyro_axes")
+def _exchanged(log: Log) -> None:
+    imu = log.streams["imu"]
+    imu["gyro_x_rad_s"], imu["gyro_y_rad_s"] = imu["gyro_y_rad_s"], imu["gyro_x_rad_s"]
+
+
+@spoils("gyro_lag")
+def _late(log: Log) -> None:
+    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 200_000
+
+
+@spoils("gyro_bias")
+def _biased(log: Log) -> None:
+    log.streams["imu"]["gyro_x_rad_s"] = log.streams["imu"]["gyro_x_rad_s"] + 0.04
+
+
+@spoils("gyro_disagrees")
+def _noisy(log: Log) -> None:
+    random = np.random.default_rng(2)
+    log.streams["imu"]["gyro_z_rad_s"] = 0.3 * random.standard_normal(log.t_s("imu").size)
+
+
+@spoils("accelerometer_missing")
+def _rates_only(log: Log) -> None:
+    for name in ACCEL:
+        log.streams["imu"][name] = np.full(log.t_s("imu").size, np.nan)
+
+
+@spoils("attitude_jumps")
+def _jump(log: Log) -> None:
+    log.streams["attitude"]["psi_rad"] = log.streams["attitude"]["psi_rad"] + np.where(log.t_s("attitude") > 33.0, 1.0, 0.0)
+
+
+@spoils("depth_sign")
+def _flipped(log: Log) -> None:
+    log.streams["depth"]["depth_m"] = 10.0 - log.streams["depth"]["depth_m"]
+
+
+@spoils("never_armed")
+def _disarmed(log: Log) -> None:
+    log.streams["mode"]["armed"] = [False]
+
+
+@spoils("no_actuation")
+def _neutral(log: Log) -> None:
+    for number in range(1, 9):
+        log.streams["actuators"][f"pwm_{number}_us"] = np.full(log.t_s("actuators").size, 1500.0)
+
+
+def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
+    document = sound().health()
+    check_document(document, "health")
+    (found,) = document["findings"]
+    assert found["id"] == "command_lag"
+    # Motion was made to answer 0.3 s late; the moving mean that takes slow drift off bends the slow sines a little.
+    for axis in ("surge", "sway", "heave", "roll", "pitch", "yaw"):
+        assert f"{axis} follows by" in found["text"]
+    lags = [float(words.split(" s")[0]) for words in found["text"].split("follows by ")[1:]]
+    assert lags == pytest.approx([DELAY_S] * 6, abs=0.04)
+    assert document["verdict"] == "A force model can be fitted in surge, sway, heave, roll, pitch and yaw."
+    assert all(item["possible"] for item in document["capabilities"])
+
+
+def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
+    assert set(SPOIL) | {"command_lag"} == set(checks())
+
+
+@pytest.mark.parametrize("name", sorted(SPOIL))
+def test_a_spoilt_log_shows_the_finding(name: str) -> None:
+    log = sound()
+    SPOIL[name](log)
+    document = log.health()
+    check_document(document, "health")
+    found = next((item for item in document["findings"] if item["id"] == name), None)
+    assert found is not None, [item["id"] for item in document["findings"]]
+    assert found["severity"] == checks()[name].severity
+    assert found["text"].endswith(".")
+    assert len(found["remedy"]) > 10
+
+
+def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> None:
+    for name in ("gyro_sign", "gyro_scale", "gyro_axes"):
+        log = sound()
+        imu = log.streams["imu"]
+        for column in IMU_COLUMNS:
+            imu[column] = 6.0 * imu[column]
+        for column in ("phi_rad", "theta_rad", "psi_rad"):
+            log.streams["attitude"][column] = 6.0 * log.streams["attitude"][column]
+        SPOIL[name](log)
+        assert "attitude_jumps" not in log.ids(), name
+        assert "gyro" in log.health()["verdict"].split("but ")[1], name
+
+
+def test_a_velocity_against_the_filters_own() -> None:
+    log = sound()
+    SPOIL["velocity_disagrees"](log)
+    assert log.finding("velocity_disagrees")["text"] == "XKF1 moves against VELOCITY in sway (correlation -1.00)."
+    agreeing = sound()
+    other("velocity", "XKF1")(agreeing)
+    assert "velocity_disagrees" not in agreeing.ids()
+
+
+def test_findings_are_ranked() -> None:
+    log = sound()
+    for name in ("parameters_missing", "not_excited", "gyro_sign"):
+        SPOIL[name](log)
+    severities = [SEVERITIES.index(item["severity"]) for item in log.health()["findings"]]
+    assert severities == sorted(severities)
+    assert {0, 1, 2} == set(severities)
+
+
+def test_measured_values() -> None:
+    """The numbers on the page are those that were put in."""
+    values = {
+        "attitude_disagrees": (35.0, 0.5),  # deg
+        "held_samples": (0.75, 0.02),
+        "gyro_scale": (56.3, 0.6),
+        "gyro_bias": (0.04, 0.002),  # rad/s
+        "gyro_lag": (0.2, 0.02),  # s
+        "gap": (4.0, 0.3),  # s
+        "attitude_jumps": (np.degrees(1.0), 3.0),  # deg
+        "accelerometer_direction": (180.0, 1.0),  # deg, attitude and accelerometer agree within their noise
+        "stuck_sensor": (5.0, 0.3),  # s
+        "low_actuator_rate": (2.0, 0.01),  # Hz
+    }
+    for name, (value, tolerance) in values.items():
+        log = sound()
+        SPOIL[name](log)
+        found = next(item for item in log.health()["findings"] if item["id"] == name)
+        assert found["value"] == pytest.approx(value, abs=tolerance), name
+
+
+def test_a_shared_gap_is_one_finding_and_a_signal_that_steps_by_its_resolution_is_not_held() -> None:
+    log = sound()
+    SPOIL["gap"](log)
+    assert "imu, attitude, depth, velocity, actuators and battery" in log.finding("gap")["text"]
+    assert {"imu", "attitude"} & {item["stream"] for item in log.health()["findings"] if item["id"] == "gap"} == set()
+    still = sound()
+    random = np.random.default_rng(5)
+    for name in ("phi_rad", "theta_rad", "psi_rad"):
+        still.streams["attitude"][name] = np.radians(0.01 * np.round(random.uniform(0.0, 1.2, still.t_s("attitude").size)))
+    assert "held_samples" not in still.ids()
+
+
+def test_what_cannot_run_is_said_with_the_reason() -> None:
+    log = sound()
+    del log.streams["velocity"]
+    reasons = {item["name"]: (item["possible"], item["reason"]) for item in log.health()["capabilities"]}
+    assert reasons["fuse (kinematic)"] == (False, "no velocity")
+    assert reasons["fuse (thesis)"] == (False, "no velocity"), "the accelerometer's bias is found against a velocity"
+    assert reasons["fuse (smoother)"] == (False, "no velocity")
+    assert not reasons["synthesise surge"][0]
+    assert log.health()["verdict"] == "No force model can be fitted: no velocity."
+    SPOIL["no_actuation"](log)
+    assert log.health()["verdict"] == "No force model can be fitted: no velocity; no actuator acts."
+
+
+def test_short_pieces_cannot_be_resampled() -> None:
+    log = sound()
+    keep = log.t_s("imu") % 6.0 < 3.0
+    log.keep("imu", keep)
+    (reason,) = (item["reason"] for item in log.health()["capabilities"] if item["name"] == "resample")
+    assert reason == "all sensors together cover 3.0 s at most, 5 s are needed"
+
+
+def test_thrusters_come_from_the_vehicle_file_then_from_parameters() -> None:
+    log = sound()
+    log.streams["actuators"]["pwm_10_us"] = np.full(log.t_s("actuators").size, 1900.0)
+    assert "outputs_saturated" not in log.ids()
+    log.vehicle = {"actuators": {"thrusters": {"outputs": [1, 2, 10]}}}
+    assert "output 10 in 100 %" in log.finding("outputs_saturated")["text"]
+    log.vehicle = None
+    log.info["parameters"] |= {"SERVO1_FUNCTION": 33.0, "SERVO10_FUNCTION": 34.0}
+    assert "output 10 in 100 %" in log.finding("outputs_saturated")["text"]
+
+
+def test_streams_are_listed_with_what_else_is_there() -> None:
+    log = sound()
+    SPOIL["unaided_velocity"](log)
+    stream = log.health()["streams"]["velocity"]
+    assert stream["refused"] == ["XKF1"]
+    assert stream["rate_hz"] == pytest.approx(8.0)
+    assert stream["jitter_s"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_duration_counts_from_the_first_record() -> None:
+    log = sound()
+    assert log.health()["duration_s"] == LENGTH_S
+    assert int(micro(np.zeros(1))[0]) == FIRST_US

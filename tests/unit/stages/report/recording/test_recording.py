@@ -1,0 +1,204 @@
+"""The recording: on one timeline, named and coloured as in the report, verified and compared by Rerun's own tool."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+from auvid.data_schemas.tables import column, make_table
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.stages.columns import VELOCITY, force_columns
+from auvid.stages.report import Params, draw, run, tell
+from auvid.stages.report.recording.blueprint import NO_RANGE, Sent, outer, with_room
+from auvid.stages.report.recording.recording import _settled, _values, find_table, make_clock
+from auvid.stages.report.recording.rerun_stream import quaternions
+from auvid.stages.report.recording.text import markdown
+from auvid.stages.report.summary.model_summary import summarise
+
+from tests.support.example_run import ExampleRun, example_run
+
+RERUN = Path(sys.executable).with_name("rerun")
+
+
+@pytest.fixture(scope="module")
+def made() -> ExampleRun:
+    return example_run({"train": 6.0, "check": 3.0})
+
+
+@pytest.fixture(scope="module")
+def recordings(made: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    files = [tmp_path_factory.mktemp("recordings") / f"{name}.rrd" for name in ("one", "two")]
+    for file in files:
+        file.write_bytes(run(made.inputs(), Params()).recording)
+    return files
+
+
+def rerun_rrd(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(RERUN), "rrd", *map(str, words)], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_rerun_accepts_the_recording(recordings: list[Path]) -> None:
+    result = rerun_rrd("verify", recordings[0])
+    assert result.returncode == 0, result.stderr
+
+
+def test_two_recordings_of_one_run_compare_equal(recordings: list[Path]) -> None:
+    result = rerun_rrd("compare", *recordings)
+    assert result.returncode == 0, result.stderr[:2000]
+
+
+def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(recordings: list[Path]) -> None:
+    printed = rerun_rrd("print", recordings[0]).stdout
+    chunks = [line for line in printed.splitlines() if line.startswith("Chunk")]
+    assert sum("/state/velocity/fused - " in line and "Scalars" in line for line in chunks) == 2
+    assert sum("/residual/X/models - " in line and "Scalars" in line for line in chunks) == 2, "models share the clock and so the entity"
+    assert sum("/path/vehicle - " in line for line in chunks) == 2
+    assert any("with 121 rows" in line and "/residual/X/models" in line for line in chunks), "120 samples and the end of the line"
+    assert any("/log/events" in line for line in chunks)
+    assert "log_time" not in printed
+    assert "log_tick" not in printed
+
+
+def test_segments_stand_at_their_place_and_logs_one_after_the_other(made: ExampleRun) -> None:
+    logs = {"dive": made.logs["dive"], "next": {**made.logs["dive"], "start_us": 5_000_000, "end_us": 8_000_000}}
+    segments = {**made.segments, "later": {**made.segments["train"], "log": "next", "leg_start_s": 1.0}}
+    clock = make_clock(segments, logs)
+    assert clock.segments == {"train": 0.0, "check": 6.0, "later": pytest.approx(9.0 + 10.0 + 1.0)}
+    events = made.tables["ingest/dive/events"]
+    times = clock.seconds("ingest/next/events", events)
+    assert times is not None
+    assert times[0] == pytest.approx(61.0 - 5.0 + 19.0)
+    assert clock.seconds("ingest/unknown/events", events) is None
+
+
+@pytest.mark.parametrize(
+    ("owner", "wanted", "found"),
+    [
+        ("fuse/train", "fused", "fuse/train/fused"),
+        ("fuse/check", "resampled", "resample/check/resampled"),
+        ("validate", "predictions/train", "validate/predictions/train"),
+        ("validate", "fuse/train/fused", "fuse/train/fused"),
+        ("validate", "resampled", None),
+        ("fuse/train", "absent", None),
+    ],
+)
+def test_view_finds_its_table(made: ExampleRun, owner: str, wanted: str, found: str | None) -> None:
+    assert find_table(made.tables, owner, wanted) == found
+
+
+def test_quaternions_turn_as_the_euler_angles_do() -> None:
+    euler = np.array([[0.1, -0.4, 2.0], [0.0, 0.0, np.pi / 2], [-3.0, 1.2, -0.7]])
+    for angles, (x, y, z, w) in zip(euler, quaternions(euler), strict=True):
+        expected = rotation_body_to_ned(angles)
+        turned = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        np.testing.assert_allclose(turned, expected, atol=1e-12)  # rounding of products of sines
+
+
+def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
+    summary = summarise(made.cards, made.error_table(), made.segments, made.logs, made.sections, made.vehicle)
+    words = markdown("A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments)
+    assert summary.headline in words
+    assert "| Linear | 0.62 |" in words
+    assert "**1." in words
+    assert "\x1b" not in words
+    assert "- check: validation, 6.0 to 9.0 s (log dive)" in words
+
+
+def test_recording_leaves_no_global_stream_behind(made: ExampleRun) -> None:
+    run(made.inputs(), Params())
+    assert rr.get_global_data_recording() is None
+
+
+def test_names_that_are_no_plain_words_are_recorded(tmp_path: Path) -> None:
+    made = example_run({"train.1": 4.0, "ä b\x1b[31m": 2.0})
+    made.campaign["title"] = "<b>|\n\x07"
+    file = tmp_path / "odd.rrd"
+    file.write_bytes(run(made.inputs(), Params()).recording)
+    assert rerun_rrd("verify", file).returncode == 0
+    printed = rerun_rrd("print", file).stdout
+    assert "/path/train.1 - " in printed
+    assert printed.count("/path/vehicle - ") == 2
+    assert "\x1b[31m" not in printed
+
+
+def test_plots_leave_room_around_what_they_show() -> None:
+    assert with_room((13.0, 14.0)) == pytest.approx((12.94, 14.06))
+    assert with_room((2.0, 2.0)) == pytest.approx((1.8, 2.2))
+    assert with_room((0.0, 0.0)) == pytest.approx((-1e-3, 1e-3))
+    assert with_room(NO_RANGE) == (-1.0, 1.0)
+
+
+def test_ranges_grow_with_what_is_sent_and_leave_out_gaps() -> None:
+    sent = Sent().add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]])).add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
+    assert sent == Sent((2.0, 2.0), (0.0, 6.0))
+    assert outer([]) == NO_RANGE
+
+
+@pytest.fixture(scope="module")
+def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """What Rerun prints of a recording with a band, a difference and a force, and with tables as text."""
+    made = example_run({"train": 6.0})
+    fused = made.tables["fuse/train/fused"]
+    for name in ("u", "v", "w"):
+        fused = fused.append_column(f"{name}_sd_m_s", pa.array(np.full(fused.num_rows, 0.1)))
+    made.tables["fuse/train/fused"] = made.fused["train"] = fused
+    columns = {"t_s": column(fused, "t_s")} | dict.fromkeys(VELOCITY, np.ones(fused.num_rows))
+    forces = force_columns("tau_bar")
+    made.tables["residual/train/residual"] = make_table("residual", columns | {name: np.full(fused.num_rows, 2.0) for name in forces})
+    made.views["fuse/train"]["groups"].append(
+        {"entity": "state/velocity/band", "table": "fused", "columns": ["u_m_s"], "spread": ["u_sd_m_s"], "names": ["u"]}
+        | {"roles": ["band"], "tab": "State", "unit": "m/s"}
+    )
+    made.views["validate"]["groups"].append(
+        {"entity": "error/X/linear", "table": "predictions/train", "columns": ["tau_X_N"], "names": ["X linear"], "roles": ["linear"]}
+        | {"tab": "Error", "unit": "N", "filter": {"model": "linear"}}
+        | {"less": {"table": "residual/train/residual", "columns": ["tau_bar_X_N"]}}
+    )
+    file = tmp_path_factory.mktemp("rich") / "rich.rrd"
+    file.write_bytes(run(made.inputs(), Params()).recording)
+    return rerun_rrd("print", "-vvv", file).stdout
+
+
+def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> None:
+    for entity in (
+        "state/velocity/band",
+        "error/X/models",
+        "path/train/forces",
+        "path/vehicle/force",
+        "spans/training",
+        "tables/synthesise",
+    ):
+        assert f"/{entity} - " in rich, entity
+    assert "u − 2 sd" in rich
+    assert "Coefficients of Linear" in rich
+
+
+def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(made: ExampleRun) -> None:
+    table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
+    band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
+    found = _values(table, band, (), made.tables.__getitem__, "x")
+    np.testing.assert_allclose(found, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
+    whole = _values(table, {**band, "roles": ["fitted"]}, (), made.tables.__getitem__, "x")
+    np.testing.assert_allclose(whole, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12)  # rounding
+    settled = _settled([{**band, "roles": ["fitted"]}], whole)
+    np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
+    names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
+    less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
+    np.testing.assert_allclose(_values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12)
+
+
+def test_preview_is_smaller(made: ExampleRun) -> None:
+    long = example_run({"train": 900.0})
+    told = tell(long.inputs())
+    assert len(draw(long.inputs(), Params(), told, preview=True)) < 0.8 * len(draw(long.inputs(), Params(), told))

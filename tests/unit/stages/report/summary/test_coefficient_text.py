@@ -1,0 +1,69 @@
+"""Coefficients on the first screen: which, with which unit and interval; and training data that validation shares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from auvid.stages.page.campaign_sections import shared_data
+from auvid.stages.report.summary.coefficient_text import findings
+
+
+def term(name: str, value: float | None, error: float | None, verdict: str = "identified") -> dict[str, Any]:
+    return {"term": name, "value": value, "standard_error": error, "verdict": verdict}
+
+
+def card(combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str, Any]]) -> dict[str, Any]:
+    parts = {axis: {"terms": axes.get(axis, []), "combinations": combinations or [] if axis == "X" else []} for axis in "XYZKMN"}
+    return {"axes": parts, "conditions": {name: {"rms": 0.1, "low": -0.0125, "high": 0.222} for name in "uvwpqr"}}
+
+
+@pytest.mark.parametrize(
+    ("axis", "name", "value", "error", "words"),
+    [
+        ("X", "u", -57.551, 0.8695, "X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)"),
+        ("X", "u*|u|", -103.2, 13.6, "X_u|u| = −103 ± 14 N s²/m² (95 %: −130 to −77)"),
+        ("N", "r", -0.2, 0.0123, "N_r = −0.200 ± 0.012 N m s/rad (95 %: −0.224 to −0.176)"),
+        ("N", "r*|r|", 1.5, 0.3, "N_r|r| = 1.5 ± 0.3 N m s²/rad² (95 %: 0.9 to 2.1)"),
+    ],
+)
+def test_damping_has_unit_and_interval(axis: str, name: str, value: float, error: float, words: str) -> None:
+    (found,) = findings(card(**{axis: [term(name, value, error)]}))
+    assert found.label == {"X": "surge damping", "N": "yaw damping"}[axis]
+    assert found.figures == (words,)
+    assert found.note == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs went."
+
+
+def test_only_identified_coefficients_stand_there() -> None:
+    terms = [term("u", None, None, "not excited"), term("u*|u|", -3.0, 4.0, "weak"), term("u*u", None, None, "inseparable")]
+    assert findings(card(X=terms)) == ()
+
+
+def test_determined_sum_of_inseparable_terms_counts_as_damping() -> None:
+    one = {"weights": {"u": 1.0, "|u|": 1.0}, "value": -88.83, "standard_error": 4.72}
+    none = {"weights": {"u*u": 1.0, "u*|u|": 1.0}, "value": 1.0, "standard_error": 4.72}
+    mixed = {"weights": {"u": 1.0, "v": 1.0}, "value": -88.83, "standard_error": 4.72}
+    (found,) = findings(card([one, none, mixed]))
+    assert found.figures == ("X_u + X_|u| = −89 ± 5 N s/m (95 %: −98 to −80)",)
+
+
+def test_constant_forces_and_couplings_stand_apart() -> None:
+    found = findings(card(Z=[term("constant", -4.477, 0.067), term("u", 13.4, 0.94)], Y=[term("u", 5.54, 0.73)], K=[term("u", -1.1, 0.1)]))
+    assert [item.label for item in found] == ["constant force per axis", "couplings"]
+    assert found[0].figures == ("Z = −4.48 ± 0.07 N",)
+    assert found[1].figures == ("3 identified, in Models and coefficients",)
+    assert found[1].note.startswith("2 of them a hull symmetric to port and starboard cannot have")
+
+
+def segment(use: str, start: float, length: float, log: str = "dive") -> dict[str, Any]:
+    return {"use": use, "log": log, "leg_start_s": start, "duration_s": length, "rate_hz": 50.0}
+
+
+def test_training_data_in_validation_are_named() -> None:
+    (words,) = shared_data({"train": segment("training", 0.0, 90.0), "check": segment("validation", 60.0, 70.0)})
+    assert words.startswith("Training segment train and validation segment check share 30.0 s of log dive")
+
+
+def test_legs_apart_or_of_other_logs_share_nothing() -> None:
+    legs = {"train": segment("training", 0.0, 90.0), "again": segment("training", 10.0, 20.0)}
+    assert shared_data(legs | {"check": segment("validation", 90.0, 40.0), "far": segment("validation", 0.0, 90.0, "other")}) == []

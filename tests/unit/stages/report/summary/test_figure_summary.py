@@ -1,0 +1,88 @@
+"""The first screen of campaigns without models: figures with intervals and verdicts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from auvid.stages.page.html import render
+from auvid.stages.presentation import remark, section
+from auvid.stages.report.summary.figure_summary import summarise_results
+
+
+def row(quantity: str, value: float | None, **more: Any) -> dict[str, Any]:
+    return {"quantity": quantity, "value": value, "unit": "kg", **more}
+
+
+RESULTS = {
+    "rlse/surge": {
+        "title": "Surge, varying steps",
+        "rows": [
+            row("m - X_udot", 206.4321, standard_error=1.3, low=203.9, high=209.0, verdict="identified", headline=True),
+            row("samples", 800.0),
+        ],
+    },
+    "rlse/sway": {"title": "Sway, one step", "rows": [row("m - Y_vdot", None, verdict="not persistently exciting", headline=True)]},
+}
+VEHICLE: dict[str, Any] = {"title": "THAUS"}
+LOGS = {"tank": {"status": "damaged", "files": [{}, {}]}}
+
+
+def test_undetermined_figures_are_named_with_their_reason() -> None:
+    summary = summarise_results(RESULTS, LOGS, {}, VEHICLE)
+    assert summary.level == "fair"
+    assert summary.headline.startswith("1 of 2 figures determined")
+    assert "Sway, one step: not persistently exciting: m - Y_vdot." in summary.missing
+    assert "Log tank is damaged." in summary.missing
+    assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
+    assert summary.figures[0].value == "206.4 kg"
+    assert summary.figures[0].interval == "203.9 to 209.0"
+    assert summary.figures[1].value == "not determined"
+
+
+def test_headlines_are_judged_and_bounds_stand_apart() -> None:
+    """A second damping model that is weak, or a value of C_n, does not make the answer doubtful."""
+    rows = [*RESULTS["rlse/surge"]["rows"], row("X_u (linear)", -1.0, verdict="weak"), row("C_n", 0.1, verdict="persistently exciting")]
+    note = "largest error 0.4 % (X_udot)"
+    bounds = {"title": "Printed", "rows": [row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, note=note)]}
+    summary = summarise_results({"rlse/surge": {"title": "Surge", "rows": rows}, "check_published": bounds}, {}, {}, VEHICLE)
+    assert summary.level == "good"
+    assert [item.quantity for item in summary.figures] == ["m - X_udot"]
+    assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
+    assert summary.headline == "The figure that was asked for is determined, every bound on printed values is met"
+    assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
+    only = summarise_results({"check_published": bounds}, {}, {}, VEHICLE)
+    assert (only.level, only.headline) == ("good", "Every bound on printed values is met")
+    missed = {"check_published": {"title": "Printed", "rows": [row("Table 4", 7.0, verdict="missed", headline=True)]}}
+    failed = summarise_results(missed, {}, {}, VEHICLE)
+    assert "Missed beside the print: Table 4: missed." in failed.missing
+    assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
+
+
+def test_all_determined_and_no_warning_is_good() -> None:
+    only = {"rlse/surge": RESULTS["rlse/surge"]}
+    assert summarise_results(only, {}, {}, VEHICLE).level == "good"
+    warned = {"rlse/surge": section("Surge", [remark("the bias drifts", "warning")], order=10)}
+    summary = summarise_results(only, {}, warned, VEHICLE)
+    assert (summary.level, summary.warnings) == ("fair", ("the bias drifts",))
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [(1.3, "206.4 kg"), (0.013, "206.432 kg"), (1e-7, "206.432 kg"), (40.0, "206 kg"), (None, "206.4 kg")]
+)
+def test_digits_follow_the_standard_error(error: float | None, words: str) -> None:
+    one = {"x": {"title": "T", "rows": [row("q", 206.4321, standard_error=error)]}}
+    assert summarise_results(one, {}, {}, VEHICLE).figures[0].value == words
+
+
+def test_a_narrow_interval_is_given_as_its_width() -> None:
+    exact = row("I_x", 1.7428, standard_error=1e-8, low=1.74279998, high=1.74280002)
+    shown = summarise_results({"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE).figures[0]
+    assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2×10⁻⁸")
+
+
+def test_page_shows_the_figures_escaped() -> None:
+    hostile = {"x": {"title": "<script>", "rows": [row("<b>", 1.0)]}}
+    page = render("T", "S", "", summarise_results(hostile, {}, {}, VEHICLE), {}).decode()
+    assert "&lt;b&gt;" in page
+    assert "<b>" not in page.split("<figure", 1)[1].split("</figure>")[0]

@@ -1,0 +1,65 @@
+"""Report sections as data: plain values only, and thinning that keeps peaks and gaps."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from auvid.stages.presentation import SHOWN_POINTS, equation, panel, plot, remark, section, series, table, text, thin
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def test_section_is_a_document_of_plain_values() -> None:
+    blocks = [
+        text("words"),
+        remark("look", "warning"),
+        equation("x", "x"),
+        table("t", ["a", ("b", "N")], [[np.float64(1.5), np.int64(2)], [None, float("nan")], ["c", np.bool_(True)]]),
+        plot("p", [panel("u", "m/s", [series("raw", np.arange(3), [1.0, np.nan, np.inf], "raw")])], group="time"),
+    ]
+    made = section("title", blocks, order=3, look_for="this")
+    assert json.loads(json.dumps(made, allow_nan=False)) == made
+    assert made["blocks"][3]["columns"] == [{"name": "a", "unit": ""}, {"name": "b", "unit": "N"}]
+    assert made["blocks"][3]["rows"] == [[1.5, 2], [None, None], ["c", True]]
+    assert made["blocks"][4]["panels"][0]["series"][0]["y"] == [1.0, None, None]
+
+
+def test_short_signals_are_left_alone() -> None:
+    x = np.arange(SHOWN_POINTS, dtype=float)
+    assert thin(x, x)[0] is x
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2 * SHOWN_POINTS, 9000))
+def test_thinning_keeps_extremes_order_and_values(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = np.cumsum(rng.uniform(0.5, 1.5, n)), rng.normal(size=n)
+    kept_x, kept_y = thin(x, y)
+    assert kept_x.size <= SHOWN_POINTS
+    assert (np.diff(kept_x) > 0).all()
+    assert (kept_y.min(), kept_y.max()) == (y.min(), y.max())
+    np.testing.assert_array_equal(kept_y, y[np.searchsorted(x, kept_x)])
+
+
+@pytest.mark.parametrize("width", [1, 40])
+def test_single_peak_survives(width: int) -> None:
+    y = np.zeros(100_000)
+    y[54_321 : 54_321 + width] = 7.0
+    assert thin(np.arange(y.size, dtype=float), y)[1].max() == 7.0
+
+
+def test_gap_stays_a_gap() -> None:
+    x, y = np.arange(60_000.0), np.ones(60_000)
+    y[20_000:30_000] = np.nan
+    kept_x, kept_y = thin(x, y)
+    inside = (kept_x >= 20_100) & (kept_x < 29_900)
+    assert inside.any()
+    assert np.isnan(kept_y[inside]).all()
+    assert np.isfinite(kept_y[~((kept_x >= 20_000) & (kept_x < 30_000))]).all()
+
+
+def test_input_is_not_written_to() -> None:
+    x, y = np.arange(5000.0), np.sin(np.arange(5000.0))
+    x.flags.writeable = y.flags.writeable = False
+    assert series("raw", x, y, "raw")["role"] == "raw"

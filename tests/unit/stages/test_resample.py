@@ -1,0 +1,296 @@
+"""The resample stage: one leg on a uniform clock; lags, gaps, segments, derivatives, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import yaml
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.tables import column, make_table, matrix
+from auvid.stages import resample
+
+VEHICLE = yaml.safe_load((Path(__file__).parents[3] / "vehicles/bluerov2_heavy.yaml").read_text())
+DVL_LAG_S = 0.15
+START_US = 50_000_000
+OMEGA = 2.0 * np.pi * 0.1
+"""A slow sine: far below the sample rates, so that splines follow it to their own accuracy."""
+Array = np.ndarray[Any, Any]
+
+
+def times(rate_hz: float, end_s: float = 60.0, start_s: float = 0.0) -> Array:
+    return START_US + np.rint(np.arange(start_s * rate_hz, end_s * rate_hz) * (1e6 / rate_hz)).astype(np.int64)
+
+
+def seconds(time_us: Array) -> Array:
+    return (time_us - START_US) / 1e6
+
+
+def imu(time_us: Array) -> pa.Table:
+    t = seconds(time_us)
+    rates = {f"gyro_{axis}_rad_s": scale * np.sin(OMEGA * t) for axis, scale in zip("xyz", (0.1, 0.2, 0.3), strict=True)}
+    return make_table("imu", {"time_us": time_us, **rates, **{f"accel_{axis}_m_s2": np.full(t.size, -1.0) for axis in "xyz"}})
+
+
+def attitude(time_us: Array) -> pa.Table:
+    """A steady turn to starboard at 0.5 rad/s that wraps several times, level otherwise."""
+    t = seconds(time_us)
+    angles = {"phi_rad": np.full(t.size, 0.02), "theta_rad": np.full(t.size, -0.03), "psi_rad": np.mod(0.5 * t + 3.0, 2.0 * np.pi)}
+    return make_table("attitude", {"time_us": time_us, **angles})
+
+
+def depth(time_us: Array, noise: float = 0.0) -> pa.Table:
+    error = noise * np.random.default_rng(6).normal(size=time_us.size)
+    return make_table("depth", {"time_us": time_us, "depth_m": 5.0 + np.sin(OMEGA * seconds(time_us)) + error})
+
+
+def velocity(time_us: Array) -> pa.Table:
+    """What the sensor reports at a time is the velocity of `DVL_LAG_S` before."""
+    sine = np.sin(OMEGA * (seconds(time_us) - DVL_LAG_S))
+    return make_table("velocity", {"time_us": time_us, "u_m_s": sine, "v_m_s": 2.0 * sine, "w_m_s": 3.0 * sine})
+
+
+def actuators(time_us: Array) -> pa.Table:
+    return make_table("actuators", {"time_us": time_us, "pwm_1_us": 1500.0 + 10.0 * seconds(time_us)})
+
+
+def battery(time_us: Array) -> pa.Table:
+    return make_table("battery", {"time_us": time_us, "voltage_v": 16.0 - 0.01 * seconds(time_us)})
+
+
+def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
+    whole = {"imu": imu(times(50)), "attitude": attitude(times(10)), "depth": depth(times(10)), "velocity": velocity(times(8))}
+    return {**whole, "actuators": actuators(times(10)), "battery": battery(times(1)), **changes}
+
+
+def run(leg: dict[str, Any] | None = None, params: dict[str, Any] | None = None, **changes: pa.Table | None) -> resample.Outputs:
+    info = {"start_us": START_US, "end_us": START_US + 60_000_000}
+    inputs = resample.Inputs(
+        leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})}, log_info=info, vehicle=VEHICLE, **streams(**changes)
+    )
+    return resample.run(inputs, resample.Params(**(params or {})))
+
+
+def away_from_ends(table: pa.Table, margin_s: float = 2.0) -> Array:
+    t = column(table, "t_s")
+    return np.flatnonzero((t > margin_s) & (t < t[-1] - margin_s))
+
+
+def without(time_us: Array, start_s: float, end_s: float) -> Array:
+    t = seconds(time_us)
+    return time_us[(t <= start_s) | (t >= end_s)]
+
+
+def test_documents_and_clock() -> None:
+    outputs = run({"start_s": 10, "end_s": 40})
+    segment = outputs.segment["leg"]
+    check_document(segment, "segment")
+    table = outputs.resampled["leg"]
+    steps = np.diff(column(table, "t_s"))
+    assert column(table, "t_s")[0] == 0.0
+    assert steps == pytest.approx(0.02, abs=1e-12)
+    # The velocity sample of 10.25 s was measured at 10.1 s, and no other sensor starts later.
+    assert segment["leg_start_s"] == pytest.approx(10.1, abs=1e-9)
+    assert segment["start_us"] == START_US + 10_100_000
+    assert 10.1 + segment["duration_s"] <= 40.0
+    assert segment["samples"] == table.num_rows
+    assert segment["lags_s"]["velocity"] == DVL_LAG_S
+
+
+def test_signals_and_derivatives_are_those_that_were_sampled() -> None:
+    outputs = run()
+    table, segment = outputs.resampled["leg"], outputs.segment["leg"]
+    rows = away_from_ends(table)
+    t = column(table, "t_s") + segment["leg_start_s"]
+    # 1e-4 of the amplitude: interpolation error of cubic splines at ten and more samples per radian.
+    assert column(table, "z_m")[rows] == pytest.approx((5.0 + np.sin(OMEGA * t))[rows], abs=1e-4)
+    assert column(table, "z_dot_m_s")[rows] == pytest.approx((OMEGA * np.cos(OMEGA * t))[rows], abs=1e-3)
+    assert column(table, "r_dot_rad_s2")[rows] == pytest.approx((0.3 * OMEGA * np.cos(OMEGA * t))[rows], abs=1e-4)
+    assert column(table, "w_dot_m_s2")[rows] == pytest.approx((3.0 * OMEGA * np.cos(OMEGA * t))[rows], abs=3e-3)
+    assert column(table, "pwm_1_us") == pytest.approx(1500.0 + 10.0 * t, abs=1e-9)
+    # The battery is sampled at 1 Hz: its last sample ends the segment.
+    assert t[-1] == pytest.approx(59.0, abs=0.02)
+    assert column(table, "voltage_v") == pytest.approx(16.0 - 0.01 * t, abs=1e-9)
+
+
+def test_the_lag_of_the_velocity_sensor_is_taken_off() -> None:
+    outputs = run()
+    table = outputs.resampled["leg"]
+    rows, t = away_from_ends(table), column(table, "t_s") + outputs.segment["leg"]["leg_start_s"]
+    assert column(table, "u_m_s")[rows] == pytest.approx(np.sin(OMEGA * t)[rows], abs=1e-4)
+    samples = outputs.samples_velocity
+    assert samples is not None
+    sampled = column(samples["leg"], "t_s") + outputs.segment["leg"]["leg_start_s"]
+    assert column(samples["leg"], "u_m_s") == pytest.approx(np.sin(OMEGA * sampled), abs=1e-12)
+
+
+def test_a_lag_of_the_campaign_replaces_that_of_the_vehicle() -> None:
+    assert run(params={"lag_s": {"velocity": 0.3}}).segment["leg"]["lags_s"]["velocity"] == 0.3
+    with pytest.raises(CampaignError, match=r"unknown sensor.*Did you mean 'velocity'"):
+        run(params={"lag_s": {"velocty": 0.3}})
+
+
+def test_yaw_goes_on_through_its_wraps() -> None:
+    table = run().resampled["leg"]
+    psi = column(table, "psi_rad")
+    assert np.diff(psi) == pytest.approx(0.01, abs=2e-6)
+    assert psi[-1] - psi[0] > 4.0 * np.pi
+    assert column(table, "psi_dot_rad_s") == pytest.approx(0.5, abs=1e-4)
+    samples = column(run().samples_attitude["leg"], "psi_rad")
+    assert np.diff(samples) == pytest.approx(0.05, abs=1e-9)
+
+
+def test_noise_is_found_and_taken_off() -> None:
+    noise = 0.01
+    outputs = run(depth=depth(times(10), noise))
+    table, segment = outputs.resampled["leg"], outputs.segment["leg"]
+    rows, t = away_from_ends(table), column(table, "t_s") + segment["leg_start_s"]
+    error = column(table, "z_m")[rows] - (5.0 + np.sin(OMEGA * t))[rows]
+    assert segment["smoothing"]["z_m"]["noise_sd"] == pytest.approx(noise, rel=0.2)  # 600 samples: 3 % standard error
+    assert np.sqrt(np.mean(error**2)) < 0.5 * noise
+
+
+@pytest.mark.parametrize(("smoothing", "cutoff"), [("none", None), ("cutoff", 0.8)])
+def test_smoothing_can_be_fixed(smoothing: str, cutoff: float | None) -> None:
+    outputs = run(params={"smoothing": smoothing, "cutoff_hz": 0.8}, depth=depth(times(10), 0.01))
+    found = outputs.segment["leg"]["smoothing"]["z_m"]
+    assert found["cutoff_hz"] == (None if cutoff is None else pytest.approx(cutoff, rel=1e-9))
+    samples = outputs.samples_depth
+    assert samples is not None
+    if cutoff is None:
+        at = column(outputs.resampled["leg"], "z_m")[np.rint(column(samples["leg"], "t_s") * 50).astype(int)]
+        assert at == pytest.approx(column(samples["leg"], "z_m"), abs=1e-9)
+
+
+def test_commands_are_held_if_wished() -> None:
+    table = run(params={"actuator_interpolation": "hold"}).resampled["leg"]
+    assert len(np.unique(column(table, "pwm_1_us"))) == pytest.approx(table.num_rows / 5, rel=0.02)
+
+
+def test_a_gap_splits_the_leg() -> None:
+    """DVL_DROPOUT: 6 s without velocity give two segments, and no sample in the gap."""
+    outputs = run(velocity=velocity(without(times(8), 20.0, 26.0)))
+    assert list(outputs.resampled) == ["leg.1", "leg.2"]
+    first, second = outputs.segment["leg.1"], outputs.segment["leg.2"]
+    assert first["leg_start_s"] + first["duration_s"] <= 20.0
+    assert second["leg_start_s"] >= 26.0 - DVL_LAG_S - 1e-9
+    assert [(gap["stream"], gap["duration_s"]) for gap in first["gaps"]] == [("velocity", 6.0)]
+    assert list(run(params={"max_gap_s": 7.0}, velocity=velocity(without(times(8), 20.0, 26.0))).resampled) == ["leg"]
+
+
+def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
+    outputs = run(depth=depth(without(times(10), 3.0, 8.0)))
+    assert list(outputs.resampled) == ["leg"]
+    assert outputs.segment["leg"]["leg_start_s"] == 8.0
+    assert any("shorter than 5 s" in note for note in outputs.segment["leg"]["notes"])
+
+
+def test_nothing_is_extrapolated() -> None:
+    outputs = run(depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0)))
+    table, segment = outputs.resampled["leg"], outputs.segment["leg"]
+    assert segment["leg_start_s"] == 5.0
+    assert segment["leg_start_s"] + segment["duration_s"] <= 49.9 + 1e-9
+    t = column(table, "t_s") + 5.0
+    assert (np.isnan(column(table, "voltage_v")) == (t < 20.0)).all()
+    assert any("battery was not measured" in note for note in segment["notes"])
+    names = [name for name in table.column_names if name != "voltage_v"]
+    assert np.isfinite(matrix(table, names)).all()
+
+
+def test_without_a_gyro_the_attitude_gives_the_rates() -> None:
+    outputs = run(imu=None)
+    table = outputs.resampled["leg"]
+    # Level to within 0.03 rad, turning at 0.5 rad/s: r = psi_dot cos(theta) cos(phi).
+    assert column(table, "r_rad_s") == pytest.approx(0.5 * np.cos(0.03) * np.cos(0.02), abs=1e-4)
+    assert "accel_x_m_s2" not in table.column_names
+    assert outputs.samples_imu == {}
+    assert any("no gyro" in note for note in outputs.segment["leg"]["notes"])
+
+
+def test_without_an_accelerometer_its_columns_are_absent() -> None:
+    gyro = {name: values for name, values in imu(times(50)).to_pydict().items() if not name.startswith("accel")}
+    bare = make_table("imu", {**gyro, **{f"accel_{axis}_m_s2": np.full(len(gyro["time_us"]), np.nan) for axis in "xyz"}})
+    outputs = run(imu=bare)
+    assert "accel_x_m_s2" not in outputs.resampled["leg"].column_names
+    assert "r_rad_s" in outputs.resampled["leg"].column_names
+
+
+@pytest.mark.parametrize(
+    ("leg", "words"),
+    [
+        ({"start_s": 100.0}, "lies outside log 'dive'; found 'from 100 s on'; allowed: 0 to 60.000 s"),
+        ({"start_s": 70.0, "end_s": 80.0}, "field 'start_s'"),
+    ],
+)
+def test_a_leg_outside_its_log(leg: dict[str, Any], words: str) -> None:
+    with pytest.raises(DataError) as caught:
+        run(leg)
+    assert words in str(caught.value)
+
+
+def test_a_leg_that_ends_after_its_log_says_so() -> None:
+    notes = run({"start_s": 10.0, "end_s": 90.0}).segment["leg"]["notes"]
+    assert notes == ["the leg asks for data up to 90 s, the log ends at 60.000 s"]
+
+
+def test_a_missing_stream_says_what_could_supply_it() -> None:
+    with pytest.raises(DataError, match=r"needs stream 'attitude', and log 'dive' has none.*DataFlash: ATT \(Roll, Pitch, Yaw\)"):
+        run(attitude=None)
+    with pytest.raises(DataError, match=r"needs stream 'depth', .* fewer than five samples"):
+        run({"start_s": 30.0}, depth=depth(times(10, end_s=20.0)))
+
+
+def test_no_part_is_covered_long_enough() -> None:
+    with pytest.raises(DataError, match=r"no part of leg 'leg' is covered .*velocity 0.1 to 19.7 s.*max_gap_s"):
+        run(velocity=velocity(times(8, end_s=20.0)), depth=depth(times(10, start_s=18.0)))
+
+
+def test_inputs_are_not_written_to() -> None:
+    given = streams()
+    before = {name: table.to_pydict() for name, table in given.items() if table is not None}
+    run()
+    assert {name: table.to_pydict() for name, table in given.items() if table is not None} == before
+
+
+def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> None:
+    """Water track with a pause of 20 s: lag taken off as for the velocity sensor, one segment, no samples made up in the pause."""
+    stamps = times(4)
+    kept = stamps[(seconds(stamps) < 20.0) | (seconds(stamps) > 40.0)]
+    table = velocity(kept)
+    water = make_table("water_velocity", {name: table[name] for name in ("time_us", "u_m_s", "v_m_s", "w_m_s")})
+    found = run(water_velocity=water)
+    assert list(found.segment) == ["leg"]
+    assert found.samples_water is not None
+    t = column(found.samples_water["leg"], "t_s")
+    at = t + float(found.segment["leg"]["leg_start_s"])
+    assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
+    np.testing.assert_allclose(column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9)
+
+
+def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
+    """An attitude that is set anew turns no vehicle: no segment spans the jump, and the note says when and how far."""
+    time_us = times(10)
+    whole = attitude(time_us)
+    roll = np.where(seconds(time_us) > 30.05, np.radians(60.0), 0.02)
+    outputs = run(attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll)))
+    assert list(outputs.segment) == ["leg.1", "leg.2"]
+    assert outputs.segment["leg.1"]["leg_start_s"] + outputs.segment["leg.1"]["duration_s"] == pytest.approx(30.0, abs=0.03)
+    assert outputs.segment["leg.2"]["leg_start_s"] == pytest.approx(30.1, abs=1e-6)
+    for segment in outputs.segment.values():
+        check_document(segment, "segment")
+        assert segment["notes"] == ["the attitude jumps by 59 degrees at 30.00 s without the gyro; the leg is split there"]
+    for table in outputs.resampled.values():
+        assert np.abs(column(table, "phi_dot_rad_s")).max() < 0.01
+
+
+def test_many_jumps_are_counted() -> None:
+    time_us = times(10)
+    whole = attitude(time_us)
+    heading = column(whole, "psi_rad") + np.floor(seconds(time_us) / 6.0)
+    outputs = run(attitude=whole.set_column(whole.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))))
+    assert len(outputs.segment) == 10
+    assert outputs.segment["leg.1"]["notes"][-1] == "the attitude jumps 4 times more, each splits the leg"
