@@ -1,7 +1,9 @@
-"""Which folders make the package `auvid`, and which files besides Python travel with it.
+"""Which folders make the package `auvid`, and which files besides Python travel with
+it.
 
-The floors lie at the top of the repository; installed, they are subpackages of `auvid`, and nothing
-else of ours reaches site-packages (docs/decisions/0014-one-package.md). All else is in pyproject.toml.
+The floors lie at the top of the repository; installed, they are subpackages of `auvid`,
+and nothing else of ours reaches site-packages (docs/decisions/0014-one-package.md). All
+else is in pyproject.toml.
 """
 
 from setuptools import find_namespace_packages, setup

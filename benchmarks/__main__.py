@@ -1,4 +1,5 @@
-"""All benchmarks, each in a process of its own so that memory is its own: one JSON document, also written to runs/benchmarks.json.
+"""All benchmarks, each in a process of its own so that memory is its own: one JSON
+document, also written to runs/benchmarks.json.
 
 python -m benchmarks
 """
@@ -16,7 +17,10 @@ BENCHMARKS = {
     "decode_tlog": ["tests/data/bluerov2_ugps_small/small.tlog"],
     "decode_ulog": ["tests/data/px4_ulog/sample_log_small.ulg"],
     "decode_text": ["tests/data/bluerov2_ugps_small/small.BIN"],
-    "decode_csv": ["campaigns/bluerov2_dvl_csv/logs/imu.csv", "campaigns/bluerov2_dvl_csv/columns/imu.yaml"],
+    "decode_csv": [
+        "campaigns/bluerov2_dvl_csv/logs/imu.csv",
+        "campaigns/bluerov2_dvl_csv/columns/imu.yaml",
+    ],
     "simulation": [],
     "recording": [],
     "synthesis": [],
@@ -32,7 +36,12 @@ def main() -> None:
     found = {}
     for name, arguments in BENCHMARKS.items():
         print(f"{name} ...", file=sys.stderr, flush=True)
-        done = subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE)
+        done = subprocess.run(
+            [sys.executable, "-m", f"benchmarks.{name}", *arguments],
+            cwd=ROOT,
+            check=True,
+            stdout=subprocess.PIPE,
+        )
         found[name] = json.loads(done.stdout)
     words = json.dumps(found, indent=2)
     (ROOT / "runs").mkdir(exist_ok=True)

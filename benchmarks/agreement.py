@@ -1,11 +1,14 @@
-"""Every log of a folder, field by field: auvid's readers against pymavlink and pyulog. Prints a table; exit code 1 if they disagree.
+"""Every log of a folder, field by field: auvid's readers against pymavlink and pyulog.
+Prints a table; exit code 1 if they disagree.
 
     python -m benchmarks.agreement FOLDER
 
-Every record that the other library reads must be there with the same values in every field. Of a damaged log this holds for the records
-of its chain: those that begin where another ends and end where another begins, as the other library sees it (frames with a checksum: for
-all). What auvid reads beyond that is counted as `more`. A file that the other library cannot read at all is named with its error.
-CSV logs have no such library; they are left out.
+Every record that the other library reads must be there with the same values in every
+field. Of a damaged log this holds for the records of its chain: those that begin where
+another ends and end where another begins, as the other library sees it (frames with a
+checksum: for all). What auvid reads beyond that is counted as `more`. A file that the
+other library cannot read at all is named with its error. CSV logs have no such library;
+they are left out.
 """
 
 from __future__ import annotations
@@ -22,14 +25,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.tlog.byte_account import BAD_STAMP, explain
 from auvid.stages.ingest.registry import READERS, reader_of
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
 Column = npt.NDArray[np.generic]
 TABLE_WIDTH = 200
@@ -38,7 +42,9 @@ BY_NAME = {reader.name: reader for reader in READERS}
 
 @dataclass
 class Agreement:
-    """How one file compares: records of both sides, columns compared, records missing on our side, columns that differ."""
+    """How one file compares: records of both sides, columns compared, records missing
+    on our side, columns that differ.
+    """
 
     file: str
     format: str = ""
@@ -56,7 +62,9 @@ class Agreement:
 
 
 def equal(ours: Column, theirs: list[Any]) -> bool:
-    """Whether a column has the values of the other library; text as bytes up to the first NUL."""
+    """Whether a column has the values of the other library; text as bytes up to the
+    first NUL.
+    """
     if ours.dtype.kind == "S":
         return [bytes(value) for value in ours.tolist()] == [_raw(value) for value in theirs]
     return bool(np.array_equal(ours, np.asarray(theirs), equal_nan=ours.dtype.kind == "f"))
@@ -76,7 +84,11 @@ def _as_text(ours: Column) -> Column:
         except UnicodeDecodeError:
             return raw.decode("latin-1").encode()
 
-    return np.array([words(raw) for raw in ours.tolist()], "S") if ours.size and ours.dtype.kind == "S" else ours
+    return (
+        np.array([words(raw) for raw in ours.tolist()], "S")
+        if ours.size and ours.dtype.kind == "S"
+        else ours
+    )
 
 
 def _quietly(read: Callable[[], Any]) -> Any:
@@ -96,7 +108,10 @@ def compare_dataflash(path: Path, log: DecodedLog, found: Agreement) -> None:
         return records
 
     theirs = _quietly(read)
-    rows = {name: {int(at): row for row, at in enumerate(table.offset)} for name, table in log.messages.items()}
+    rows = {
+        name: {int(at): row for row, at in enumerate(table.offset)}
+        for name, table in log.messages.items()
+    }
     matched: dict[str, list[tuple[int, Any]]] = defaultdict(list)
     size = path.stat().st_size
     for index, (start, stop, message) in enumerate(theirs):
@@ -112,8 +127,12 @@ def compare_dataflash(path: Path, log: DecodedLog, found: Agreement) -> None:
     _compare_columns(log, matched, found)
 
 
-def _compare_columns(log: DecodedLog, matched: dict[str, list[tuple[int, Any]]], found: Agreement) -> None:
-    """Columns of records that both sides have; where a type has several layouts, those fields that a record has."""
+def _compare_columns(
+    log: DecodedLog, matched: dict[str, list[tuple[int, Any]]], found: Agreement
+) -> None:
+    """Columns of records that both sides have; where a type has several layouts, those
+    fields that a record has.
+    """
     for name, pairs in matched.items():
         table = log.messages[name]
         fields: dict[str, tuple[list[int], list[Any]]] = defaultdict(lambda: ([], []))
@@ -124,7 +143,9 @@ def _compare_columns(log: DecodedLog, matched: dict[str, list[tuple[int, Any]]],
         for key, (where, values) in fields.items():
             found.columns += 1
             if isinstance(values[0], bytes):  # the contents of a file, in which NUL is a value
-                same = [value.rstrip(b"\0") for value in values] == table.columns[key][where].tolist()
+                same = [value.rstrip(b"\0") for value in values] == table.columns[key][
+                    where
+                ].tolist()
             else:
                 same = key in table.columns and equal(_as_text(table.columns[key][where]), values)
             if not same:
@@ -132,7 +153,9 @@ def _compare_columns(log: DecodedLog, matched: dict[str, list[tuple[int, Any]]],
 
 
 def compare_text(path: Path, log: DecodedLog, found: Agreement) -> None:
-    """Records are paired by their order; pymavlink ends a text at its first comma and drops a unit without a label."""
+    """Records are paired by their order; pymavlink ends a text at its first comma and
+    drops a unit without a label.
+    """
     from pymavlink.DFReader import DFReader_text
 
     def read() -> dict[str, list[Any]]:
@@ -153,7 +176,9 @@ def compare_text(path: Path, log: DecodedLog, found: Agreement) -> None:
 
 
 def compare_tlog(path: Path, log: DecodedLog, found: Agreement) -> None:
-    """Frames are paired by their bytes, equal ones in their order; frames whose own time stamp is damaged are no records for auvid."""
+    """Frames are paired by their bytes, equal ones in their order; frames whose own
+    time stamp is damaged are no records for auvid.
+    """
     from pymavlink import mavutil
 
     def read() -> list[Any]:
@@ -191,17 +216,23 @@ def compare_tlog(path: Path, log: DecodedLog, found: Agreement) -> None:
         table, where = log.messages[name], [row for row, _ in pairs]
         for key in pairs[0][1].get_fieldnames():
             found.columns += 1
-            values = [getattr(message, f"_{key}_raw", getattr(message, key)) for _, message in pairs]
+            values = [
+                getattr(message, f"_{key}_raw", getattr(message, key)) for _, message in pairs
+            ]
             if not equal(table.columns[key][where], values):
                 found.differing.append(f"{name}.{key}")
         if log.status == "complete":
             found.columns += 1
-            if table.columns["time_unix_us"][where].tolist() != [round(message._timestamp * 1e6) for _, message in pairs]:
+            if table.columns["time_unix_us"][where].tolist() != [
+                round(message._timestamp * 1e6) for _, message in pairs
+            ]:
                 found.differing.append(f"{name} time stamp")
 
 
 def compare_ulog(path: Path, log: DecodedLog, found: Agreement) -> None:
-    """Records are paired by their order; of damaged logs by their bytes, as pyulog has no offsets."""
+    """Records are paired by their order; of damaged logs by their bytes, as pyulog has
+    no offsets.
+    """
     from pyulog import ULog
 
     theirs = _quietly(lambda: ULog(str(path)))
@@ -218,7 +249,9 @@ def compare_ulog(path: Path, log: DecodedLog, found: Agreement) -> None:
                 continue  # pyulog gives one column per character
             found.columns += 1
             if len(table) != count:
-                rows = np.flatnonzero(np.isin(table.columns["timestamp"], item.data["timestamp"]))[:count]
+                rows = np.flatnonzero(np.isin(table.columns["timestamp"], item.data["timestamp"]))[
+                    :count
+                ]
                 column = column[rows]
             if column.tobytes() != np.ascontiguousarray(item.data[key]).tobytes():
                 found.differing.append(f"{name}.{key}")
@@ -234,7 +267,9 @@ COMPARE: dict[str, Callable[[Path, DecodedLog, Agreement], None]] = {
 
 def compare(path: Path, name: str) -> Agreement | None:
     """One file, or None for one that no reader with an oracle recognises."""
-    file = RawFile(name, np.memmap(path, np.uint8, "r") if path.stat().st_size else np.zeros(0, np.uint8))
+    file = RawFile(
+        name, np.memmap(path, np.uint8, "r") if path.stat().st_size else np.zeros(0, np.uint8)
+    )
     try:
         reader = reader_of(file)
     except PipelineError:
@@ -245,14 +280,32 @@ def compare(path: Path, name: str) -> Agreement | None:
     found = Agreement(name, reader.name, log.status, sum(log.counts.values()))
     try:
         COMPARE[reader.name](path, log, found)
-    except (TypeError, ValueError, KeyError, IndexError, AttributeError, UnicodeDecodeError) as fault:
+    except (
+        TypeError,
+        ValueError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        UnicodeDecodeError,
+    ) as fault:
         found.note = f"the other library fails: {type(fault).__name__}: {fault}"[:80]
     return found
 
 
 def table_of(results: Iterable[Agreement]) -> Table:
     """One row per file."""
-    table = Table("file", "reader", "status", "auvid", "other library", "more", "columns", "missing", "differing", "remark")
+    table = Table(
+        "file",
+        "reader",
+        "status",
+        "auvid",
+        "other library",
+        "more",
+        "columns",
+        "missing",
+        "differing",
+        "remark",
+    )
     for one in results:
         more = str(one.ours - one.theirs) if one.theirs else "-"
         cells = (one.ours, one.theirs, more, one.columns, len(one.missing), len(one.differing))
@@ -263,17 +316,23 @@ def table_of(results: Iterable[Agreement]) -> Table:
 
 def main() -> int:
     """Compare all; print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     console = Console(width=None if sys.stdout.isatty() else TABLE_WIDTH)
-    found = [compare(path, str(path.relative_to(folder))) for path in track(files, "comparing", console=Console(stderr=True))]
+    found = [
+        compare(path, str(path.relative_to(folder)))
+        for path in track(files, "comparing", console=Console(stderr=True))
+    ]
     results = [one for one in found if one is not None]
     console.print(table_of(results))
     bad = [one.file for one in results if not one.agrees]
     console.print(
-        f"{len(results)} logs, {len(found) - len(results)} other files; " + (f"disagree: {', '.join(bad)}" if bad else "all agree")
+        f"{len(results)} logs, {len(found) - len(results)} other files; "
+        + (f"disagree: {', '.join(bad)}" if bad else "all agree")
     )
     return int(bool(bad))
 

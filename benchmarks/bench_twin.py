@@ -1,8 +1,11 @@
-"""Tables 3 and 4 of Alberti 2015 over many draws of the noise, through log files: python -m benchmarks.bench_twin [--seeds 50]
+"""Tables 3 and 4 of Alberti 2015 over many draws of the noise, through log files:
+python -m benchmarks.bench_twin [--seeds 50]
 
-The runs `step_*` and `steps_*` of campaigns/thaus_twin are flown once; for each seed their sensors are read anew, written as DataFlash
-logs, read back and identified by the stage rlse. Printed: the median and the largest relative error of each coefficient, the share of 95 %
-intervals that hold the truth, and how often a step was called not persistently exciting. The mass of these runs is the 20.9 kg of Weiss.
+The runs `step_*` and `steps_*` of campaigns/thaus_twin are flown once; for each seed
+their sensors are read anew, written as DataFlash logs, read back and identified by the
+stage rlse. Printed: the median and the largest relative error of each coefficient, the
+share of 95 % intervals that hold the truth, and how often a step was called not
+persistently exciting. The mass of these runs is the 20.9 kg of Weiss.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
 from auvid.hydro.identification.bench.single_channel import symbols
@@ -47,7 +51,9 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Leg, channel and results (by quantity) of every draw of every run."""
     document = yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
     vehicle = vehicle_from_document(document)
-    written = yaml.safe_load((ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8"))
+    written = yaml.safe_load(
+        (ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8")
+    )
     plan = bench_plan(written, vehicle)
     legs = {leg["id"]: leg for leg in bench_entries(written, format="bin")[1]}
     for experiment in plan.experiments:
@@ -55,20 +61,32 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
             continue
         flown = fly_experiment(experiment, plan, vehicle, None)
         for seed in range(seeds):
-            content = write_dataflash(record_experiment(flown, plan, vehicle, seed=seed, text="benchmark"))
+            content = write_dataflash(
+                record_experiment(flown, plan, vehicle, seed=seed, text="benchmark")
+            )
             file = RawFile(f"{experiment.id}.BIN", np.frombuffer(content, np.uint8))
-            log = ingest.run(ingest.Inputs(RawLog(experiment.id, (file,)), None, document), ingest.Params())
+            log = ingest.run(
+                ingest.Inputs(RawLog(experiment.id, (file,)), None, document), ingest.Params()
+            )
             streams = (log.velocity, log.imu, log.attitude, log.depth, log.actuators, log.battery)
-            found = rlse.run(rlse.Inputs(legs[experiment.id], log.log_info, document, *streams), rlse.Params())
+            found = rlse.run(
+                rlse.Inputs(legs[experiment.id], log.log_info, document, *streams), rlse.Params()
+            )
             assert found.results is not None
-            yield experiment.id, experiment.entry["channel"], {row["quantity"]: row for row in found.results["rows"]}
+            yield (
+                experiment.id,
+                experiment.entry["channel"],
+                {row["quantity"]: row for row in found.results["rows"]},
+            )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=50)
     seeds = parser.parse_args().seeds
-    plan = yaml.safe_load((ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8"))
+    plan = yaml.safe_load(
+        (ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8")
+    )
     truth = plan["bench"]["truths"][TRUTH]
     errors: dict[str, dict[str, list[tuple[float, bool]]]] = {}
     verdicts: dict[str, list[str]] = {}
@@ -86,7 +104,9 @@ def main() -> None:
             ),
         ):
             held = row["low"] <= true <= row["high"]
-            errors.setdefault(leg, {}).setdefault(name, []).append((abs(found - truth[name]) / abs(truth[name]), held))
+            errors.setdefault(leg, {}).setdefault(name, []).append(
+                (abs(found - truth[name]) / abs(truth[name]), held)
+            )
         verdicts.setdefault(leg, []).append(total["verdict"])
     report: dict[str, Any] = {"seeds": seeds, "runs": {}}
     for leg, found_of in errors.items():
@@ -99,7 +119,9 @@ def main() -> None:
             }
             for name, pairs in found_of.items()
         }
-        report["runs"][leg]["not_persistently_exciting"] = sum(verdict == NOT_PERSISTENT for verdict in verdicts[leg])
+        report["runs"][leg]["not_persistently_exciting"] = sum(
+            verdict == NOT_PERSISTENT for verdict in verdicts[leg]
+        )
     print(json.dumps(report, indent=2))
 
 

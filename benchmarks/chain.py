@@ -1,8 +1,10 @@
-"""The whole chain on the bundled dive: seconds, samples per second of the uniform clock, a second run that has nothing to do, peak memory.
+"""The whole chain on the bundled dive: seconds, samples per second of the uniform
+clock, a second run that has nothing to do, peak memory.
 
     python -m benchmarks.chain [CAMPAIGN]
 
-Each run is the command that a user gives, in a process of its own, on a copy of the campaign, so that results in `runs/` stay.
+Each run is the command that a user gives, in a process of its own, on a copy of the
+campaign, so that results in `runs/` stay.
 """
 
 from __future__ import annotations
@@ -24,12 +26,16 @@ RUNS = 3
 def seconds_of(*command: str, folder: Path) -> float:
     """How long a command takes; its words are shown only if it fails."""
     begin = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "pipeline", *command], cwd=folder, check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-m", "pipeline", *command], cwd=folder, check=True, capture_output=True
+    )
     return time.perf_counter() - begin
 
 
 def measure(campaign: str = "bluerov2_dvl") -> dict[str, float]:
-    """Shortest of three full runs and of three runs with nothing to do; peak memory of the largest process in MB."""
+    """Shortest of three full runs and of three runs with nothing to do; peak memory of
+    the largest process in MB.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(ROOT / "campaigns" / campaign, folder / "campaigns" / campaign)
@@ -50,4 +56,8 @@ def measure(campaign: str = "bluerov2_dvl") -> dict[str, float]:
 
 if __name__ == "__main__":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    print(json.dumps({key: round(value, 3) for key, value in measure(*sys.argv[1:]).items()}, indent=2))
+    print(
+        json.dumps(
+            {key: round(value, 3) for key, value in measure(*sys.argv[1:]).items()}, indent=2
+        )
+    )

@@ -1,4 +1,5 @@
-"""A Monte Carlo of closed-loop flights: 1000 H-AUVs with drawn coefficients over 60 s of the helix, seconds in all.
+"""A Monte Carlo of closed-loop flights: 1000 H-AUVs with drawn coefficients over 60 s
+of the helix, seconds in all.
 
 python -m benchmarks.closed_loop
 """
@@ -17,7 +18,9 @@ MEMBERS, DURATION_S = 1000, 60.0
 
 
 def measure() -> dict[str, float]:
-    """Seconds for the design of the helix and all its flights, and for the Monte Carlo; members and simulated seconds per second."""
+    """Seconds for the design of the helix and all its flights, and for the Monte Carlo;
+    members and simulated seconds per second.
+    """
     from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
     from auvid.stages.control.flying import fly_case, models_of, monte_carlo
 
@@ -29,7 +32,9 @@ def measure() -> dict[str, float]:
     begin = time.perf_counter()
     flown = fly_case(models, helix, weights_of(cases), limits, allow_unstable=False)
     designed = time.perf_counter()
-    errors, _ = monte_carlo(models, None, flown[0], duration_s=DURATION_S, relative_sd=0.15, members=MEMBERS, seed=1)
+    errors, _ = monte_carlo(
+        models, None, flown[0], duration_s=DURATION_S, relative_sd=0.15, members=MEMBERS, seed=1
+    )
     taken = time.perf_counter() - designed
     return {
         "design_and_flights_s": designed - begin,

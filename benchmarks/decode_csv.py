@@ -1,9 +1,11 @@
-"""CSV log to streams: a bare pyarrow.csv read of the same file against auvid's reader, on one real log repeated, in one run.
+"""CSV log to streams: a bare pyarrow.csv read of the same file against auvid's reader,
+on one real log repeated, in one run.
 
     python -m benchmarks.decode_csv LOG.csv COLUMNS.yaml
 
-The bare read makes float64 columns of every column of the file and nothing more. Both use one thread, as auvid reads (Arrow's threads can
-abort a process at its exit, apache/arrow#34314); they take turns.
+The bare read makes float64 columns of every column of the file and nothing more. Both
+use one thread, as auvid reads (Arrow's threads can abort a process at its exit,
+apache/arrow#34314); they take turns.
 """
 
 from __future__ import annotations
@@ -18,9 +20,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 import yaml
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.reader import CSV
-
 from benchmarks.measuring import best, columns_bytes
 
 
@@ -41,8 +43,12 @@ def bare_read(path: Path) -> pa.Table:
     )
 
 
-def measure(log_path: str | Path, map_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of both and ours over bare (times); peak memory over input plus columns, what pyarrow allocates included."""
+def measure(
+    log_path: str | Path, map_path: str | Path, megabytes: float = 20.0
+) -> dict[str, float]:
+    """MB/s of both and ours over bare (times); peak memory over input plus columns,
+    what pyarrow allocates included.
+    """
     original = Path(log_path).read_bytes()
     data = repeated(original, megabytes)
     columns = yaml.safe_load(Path(map_path).read_text())
@@ -52,7 +58,9 @@ def measure(log_path: str | Path, map_path: str | Path, megabytes: float = 20.0)
     CSV.read(RawFile("small.csv", small, columns))  # what is imported then is not counted
     tracemalloc.start()
     log = CSV.read(RawFile("repeated.csv", buffer, columns))
-    peak = tracemalloc.get_traced_memory()[1] + (pa.default_memory_pool().max_memory() or 0)  # of this process so far
+    peak = tracemalloc.get_traced_memory()[1] + (
+        pa.default_memory_pool().max_memory() or 0
+    )  # of this process so far
     tracemalloc.stop()
     decoded = columns_bytes(log)
     rows = max(log.counts.values())
@@ -77,4 +85,8 @@ def measure(log_path: str | Path, map_path: str | Path, megabytes: float = 20.0)
 
 
 if __name__ == "__main__":
-    print(json.dumps({key: round(value, 3) for key, value in measure(*sys.argv[1:]).items()}, indent=2))
+    print(
+        json.dumps(
+            {key: round(value, 3) for key, value in measure(*sys.argv[1:]).items()}, indent=2
+        )
+    )

@@ -1,9 +1,12 @@
-"""DataFlash log to columns: pymavlink, auvid's reader and the floor, on one real log repeated, in one run.
+"""DataFlash log to columns: pymavlink, auvid's reader and the floor, on one real log
+repeated, in one run.
 
     python -m benchmarks.decode_dataflash LOG.BIN
 
-pymavlink's messages are collected into one array per field, as the reader returns them. The floor is what no reader of this kind can
-go below: read the file, look for headers, gather the records of each type (their places are given) and copy each field to a column.
+pymavlink's messages are collected into one array per field, as the reader returns them.
+The floor is what no reader of this kind can go below: read the file, look for headers,
+gather the records of each type (their places are given) and copy each field to a
+column.
 """
 
 from __future__ import annotations
@@ -20,19 +23,21 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.dataflash.columns import GATHER_BYTES
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH, Index, build_index
 from auvid.stages.ingest.formats.dataflash.scan import candidates, read_times
-
 from benchmarks.measuring import best, columns_bytes
 
 PAUSE_US = 10_000
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
-    """The records of a log, repeated to at least `megabytes`; FMT only once, time stamps that go on from copy to copy."""
+    """The records of a log, repeated to at least `megabytes`; FMT only once, time
+    stamps that go on from copy to copy.
+    """
     index = build_index(data)
     chain = index.chain
     kept = np.zeros(data.size, np.bool_)
@@ -65,23 +70,35 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
             for field in message.get_fieldnames():
                 columns[field].append(getattr(message, field))
         log.close()
-    return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
+    return {
+        name: {field: np.asarray(values) for field, values in columns.items()}
+        for name, columns in lists.items()
+    }
 
 
 def read_floor(path: str, index: Index) -> int:
-    """Read, scan, gather and copy: nothing is checked, scaled or counted. Returns the bytes of the columns."""
+    """Read, scan, gather and copy: nothing is checked, scaled or counted. Returns the
+    bytes of the columns.
+    """
     data = np.fromfile(path, np.uint8)
     candidates(data)
     chain, total = index.chain, 0
     order = np.argsort(chain.type, kind="stable")
-    for part in np.split(chain.offset[order], np.cumsum(np.bincount(chain.type, minlength=256))[:-1]):
+    for part in np.split(
+        chain.offset[order], np.cumsum(np.bincount(chain.type, minlength=256))[:-1]
+    ):
         if part.size == 0:
             continue
         entry = int(index.definitions.first[data[part[0] + 2]])
         definition = index.definition(entry)
         dtype = definition.record
-        records = np.ndarray((data.size - definition.length + 1,), f"V{definition.length}", data, 0, (1,))
-        columns = [np.empty((part.size, *dtype[name].shape), dtype[name].base) for name in dtype.names or ()]
+        records = np.ndarray(
+            (data.size - definition.length + 1,), f"V{definition.length}", data, 0, (1,)
+        )
+        columns = [
+            np.empty((part.size, *dtype[name].shape), dtype[name].base)
+            for name in dtype.names or ()
+        ]
         step = max(1, GATHER_BYTES // definition.length)
         for start in range(0, part.size, step):
             block = records[part[start : start + step]].view(dtype)
@@ -92,7 +109,9 @@ def read_floor(path: str, index: Index) -> int:
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of pymavlink (one run), of the floor and of auvid (best of seven), their ratios, the time for a 20 kB log, and peak memory."""
+    """MB/s of pymavlink (one run), of the floor and of auvid (best of seven), their
+    ratios, the time for a 20 kB log, and peak memory.
+    """
     original = np.fromfile(log_path, np.uint8)
     data = repeated(original, megabytes)
     size_mb = data.size / 1e6
@@ -129,4 +148,6 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
+    print(
+        json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2)
+    )

@@ -1,8 +1,10 @@
-"""DataFlash text log to columns: pymavlink against auvid's reader, on one real log printed as text and repeated, in one run.
+"""DataFlash text log to columns: pymavlink against auvid's reader, on one real log
+printed as text and repeated, in one run.
 
     python -m benchmarks.decode_text LOG.BIN
 
-The binary log is printed as firmware prints text logs. pymavlink's messages are collected into one array per field.
+The binary log is printed as firmware prints text logs. pymavlink's messages are
+collected into one array per field.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
@@ -28,12 +31,17 @@ NOT_REPEATED = ("FMT", "FMTU", "UNIT", "MULT", "PARM")
 
 
 def printed(log: DecodedLog, megabytes: float) -> bytes:
-    """All records as lines, in the order of the log; those with data repeated to at least `megabytes`."""
+    """All records as lines, in the order of the log; those with data repeated to at
+    least `megabytes`.
+    """
     lines: list[tuple[int, str, str]] = []
     for name, table in log.messages.items():
         columns = [column.tolist() for column in table.columns.values()]
         for offset, *row in zip(table.offset.tolist(), *columns, strict=True):
-            cells = [value.decode("latin-1") if isinstance(value, bytes) else repr(value) for value in row]
+            cells = [
+                value.decode("latin-1") if isinstance(value, bytes) else repr(value)
+                for value in row
+            ]
             lines.append((offset, name, f"{name}, {', '.join(cells)}\n"))
     lines.sort()
     first = "".join(line for _, _, line in lines).encode()
@@ -53,11 +61,16 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
             for field in message.get_fieldnames():
                 columns[field].append(getattr(message, field))
         log.close()
-    return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
+    return {
+        name: {field: np.asarray(values) for field, values in columns.items()}
+        for name, columns in lists.items()
+    }
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of both readers and their ratio (ours best of three); peak memory over input plus decoded columns."""
+    """MB/s of both readers and their ratio (ours best of three); peak memory over input
+    plus decoded columns.
+    """
     data = printed(DATAFLASH.read(RawFile("log", np.fromfile(log_path, np.uint8))), megabytes)
     buffer, size_mb = np.frombuffer(data, np.uint8), len(data) / 1e6
     with tempfile.TemporaryDirectory() as folder:
@@ -77,7 +90,11 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
     log = DATAFLASH_TEXT.read(RawFile("printed.log", buffer))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    columns = sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
+    columns = sum(
+        column.nbytes
+        for table in log.messages.values()
+        for column in (*table.columns.values(), table.offset)
+    )
     return {
         "size_mb": size_mb,
         "messages": float(sum(log.counts.values())),
@@ -90,4 +107,6 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
+    print(
+        json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2)
+    )

@@ -1,8 +1,10 @@
-"""Telemetry log to columns: pymavlink against auvid's reader, on one real log repeated, in one run.
+"""Telemetry log to columns: pymavlink against auvid's reader, on one real log repeated,
+in one run.
 
     python -m benchmarks.decode_tlog LOG.tlog
 
-pymavlink's messages are collected into one array per field, as the reader returns them. Peak memory is measured in a run of its own.
+pymavlink's messages are collected into one array per field, as the reader returns them.
+Peak memory is measured in a run of its own.
 """
 
 from __future__ import annotations
@@ -17,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import mavlink
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.tlog.byte_account import explain
 from auvid.stages.ingest.formats.tlog.reader import TLOG
-
 from benchmarks.measuring import best, columns_bytes
 
 PAUSE_US = 50_000
@@ -29,7 +31,9 @@ SMALL_BYTES = 20_000
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
-    """The proven records of a log, repeated to at least `megabytes`, with time stamps that go on from copy to copy."""
+    """The proven records of a log, repeated to at least `megabytes`, with time stamps
+    that go on from copy to copy.
+    """
     records = explain(data).records
     span = int(records.stamp[-1] - records.stamp[0]) + PAUSE_US
     inside = np.zeros(data.size + 1, dtype=np.int64)
@@ -40,7 +44,12 @@ def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.ui
     copies = []
     for number in range(int(np.ceil(megabytes * 1e6 / np.count_nonzero(kept)))):
         copy = data.copy()
-        copy[stamp_at] = (records.stamp + number * span).astype(">u8").view(np.uint8).reshape(-1, mavlink.STAMP_BYTES)
+        copy[stamp_at] = (
+            (records.stamp + number * span)
+            .astype(">u8")
+            .view(np.uint8)
+            .reshape(-1, mavlink.STAMP_BYTES)
+        )
         copies.append(copy[kept])
     return np.concatenate(copies)
 
@@ -60,11 +69,16 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
         for field in message.get_fieldnames():
             columns[field].append(getattr(message, field))
     link.close()
-    return {name: {field: np.asarray(values) for field, values in columns.items()} for name, columns in lists.items()}
+    return {
+        name: {field: np.asarray(values) for field, values in columns.items()}
+        for name, columns in lists.items()
+    }
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of both readers and their ratio (best of seven runs for ours), the time for a 20 kB log, and peak memory."""
+    """MB/s of both readers and their ratio (best of seven runs for ours), the time for
+    a 20 kB log, and peak memory.
+    """
     data = repeated(np.fromfile(log_path, dtype=np.uint8), megabytes)
     size_mb = data.size / 1e6
     mavlink.crc_extras()
@@ -97,4 +111,6 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
+    print(
+        json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2)
+    )

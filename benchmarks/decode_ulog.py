@@ -1,8 +1,10 @@
-"""ULog file to columns: pyulog against auvid's reader, on the data section of one real log repeated, in one run.
+"""ULog file to columns: pyulog against auvid's reader, on the data section of one real
+log repeated, in one run.
 
     python -m benchmarks.decode_ulog LOG.ulg
 
-Both give one array per field of every topic. Peak memory is measured in a run of its own.
+Both give one array per field of every topic. Peak memory is measured in a run of its
+own.
 """
 
 from __future__ import annotations
@@ -16,26 +18,36 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.ulog.reader import ULOG
-
 from benchmarks.measuring import columns_bytes
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
-    """A complete log followed by its data section, without the subscriptions, as often as makes `megabytes`."""
+    """A complete log followed by its data section, without the subscriptions, as often
+    as makes `megabytes`.
+    """
     log = ULOG.read(RawFile("log", data))
     if log.status != "complete":
         raise ValueError("the log to repeat must be complete")
-    raw, place, body = data.tobytes(), min(int(table.offset[0]) for table in log.messages.values()), []
+    raw, place, body = (
+        data.tobytes(),
+        min(int(table.offset[0]) for table in log.messages.values()),
+        [],
+    )
     while place < len(raw):
-        stop = place + layout.MESSAGE_HEADER_BYTES + int.from_bytes(raw[place : place + 2], "little")
+        stop = (
+            place + layout.MESSAGE_HEADER_BYTES + int.from_bytes(raw[place : place + 2], "little")
+        )
         if raw[place + 2] != ord("A"):
             body.append(raw[place:stop])
         place = stop
     again = np.frombuffer(b"".join(body), np.uint8)
-    return np.concatenate([data, *[again] * max(0, int(np.ceil((megabytes * 1e6 - data.size) / again.size)))])
+    return np.concatenate(
+        [data, *[again] * max(0, int(np.ceil((megabytes * 1e6 - data.size) / again.size)))]
+    )
 
 
 def read_with_pyulog(data: npt.NDArray[np.uint8]) -> int:
@@ -47,8 +59,10 @@ def read_with_pyulog(data: npt.NDArray[np.uint8]) -> int:
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
-    """MB/s of both readers and their ratio, best of three; milliseconds for the log itself; peak memory of ours (what it allocates, and
-    the input) over input plus decoded columns."""
+    """MB/s of both readers and their ratio, best of three; milliseconds for the log
+    itself; peak memory of ours (what it allocates, and the input) over input plus
+    decoded columns.
+    """
     original = np.fromfile(log_path, dtype=np.uint8)
     data = repeated(original, megabytes)
     size_mb = data.size / 1e6
@@ -60,7 +74,11 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
             if name == "pyulog":
                 records[name] = read_with_pyulog(data)
             else:
-                records[name] = sum(ULOG.read(RawFile("log", original if name == "auvid once" else data)).counts.values())
+                records[name] = sum(
+                    ULOG.read(
+                        RawFile("log", original if name == "auvid once" else data)
+                    ).counts.values()
+                )
             seconds[name] = min(seconds.get(name, np.inf), time.perf_counter() - begin)
     tracemalloc.start()
     log = ULOG.read(RawFile("log", data))
@@ -80,4 +98,6 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2))
+    print(
+        json.dumps({key: round(value, 3) for key, value in measure(sys.argv[1]).items()}, indent=2)
+    )

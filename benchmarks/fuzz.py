@@ -1,11 +1,15 @@
-"""Damage the small log of every reader in every way, and hold what is read against the whole log.
+"""Damage the small log of every reader in every way, and hold what is read against the
+whole log.
 
     make fuzz [READER=NAME]    or    python -m benchmarks.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
 
-Binary formats: every single bit flip and every cut point of a 20 kB log. All readers: seeded mutations (flips, overwritten bytes, cuts,
-zeros, repeats, splices, hostile values). No crash, hang, wrong account, invented record or wrong value; at least 99.9 % of the whole
-records on average, and at worst 99 % or all but two. Workers may use no more than 100 MB over what the readers need, and each reader
-is tried on larger damaged logs against three times the memory of the clean one plus 100 MB. A failing case is written to tests/data/fuzz.
+Binary formats: every single bit flip and every cut point of a 20 kB log. All readers:
+seeded mutations (flips, overwritten bytes, cuts, zeros, repeats, splices, hostile
+values). No crash, hang, wrong account, invented record or wrong value; at least 99.9 %
+of the whole records on average, and at worst 99 % or all but two. Workers may use no
+more than 100 MB over what the readers need, and each reader is tried on larger damaged
+logs against three times the memory of the clean one plus 100 MB. A failing case is
+written to tests/data/fuzz.
 """
 
 from __future__ import annotations
@@ -26,12 +30,20 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
-from auvid.stages.base import RawFile
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from tests.support.damage_cases import MEAN_SHARE, count, damaged, failures, ingest_fault, keep, kind_of_fault
+from auvid.stages.base import RawFile
+from tests.support.damage_cases import (
+    MEAN_SHARE,
+    count,
+    damaged,
+    failures,
+    ingest_fault,
+    keep,
+    kind_of_fault,
+)
 from tests.support.mutate import mutations
 from tests.support.recovery import judge
 from tests.support.small_logs import DATA, NAMES, SmallLog, small_log
@@ -76,15 +88,25 @@ class Tally:
 
 
 def limit_memory() -> None:
-    """Let this process use no more than the allowance over what it uses after every reader has read its clean log."""
+    """Let this process use no more than the allowance over what it uses after every
+    reader has read its clean log.
+    """
     for name in NAMES:
         small_log(name)
         ingest_fault(small_log(name), small_log(name).data)
     with contextlib.suppress(ImportError, OSError):
         import resource
 
-        used = int(next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmData")).split()[1])
-        resource.setrlimit(resource.RLIMIT_DATA, (used * 1024 + EXTRA_BYTES, resource.RLIM_INFINITY))
+        used = int(
+            next(
+                line
+                for line in Path("/proc/self/status").read_text().splitlines()
+                if line.startswith("VmData")
+            ).split()[1]
+        )
+        resource.setrlimit(
+            resource.RLIMIT_DATA, (used * 1024 + EXTRA_BYTES, resource.RLIM_INFINITY)
+        )
 
 
 def _start_worker() -> None:
@@ -173,7 +195,9 @@ def memory(name: str) -> tuple[str, float, float, float]:
 
 def main() -> int:
     """Run all cases; print the table; 1 if any failed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--reader", action="append", choices=NAMES)
     parser.add_argument("--mutations", type=int, default=20_000)
     parser.add_argument("--every", type=int, default=1, help="try each N-th case only")
@@ -183,10 +207,23 @@ def main() -> int:
     work = list(chunks(names, given.mutations, given.every))
     tallies = {(name, kind): Tally() for name in names for kind in KINDS}
     seconds = dict.fromkeys(names, 0.0)
-    console, begin = Console(width=None if sys.stdout.isatty() else TABLE_WIDTH), time.perf_counter()
-    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"  # the others reserve address space that would count as used
-    with multiprocessing.get_context("spawn").Pool(given.jobs, _start_worker) as pool, Progress(console=console) as progress:
-        bars = {name: progress.add_task(name, total=sum(len(part[2]) for part in work if part[0] == name)) for name in names}
+    console, begin = (
+        Console(width=None if sys.stdout.isatty() else TABLE_WIDTH),
+        time.perf_counter(),
+    )
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = (
+        "system"  # the others reserve address space that would count as used
+    )
+    with (
+        multiprocessing.get_context("spawn").Pool(given.jobs, _start_worker) as pool,
+        Progress(console=console) as progress,
+    ):
+        bars = {
+            name: progress.add_task(
+                name, total=sum(len(part[2]) for part in work if part[0] == name)
+            )
+            for name in names
+        }
         for name, kind, tally in pool.imap_unordered(try_cases, work):
             tallies[name, kind].add(tally)
             seconds[name] = time.perf_counter() - begin
@@ -195,7 +232,8 @@ def main() -> int:
         peaks = list(pool.imap(memory_without_limit, names))
     bad = report(console, tallies, peaks)
     console.print(
-        f"{sum(tally.cases for tally in tallies.values())} cases in {time.perf_counter() - begin:.0f} s on {given.jobs} processes"
+        f"{sum(tally.cases for tally in tallies.values())} cases in"
+        f" {time.perf_counter() - begin:.0f} s on {given.jobs} processes"
     )
     return int(bad)
 
@@ -211,30 +249,71 @@ def memory_without_limit(name: str) -> tuple[str, float, float, float]:
 
 def damage_table(tallies: dict[tuple[str, str], Tally]) -> Table:
     """One row per reader and kind of damage."""
-    table = Table("reader", "damage", "cases", "whole records", "lost", "recovered, mean %", "worst %", "invented", "refused", "failed")
+    table = Table(
+        "reader",
+        "damage",
+        "cases",
+        "whole records",
+        "lost",
+        "recovered, mean %",
+        "worst %",
+        "invented",
+        "refused",
+        "failed",
+    )
     for (name, kind), tally in tallies.items():
         if tally.cases:
             shares = np.array(tally.shares or [0.0])
-            numbers = (tally.cases, tally.expected, tally.lost, f"{100 * (1 - shares.mean()):.4f}", f"{100 * (1 - shares.max()):.2f}")
-            table.add_row(name, kind, *map(str, numbers), str(tally.invented), str(tally.refused), str(len(tally.failed)))
+            numbers = (
+                tally.cases,
+                tally.expected,
+                tally.lost,
+                f"{100 * (1 - shares.mean()):.4f}",
+                f"{100 * (1 - shares.max()):.2f}",
+            )
+            table.add_row(
+                name,
+                kind,
+                *map(str, numbers),
+                str(tally.invented),
+                str(tally.refused),
+                str(len(tally.failed)),
+            )
     return table
 
 
-def report(console: Console, tallies: dict[tuple[str, str], Tally], peaks: list[tuple[str, float, float, float]]) -> bool:
+def report(
+    console: Console,
+    tallies: dict[tuple[str, str], Tally],
+    peaks: list[tuple[str, float, float, float]],
+) -> bool:
     """Print memory and what failed; whether anything did."""
     bad = False
     for (name, kind), tally in tallies.items():
         kinds = Counter(kind_of_fault(fault) for _, faults in tally.failed for fault in faults)
         for fault, times in kinds.most_common(10):
-            example = next(number for number, faults in tally.failed if any(kind_of_fault(each) == fault for each in faults))
-            console.print(f"[red]{name} {kind} {example}[/red] and {times - 1} more: {fault}", markup=True, highlight=False)
+            example = next(
+                number
+                for number, faults in tally.failed
+                if any(kind_of_fault(each) == fault for each in faults)
+            )
+            console.print(
+                f"[red]{name} {kind} {example}[/red] and {times - 1} more: {fault}",
+                markup=True,
+                highlight=False,
+            )
             bad = True
         if tally.shares and np.mean(tally.shares) > MEAN_SHARE:
-            console.print(f"[red]{name} {kind}[/red]: {100 * np.mean(tally.shares):.3f} % lost on average")
+            console.print(
+                f"[red]{name} {kind}[/red]: {100 * np.mean(tally.shares):.3f} % lost on average"
+            )
             bad = True
     for name, size, clean, worst in peaks:
         allowed = CLEAN_FACTOR * clean + EXTRA_BYTES / 1e6
-        console.print(f"memory, {name}: log {size:.1f} MB, clean peak {clean:.1f} MB, worst damaged {worst:.1f} MB (allowed {allowed:.0f})")
+        console.print(
+            f"memory, {name}: log {size:.1f} MB, clean peak {clean:.1f} MB, worst damaged"
+            f" {worst:.1f} MB (allowed {allowed:.0f})"
+        )
         bad |= worst > allowed
     return bad
 

@@ -1,4 +1,6 @@
-"""What the benchmarks of readers share: the shortest of several times, and the size of decoded columns."""
+"""What the benchmarks of readers share: the shortest of several times, and the size of
+decoded columns.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ RUNS = 7
 
 
 def best(*runs: Callable[[], object]) -> list[float]:
-    """The shortest time of each, seconds; they take turns, so that a busy machine slows all of them alike."""
+    """The shortest time of each, seconds; they take turns, so that a busy machine slows
+    all of them alike.
+    """
     times: list[list[float]] = [[] for _ in runs]
     for _ in range(RUNS):
         for run, seconds in zip(runs, times, strict=True):
@@ -23,4 +27,8 @@ def best(*runs: Callable[[], object]) -> list[float]:
 
 def columns_bytes(log: DecodedLog) -> int:
     """Bytes of all decoded columns."""
-    return sum(column.nbytes for table in log.messages.values() for column in (*table.columns.values(), table.offset))
+    return sum(
+        column.nbytes
+        for table in log.messages.values()
+        for column in (*table.columns.values(), table.offset)
+    )

@@ -1,9 +1,10 @@
-"""Size and speed of a recording: one hour at 50 Hz of 60 channels, whole and as the preview that pictures are taken of.
+"""Size and speed of a recording: one hour at 50 Hz of 60 channels, whole and as the
+preview that pictures are taken of.
 
     python -m benchmarks.recording [--keep FOLDER]
 
-The channels wander and carry noise, as sensors do; constant ones would pack better. Asked are at most 10 s and 120 MB. With --keep the
-recordings stay in FOLDER.
+The channels wander and carry noise, as sensors do; constant ones would pack better.
+Asked are at most 10 s and 120 MB. With --keep the recordings stay in FOLDER.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.report.recording.recording import record
 
@@ -42,7 +44,13 @@ def views() -> dict[str, dict[str, object]]:
     """One group per stream."""
     names = [f"c{index}" for index in range(COLUMNS)]
     groups = [
-        {"entity": f"raw/stream{group}", "table": f"stream{group}", "columns": names, "names": names, "roles": ["raw"] * COLUMNS}
+        {
+            "entity": f"raw/stream{group}",
+            "table": f"stream{group}",
+            "columns": names,
+            "names": names,
+            "roles": ["raw"] * COLUMNS,
+        }
         | {"tab": "Logs", "unit": "1"}
         for group in range(GROUPS)
     ]
@@ -57,11 +65,18 @@ def main() -> None:
     data, shown = tables(), views()
     logs = {"dive": {"start_us": 0, "end_us": int(3.6e9 * HOURS)}}
     summary = Summary("fair", "Benchmark", "", None, "validation", (), (), (), (), ())
-    figures: dict[str, object] = {"channels": GROUPS * COLUMNS, "samples": int(3600 * HOURS * RATE_HZ), "limits": LIMITS}
+    figures: dict[str, object] = {
+        "channels": GROUPS * COLUMNS,
+        "samples": int(3600 * HOURS * RATE_HZ),
+        "limits": LIMITS,
+    }
     for name, preview in (("preview", True), ("whole", False)):
         start = time.perf_counter()
         content = record("Benchmark", summary, shown, data, {}, {}, logs, 10.0, preview=preview)
-        figures[name] = {"seconds": round(time.perf_counter() - start, 2), "megabytes": round(len(content) / 1e6, 2)}
+        figures[name] = {
+            "seconds": round(time.perf_counter() - start, 2),
+            "megabytes": round(len(content) / 1e6, 2),
+        }
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             (keep / f"{name}.rrd").write_bytes(content)

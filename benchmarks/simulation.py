@@ -1,13 +1,18 @@
-"""Simulated steps per second: one vehicle and a batch, compiled and numpy, beside an Euler step of PythonVehicleSimulator.
+"""Simulated steps per second: one vehicle and a batch, compiled and numpy, beside an
+Euler step of PythonVehicleSimulator.
 
     python -m benchmarks.simulation --peer FOLDER
 
-FOLDER is a copy of PythonVehicleSimulator (github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one, there
-are no ratios. One RK4 step has four evaluations of the right-hand side (twelve states, propeller, four fins, viscous force), an Euler step
-of the peer's REMUS 100 has one. Two truths: the physical viscous force, and a published model (Gertler and Hagen, 88 coefficients). A
-batch uses the threads that numba may start. The peer is timed twice: its own `simulate` as its main program calls it (10000 samples of
-20 ms, autopilot and table included), and its bare Euler step. Shortest of many runs, ours and the peer's in turn, so that another program
-on the machine disturbs both alike; the first call, which compiles, is not counted.
+FOLDER is a copy of PythonVehicleSimulator
+(github.com/cybergalactic/PythonVehicleSimulator, MIT); without it, or an installed one,
+there are no ratios. One RK4 step has four evaluations of the right-hand side (twelve
+states, propeller, four fins, viscous force), an Euler step of the peer's REMUS 100 has
+one. Two truths: the physical viscous force, and a published model (Gertler and Hagen,
+88 coefficients). A batch uses the threads that numba may start. The peer is timed
+twice: its own `simulate` as its main program calls it (10000 samples of 20 ms,
+autopilot and table included), and its bare Euler step. Shortest of many runs, ours and
+the peer's in turn, so that another program on the machine disturbs both alike; the
+first call, which compiles, is not counted.
 """
 
 from __future__ import annotations
@@ -26,6 +31,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs, integrate_open_loop
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -52,14 +58,20 @@ def shortest(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
 
 def simulation(plant: Plant, batch: int, steps: int, *, compiled: bool) -> Callable[[], object]:
     """A job of `batch * steps` vehicle-steps."""
-    start = np.tile(plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.05, 0.0, 0.0, 0.0, 0.1]), (batch, 1))
+    start = np.tile(
+        plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.05, 0.0, 0.0, 0.0, 0.1]), (batch, 1)
+    )
     start[:, 6] += np.linspace(0.0, 0.5, batch)
-    inputs = constant_inputs(np.full(batch, 35.0), np.tile([0.02, -0.02, 0.05, -0.05], (batch, 1)), knots=steps + 1)
+    inputs = constant_inputs(
+        np.full(batch, 35.0), np.tile([0.02, -0.02, 0.05, -0.05], (batch, 1)), knots=steps + 1
+    )
     return lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S, compiled=compiled)
 
 
 def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
-    """PythonVehicleSimulator's `simulate`, and its bare Euler step; None where it cannot be imported."""
+    """PythonVehicleSimulator's `simulate`, and its bare Euler step; None where it
+    cannot be imported.
+    """
     try:
         from python_vehicle_simulator.lib import attitudeEuler, simulate
         from python_vehicle_simulator.vehicles import remus100
@@ -67,7 +79,9 @@ def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
         return None
 
     def whole() -> None:
-        simulate(PEER_SAMPLES, PEER_STEP_S, remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170))
+        simulate(
+            PEER_SAMPLES, PEER_STEP_S, remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170)
+        )
 
     vehicle = remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170)
 
@@ -83,7 +97,9 @@ def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
 def published(name: str) -> IdentifiedModel:
     """A model of McCarter 2014, Appendix E."""
     coefficients: dict[str, dict[str, float]] = {}
-    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(newline="", encoding="utf-8") as file:
+    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(
+        newline="", encoding="utf-8"
+    ) as file:
         for row in csv.DictReader(file):
             coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
     return IdentifiedModel(name, coefficients)
@@ -99,8 +115,13 @@ def main() -> None:
     peer = peer_jobs()
     if folder is not None and peer is None:
         sys.exit(f"no package python_vehicle_simulator can be imported from {folder}")
-    vehicle = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
-    truths = {"physical": Plant(vehicle, physical_viscous(vehicle)), "gertler_hagen": Plant(vehicle, published("gertler_hagen"))}
+    vehicle = vehicle_from_document(
+        yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+    )
+    truths = {
+        "physical": Plant(vehicle, physical_viscous(vehicle)),
+        "gertler_hagen": Plant(vehicle, published("gertler_hagen")),
+    }
     jobs: dict[str, Callable[[], object]] = {}
     steps: dict[str, int] = {}
     for name, plant in truths.items():
@@ -120,8 +141,21 @@ def main() -> None:
     times |= shortest(slow, 5)
     cost = {name: seconds / steps[name] * 1e6 for name, seconds in times.items()}
     peers = {name: value for name, value in cost.items() if name.startswith("peer")}
-    ratios = {f"{name}_over_{key}": round(value / cost[key]) for name, value in peers.items() for key in jobs if key not in peers}
-    print(json.dumps({"us_per_vehicle_and_step": {name: round(value, 3) for name, value in cost.items()}, "ratios": ratios}, indent=1))
+    ratios = {
+        f"{name}_over_{key}": round(value / cost[key])
+        for name, value in peers.items()
+        for key in jobs
+        if key not in peers
+    }
+    print(
+        json.dumps(
+            {
+                "us_per_vehicle_and_step": {name: round(value, 3) for name, value in cost.items()},
+                "ratios": ratios,
+            },
+            indent=1,
+        )
+    )
 
 
 if __name__ == "__main__":

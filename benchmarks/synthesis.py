@@ -1,9 +1,11 @@
-"""Least-squares fits of all eight viscous models: one triangular factor against numpy's lstsq, on the same samples, in one run.
+"""Least-squares fits of all eight viscous models: one triangular factor against numpy's
+lstsq, on the same samples, in one run.
 
     python -m benchmarks.synthesis [SAMPLES]
 
-Both sides start from velocities, propulsion ratios and forces, and build the basis with the same function. numpy gets the whole basis once,
-kept in memory, and as few calls as give the models: one per model and distinct set of terms. One BLAS thread.
+Both sides start from velocities, propulsion ratios and forces, and build the basis with
+the same function. numpy gets the whole basis once, kept in memory, and as few calls as
+give the models: one per model and distinct set of terms. One BLAS thread.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
@@ -33,7 +36,9 @@ Coefficients = Mapping[tuple[str, str], Array]
 
 
 def rich_motion(n: int, seed: int = 5) -> tuple[Array, Array, Array]:
-    """Velocities (6, n) that excite every axis (surge in both directions), propulsion ratio (n,), and forces (n, 6) with noise."""
+    """Velocities (6, n) that excite every axis (surge in both directions), propulsion
+    ratio (n,), and forces (n, 6) with noise.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(n) / 50.0
     size = np.array([1.5, 0.4, 0.3, 0.3, 0.25, 0.4])
@@ -56,9 +61,14 @@ def fit_in_one_pass(nu: Array, eta: Array, force: Array) -> Coefficients:
     factor = TriangularFactor.empty(TERMS)
     for start in range(0, nu.shape[1], BLOCK_SAMPLES):
         stop = start + BLOCK_SAMPLES
-        factor = factor.update(basis_rows(nu[:, start:stop], eta[start:stop], TERMS), force[start:stop])
+        factor = factor.update(
+            basis_rows(nu[:, start:stop], eta[start:stop], TERMS), force[start:stop]
+        )
     return {
-        (model.name, axis): solve_axis(factor, axis, model.terms[axis]).solution for model in MODELS for axis in AXES if model.terms[axis]
+        (model.name, axis): solve_axis(factor, axis, model.terms[axis]).solution
+        for model in MODELS
+        for axis in AXES
+        if model.terms[axis]
     }
 
 
@@ -71,15 +81,22 @@ def fit_with_numpy(nu: Array, eta: Array, force: Array) -> Coefficients:
         for terms in {terms for terms in model.terms.values() if terms}:
             axes = [axis for axis in AXES if model.terms[axis] == terms]
             columns = basis[:, [place[term] for term in terms]]
-            values = np.asarray(np.linalg.lstsq(columns, force[:, [AXES.index(axis) for axis in axes]], rcond=None)[0], dtype=np.float64)
+            values = np.asarray(
+                np.linalg.lstsq(columns, force[:, [AXES.index(axis) for axis in axes]], rcond=None)[
+                    0
+                ],
+                dtype=np.float64,
+            )
             found.update({(model.name, axis): values[:, index] for index, axis in enumerate(axes)})
     return found
 
 
 def measure(n: int = 1_000_000) -> dict[str, float]:
-    """Seconds of both ways and their ratio, peak memory beyond the input, and the largest relative difference of a coefficient vector.
+    """Seconds of both ways and their ratio, peak memory beyond the input, and the
+    largest relative difference of a coefficient vector.
 
-    Memory: ours by tracemalloc in a run of its own; numpy's as the growth of the process (a lower bound). Ours is the best of two runs.
+    Memory: ours by tracemalloc in a run of its own; numpy's as the growth of the
+    process (a lower bound). Ours is the best of two runs.
     """
     data = rich_motion(n)
     ours_s = float("inf")
@@ -104,10 +121,17 @@ def measure(n: int = 1_000_000) -> dict[str, float]:
         "ratio": theirs_s / ours_s,
         "numpy_peak_mb": grown / 1024,
         "auvid_peak_mb": peak / 1e6,
-        "largest_relative_difference": max(float(np.linalg.norm(ours[key] - theirs[key]) / np.linalg.norm(theirs[key])) for key in theirs),
+        "largest_relative_difference": max(
+            float(np.linalg.norm(ours[key] - theirs[key]) / np.linalg.norm(theirs[key]))
+            for key in theirs
+        ),
     }
 
 
 if __name__ == "__main__":
     samples = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
-    print(json.dumps({key: float(f"{value:.4g}") for key, value in measure(samples).items()}, indent=2))
+    print(
+        json.dumps(
+            {key: float(f"{value:.4g}") for key, value in measure(samples).items()}, indent=2
+        )
+    )

@@ -1,1 +1,3 @@
-"""What the data are: schemas of every artefact and document, their loaders, checks and errors."""
+"""What the data are: schemas of every artefact and document, their loaders, checks and
+errors.
+"""

@@ -1,4 +1,6 @@
-"""The catalogue of findings of the health page (formats/checks.yaml), and its page in the documentation."""
+"""The catalogue of findings of the health page (formats/checks.yaml), and its page in
+the documentation.
+"""
 
 from __future__ import annotations
 
@@ -57,8 +59,16 @@ def documentation() -> str:
         parts.append(f"\n## {severity.capitalize()}s\n")
         for check in checks().values():
             if check.severity == severity:
-                limit = "" if check.threshold is None else f"Threshold: {check.threshold:g}{_unit(check.unit)}. "
-                parts.append(f"\n### `{check.id}`: {check.title}\n\n{check.means}\n\n{limit}{check.reason}\n\n*Remedy:* {check.remedy}\n")
+                limit = (
+                    ""
+                    if check.threshold is None
+                    else f"Threshold: {check.threshold:g}{_unit(check.unit)}. "
+                )
+                parts.append(
+                    f"\n### `{check.id}`:"
+                    f" {check.title}\n\n{check.means}\n\n{limit}{check.reason}\n\n*Remedy:*"
+                    f" {check.remedy}\n"
+                )
     return "".join(parts)
 
 

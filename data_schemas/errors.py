@@ -1,4 +1,6 @@
-"""The error classes of auvid. Every fault that a user can mend derives from `PipelineError`."""
+"""The error classes of auvid. Every fault that a user can mend derives from
+`PipelineError`.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,11 @@ SHOWN = 20
 
 
 class PipelineError(Exception):
-    """A fault in what the user gave: it says file, row, field, value, what is allowed and the remedy.
+    """A fault in what the user gave: it says file, row, field, value, what is allowed
+    and the remedy.
 
-    `row` counts as an editor counts (from 1, header included); for binary logs it is a message number or byte offset, written out.
+    `row` counts as an editor counts (from 1, header included); for binary logs it is a
+    message number or byte offset, written out.
     """
 
     def __init__(
@@ -64,7 +68,9 @@ def _rebuild(kind: type[PipelineError], message: str, state: dict[str, object]) 
 
 
 class UsageError(PipelineError):
-    """A command was given what it does not take: a name that it does not know, or options that exclude each other."""
+    """A command was given what it does not take: a name that it does not know, or
+    options that exclude each other.
+    """
 
 
 class SchemaError(PipelineError):
@@ -80,7 +86,9 @@ class LogError(PipelineError):
 
 
 class DataError(PipelineError):
-    """The data cannot give what a stage needs (a missing stream, too few samples, no validation leg)."""
+    """The data cannot give what a stage needs (a missing stream, too few samples, no
+    validation leg).
+    """
 
 
 class ManyFaults(PipelineError):

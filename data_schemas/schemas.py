@@ -1,6 +1,8 @@
-"""Load the schema files of this folder: one YAML per artefact (table, document or bytes).
+"""Load the schema files of this folder: one YAML per artefact (table, document or
+bytes).
 
-A key of `fields` may hold a brace list: `gyro_{x,y,z}_rad_s` stands for three fields, and `{}` in its texts for the item.
+A key of `fields` may hold a brace list: `gyro_{x,y,z}_rad_s` stands for three fields,
+and `{}` in its texts for the item.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from importlib.resources.abc import Traversable
 from typing import Any, Literal
 
 import yaml
+
 from auvid.data_schemas.errors import SchemaError, nearest
 
 Kind = Literal["table", "document", "bytes"]
@@ -38,7 +41,9 @@ class Field:
 
 @dataclass(frozen=True)
 class Schema:
-    """An artefact's schema: `columns` for tables, `fields` (raw mapping) for documents, `suffix` for bytes."""
+    """An artefact's schema: `columns` for tables, `fields` (raw mapping) for documents,
+    `suffix` for bytes.
+    """
 
     name: str
     kind: Kind
@@ -64,9 +69,20 @@ def schema_names() -> tuple[str, ...]:
 
 @cache
 def _schema_files() -> dict[str, Traversable]:
-    """Name of a schema -> its file; the rooms of this folder hold them, and `formats` other tables."""
-    rooms = (room for room in resources.files(__package__).iterdir() if room.is_dir() and room.name != "formats")
-    return {entry.name[:-5]: entry for room in rooms for entry in room.iterdir() if entry.name.endswith(".yaml")}
+    """Name of a schema -> its file; the rooms of this folder hold them, and `formats`
+    other tables.
+    """
+    rooms = (
+        room
+        for room in resources.files(__package__).iterdir()
+        if room.is_dir() and room.name != "formats"
+    )
+    return {
+        entry.name[:-5]: entry
+        for room in rooms
+        for entry in room.iterdir()
+        if entry.name.endswith(".yaml")
+    }
 
 
 def schema_text(name: str) -> str:
@@ -78,7 +94,12 @@ def schema_text(name: str) -> str:
 def schema(name: str) -> Schema:
     """The schema of this name. Raises `SchemaError` for an unknown name."""
     if name not in schema_names():
-        raise SchemaError("unknown schema", value=name, allowed=schema_names(), remedy=nearest(name, schema_names()))
+        raise SchemaError(
+            "unknown schema",
+            value=name,
+            allowed=schema_names(),
+            remedy=nearest(name, schema_names()),
+        )
     raw = yaml.safe_load(schema_text(name))
     columns = _columns(raw["fields"]) if raw["kind"] == "table" else {}
     return Schema(

@@ -1,4 +1,6 @@
-"""The declared mapping from log messages to streams (formats/streams.yaml), and what could supply a stream that is missing."""
+"""The declared mapping from log messages to streams (formats/streams.yaml), and what
+could supply a stream that is missing.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,22 @@ from importlib import resources
 from typing import Any
 
 import yaml
+
 from auvid.data_schemas.schemas import schema
 
-STREAMS = ("imu", "attitude", "depth", "velocity", "position", "actuators", "battery", "range", "mode", "events", "water_velocity")
+STREAMS = (
+    "imu",
+    "attitude",
+    "depth",
+    "velocity",
+    "position",
+    "actuators",
+    "battery",
+    "range",
+    "mode",
+    "events",
+    "water_velocity",
+)
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
     "attitude": ("phi_rad", "theta_rad", "psi_rad"),
@@ -25,7 +40,9 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "events": ("text",),
     "water_velocity": ("u_m_s", "v_m_s", "w_m_s"),
 }
-"""Fields without which a row of the stream is no sample; of `actuators` any one field will do."""
+"""Fields without which a row of the stream is no sample; of `actuators` any one field
+will do.
+"""
 CONDITIONS: Mapping[str, str] = {
     "aided": "only if the navigation filter had a velocity or position sensor",
     "fast": "only if sent at 10 Hz or more",
@@ -41,7 +58,9 @@ CHOICES: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Linear:
-    """One stream field as a column of the log: its unit there, the sign, and whether the unit holds against what the log declares."""
+    """One stream field as a column of the log: its unit there, the sign, and whether
+    the unit holds against what the log declares.
+    """
 
     column: str
     unit: str
@@ -51,7 +70,9 @@ class Linear:
 
 @dataclass(frozen=True)
 class Source:
-    """One way to fill a stream from a format; formats/streams.yaml says what each entry means."""
+    """One way to fill a stream from a format; formats/streams.yaml says what each entry
+    means.
+    """
 
     name: str
     message: str
@@ -78,16 +99,24 @@ class FormatStreams:
     def messages(self) -> frozenset[str]:
         """All message types that any stream needs."""
         sources = [source for group in self.streams.values() for source in group]
-        return frozenset({source.message for source in sources} | {name for source in sources for name in source.also})
+        return frozenset(
+            {source.message for source in sources}
+            | {name for source in sources for name in source.also}
+        )
 
 
 @cache
 def format_streams(name: str) -> FormatStreams | None:
-    """The mapping of one log format, or None for a format whose reader names its streams itself (CSV)."""
+    """The mapping of one log format, or None for a format whose reader names its
+    streams itself (CSV).
+    """
     raw = _document().get(name)
     if raw is None:
         return None
-    groups = {stream: tuple(_source(entry) for entry in entries) for stream, entries in raw["streams"].items()}
+    groups = {
+        stream: tuple(_source(entry) for entry in entries)
+        for stream, entries in raw["streams"].items()
+    }
     return FormatStreams(str(raw["title"]), tuple(raw.get("instance", ())), groups)
 
 
@@ -98,8 +127,12 @@ def format_names() -> tuple[str, ...]:
 
 @cache
 def csv_dialects() -> Mapping[str, Mapping[str, Any]]:
-    """CSV files of known programs (formats/csv_dialects.yaml): columns to recognise them by, column map, note."""
-    text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(encoding="utf-8")
+    """CSV files of known programs (formats/csv_dialects.yaml): columns to recognise
+    them by, column map, note.
+    """
+    text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(
+        encoding="utf-8"
+    )
     dialects: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return dialects
 
@@ -116,7 +149,10 @@ def _source(entry: Mapping[str, object]) -> Source:
     name = str(raw.pop("source"))
     linear = {key: _linear(str(text)) for key, text in _mapping(raw.pop("fields", {})).items()}
     columns = _texts(raw.pop("columns", ())) or tuple(item.column for item in linear.values())
-    known = {key: None if key not in raw else str(raw.pop(key)) for key in ("compute", "choose", "when", "note", "meaning")}
+    known = {
+        key: None if key not in raw else str(raw.pop(key))
+        for key in ("compute", "choose", "when", "note", "meaning")
+    }
     message = str(raw.pop("message", name))
     optional, also = _texts(raw.pop("optional", ())), _texts(raw.pop("with", ()))
     if raw:
@@ -126,7 +162,9 @@ def _source(entry: Mapping[str, object]) -> Source:
 
 def _linear(text: str) -> Linear:
     column, unit = text.lstrip("-").split(" ", 1)
-    return Linear(column, unit.removesuffix("!"), -1 if text.startswith("-") else 1, unit.endswith("!"))
+    return Linear(
+        column, unit.removesuffix("!"), -1 if text.startswith("-") else 1, unit.endswith("!")
+    )
 
 
 def _mapping(value: object) -> Mapping[str, object]:
@@ -147,18 +185,31 @@ def mapping_table(name: str) -> str:
     for stream, sources in spec.streams.items():
         for source in sources:
             columns = ", ".join(f"`{column}`" for column in source.columns)
-            said = [source.meaning, CONDITIONS.get(source.when or ""), CHOICES.get(source.choose or ""), source.note]
-            lines.append(f"| {stream} | {source.name} | {columns} | {'; '.join(text for text in said if text)} |")
+            said = [
+                source.meaning,
+                CONDITIONS.get(source.when or ""),
+                CHOICES.get(source.choose or ""),
+                source.note,
+            ]
+            lines.append(
+                f"| {stream} | {source.name} | {columns} |"
+                f" {'; '.join(text for text in said if text)} |"
+            )
     return "\n".join(lines)
 
 
 def supply_text(stream: str) -> str:
-    """What could supply a stream: messages and columns per log format, and the fields a CSV column map can name."""
+    """What could supply a stream: messages and columns per log format, and the fields a
+    CSV column map can name.
+    """
     parts = []
     for name in format_names():
         mapping = format_streams(name)
         assert mapping is not None
-        ways = dict.fromkeys(f"{source.message} ({', '.join(source.columns)})" for source in mapping.streams.get(stream, ()))
+        ways = dict.fromkeys(
+            f"{source.message} ({', '.join(source.columns)})"
+            for source in mapping.streams.get(stream, ())
+        )
         if ways:
             parts.append(f"{mapping.title}: {' or '.join(ways)}")
     fields = NEEDED[stream] or tuple(key for key in schema(stream).columns if key != "time_us")

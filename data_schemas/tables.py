@@ -1,6 +1,7 @@
 """Arrow tables that agree with their schema: made, checked, and read as numpy arrays.
 
-Unit, frame and meaning of each column travel in the Arrow field metadata and so into the Parquet file.
+Unit, frame and meaning of each column travel in the Arrow field metadata and so into
+the Parquet file.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
+
 from auvid.data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
 from auvid.data_schemas.schemas import Field, schema
 
@@ -31,33 +33,52 @@ ARROW = {
 @cache
 def arrow_schema(name: str) -> pa.Schema:
     """The full Arrow schema (optional columns included) of a table artefact."""
-    return pa.schema([_arrow_field(column) for column in schema(name).columns.values()], metadata={"auvid_schema": name})
+    return pa.schema(
+        [_arrow_field(column) for column in schema(name).columns.values()],
+        metadata={"auvid_schema": name},
+    )
 
 
 def _arrow_field(column: Field) -> pa.Field:
     metadata = {"unit": column.unit, "frame": column.frame, "meaning": column.meaning}
-    return pa.field(column.name, ARROW[column.dtype], nullable=column.nullable or column.dtype.startswith("float"), metadata=metadata)
+    return pa.field(
+        column.name,
+        ARROW[column.dtype],
+        nullable=column.nullable or column.dtype.startswith("float"),
+        metadata=metadata,
+    )
 
 
 def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
-    """A checked table of schema `name` from columns (numpy arrays, lists or Arrow arrays of one length).
+    """A checked table of schema `name` from columns (numpy arrays, lists or Arrow
+    arrays of one length).
 
-    Columns come out in the order of the schema. Raises `SchemaError` naming every unknown, missing or ill-typed column.
+    Columns come out in the order of the schema. Raises `SchemaError` naming every
+    unknown, missing or ill-typed column.
     """
     spec = schema(name)
     unknown = [key for key in columns if key not in spec.columns]
     if unknown:
-        raise SchemaError("unknown column", file=f"table '{name}'", field=unknown[0], remedy=nearest(unknown[0], spec.columns))
+        raise SchemaError(
+            "unknown column",
+            file=f"table '{name}'",
+            field=unknown[0],
+            remedy=nearest(unknown[0], spec.columns),
+        )
     fields = [_arrow_field(spec.columns[key]) for key in spec.columns if key in columns]
     arrays = []
     for target in fields:
         try:
             arrays.append(_arrow_array(columns[target.name], target.type))
         except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError) as fault:
-            raise SchemaError(f"cannot hold these values: {fault}", file=f"table '{name}'", field=target.name) from fault
+            raise SchemaError(
+                f"cannot hold these values: {fault}", file=f"table '{name}'", field=target.name
+            ) from fault
     if len({len(array) for array in arrays}) > 1:
         raise SchemaError(
-            "columns differ in length", file=f"table '{name}'", value={f.name: len(a) for f, a in zip(fields, arrays, strict=True)}
+            "columns differ in length",
+            file=f"table '{name}'",
+            value={f.name: len(a) for f, a in zip(fields, arrays, strict=True)},
         )
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={"auvid_schema": name}))
     check_table(table, name)
@@ -65,8 +86,15 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
 
 
 def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
-    """An Arrow array of a type; numbers of that type go over as they lie in memory (`pa.array` of numpy data imports pandas, a second)."""
-    if isinstance(values, np.ndarray) and values.ndim == 1 and pa.types.is_primitive(kind) and kind != pa.bool_():
+    """An Arrow array of a type; numbers of that type go over as they lie in memory
+    (`pa.array` of numpy data imports pandas, a second).
+    """
+    if (
+        isinstance(values, np.ndarray)
+        and values.ndim == 1
+        and pa.types.is_primitive(kind)
+        and kind != pa.bool_()
+    ):
         plain = np.ascontiguousarray(values)
         if plain.dtype == np.dtype(kind.to_pandas_dtype()):
             return pa.Array.from_buffers(kind, len(plain), [None, pa.py_buffer(plain)])
@@ -74,13 +102,19 @@ def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
 
 
 def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
-    """Check columns, types, nulls, NaN, ranges and the clock of a table against schema `name`; raise all faults together."""
+    """Check columns, types, nulls, NaN, ranges and the clock of a table against schema
+    `name`; raise all faults together.
+    """
     spec = schema(name)
     where = file if file is not None else f"table '{name}'"
     faults: list[PipelineError] = []
     for key in table.column_names:
         if key not in spec.columns:
-            faults.append(SchemaError("unknown column", file=where, field=key, remedy=nearest(key, spec.columns)))
+            faults.append(
+                SchemaError(
+                    "unknown column", file=where, field=key, remedy=nearest(key, spec.columns)
+                )
+            )
     for column in spec.columns.values():
         if column.name not in table.column_names:
             if not column.optional:
@@ -92,14 +126,28 @@ def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
         bad = np.flatnonzero(steps <= 0)
         if bad.size:
             faults.append(
-                SchemaError("time does not increase", file=where, row=int(bad[0]) + 2, field=spec.clock, value=float(steps[bad[0]]))
+                SchemaError(
+                    "time does not increase",
+                    file=where,
+                    row=int(bad[0]) + 2,
+                    field=spec.clock,
+                    value=float(steps[bad[0]]),
+                )
             )
     raise_faults(faults, file=where)
 
 
 def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> list[PipelineError]:
     if values.type != ARROW[column.dtype]:
-        return [SchemaError("wrong type", file=where, field=column.name, value=str(values.type), allowed=column.dtype)]
+        return [
+            SchemaError(
+                "wrong type",
+                file=where,
+                field=column.name,
+                value=str(values.type),
+                allowed=column.dtype,
+            )
+        ]
     if column.dtype == "string":
         if not column.nullable and values.null_count:
             return [SchemaError(f"{values.null_count} empty cells", file=where, field=column.name)]
@@ -109,7 +157,14 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
         if column.dtype.startswith("float"):
             empty += pc.sum(pc.is_nan(values)).as_py() or 0
         if empty:
-            return [SchemaError(f"{empty} empty or NaN cells", file=where, field=column.name, allowed="numbers only")]
+            return [
+                SchemaError(
+                    f"{empty} empty or NaN cells",
+                    file=where,
+                    field=column.name,
+                    allowed="numbers only",
+                )
+            ]
     if column.range is not None and len(values):
         array = numbers(values).astype(np.float64)
         bad = np.flatnonzero((array < column.range[0]) | (array > column.range[1]))
@@ -129,7 +184,8 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
 
 
 def numbers(values: pa.ChunkedArray) -> npt.NDArray[Any]:
-    """A column (n,) as a numpy array of its own type, a read-only view where it lies in one piece; nulls become NaN.
+    """A column (n,) as a numpy array of its own type, a read-only view where it lies in
+    one piece; nulls become NaN.
 
     `to_numpy` of pyarrow does the same but imports pandas.
     """
@@ -137,7 +193,11 @@ def numbers(values: pa.ChunkedArray) -> npt.NDArray[Any]:
     if values.null_count or not pa.types.is_primitive(kind) or kind == pa.bool_():
         return np.asarray(values.to_numpy())
     dtype = np.dtype(kind.to_pandas_dtype())
-    parts = [np.frombuffer(part.buffers()[1], dtype=dtype)[part.offset : part.offset + len(part)] for part in values.chunks if len(part)]
+    parts = [
+        np.frombuffer(part.buffers()[1], dtype=dtype)[part.offset : part.offset + len(part)]
+        for part in values.chunks
+        if len(part)
+    ]
     return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0, dtype)
 
 
@@ -149,7 +209,9 @@ def column(table: pa.Table, name: str) -> Array:
 
 
 def matrix(table: pa.Table, names: Sequence[str]) -> Array:
-    """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls become NaN."""
+    """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls
+    become NaN.
+    """
     values = np.empty((table.num_rows, len(names)))
     for index, name in enumerate(names):
         values[:, index] = numbers(table[name])

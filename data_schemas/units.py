@@ -1,14 +1,27 @@
-"""Unit texts, read by pint. SI inside: these functions are called once, where data enter."""
+"""Unit texts, read by pint. SI inside: these functions are called once, where data
+enter.
+"""
 
 from __future__ import annotations
 
 from functools import cache
 
 import pint
+
 from auvid.data_schemas.errors import SchemaError
 
-TURNS = {"rpm": 1.0 / 60.0, "rev/min": 1.0 / 60.0, "1/min": 1.0 / 60.0, "rps": 1.0, "rev/s": 1.0, "Hz": 1.0, "1/s": 1.0}
-"""Units of a propeller's speed in revolutions per second; pint counts a revolution as 2 pi."""
+TURNS = {
+    "rpm": 1.0 / 60.0,
+    "rev/min": 1.0 / 60.0,
+    "1/min": 1.0 / 60.0,
+    "rps": 1.0,
+    "rev/s": 1.0,
+    "Hz": 1.0,
+    "1/s": 1.0,
+}
+"""Units of a propeller's speed in revolutions per second; pint counts a revolution as 2
+pi.
+"""
 
 
 @cache
@@ -17,7 +30,9 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def convertible(unit: str, target: str) -> bool:
-    """Whether values in `unit` can be expressed in `target` (rad/s and 1/s count as the same, as in SI)."""
+    """Whether values in `unit` can be expressed in `target` (rad/s and 1/s count as the
+    same, as in SI).
+    """
     try:
         return bool(_registry().Unit(unit).is_compatible_with(_registry().Unit(target)))
     except Exception:
@@ -28,7 +43,8 @@ def convertible(unit: str, target: str) -> bool:
 def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
     """(factor, offset) with value_in_target = factor * value_in_unit + offset.
 
-    For the target 1/s a turn counts as 1, not 2 pi: 60 rpm are 1/s. Raises `SchemaError` for a unit that does not fit.
+    For the target 1/s a turn counts as 1, not 2 pi: 60 rpm are 1/s. Raises
+    `SchemaError` for a unit that does not fit.
     """
     if target == "1/s" and unit.strip() in TURNS:
         return TURNS[unit.strip()], 0.0

@@ -1,10 +1,18 @@
-"""Orchestration: campaigns, runner, artefact store, execution engines and the command line.
+"""Orchestration: campaigns, runner, artefact store, execution engines and the command
+line.
 
-One BLAS thread, here and in every worker: more threads would change the last digits of a result with the machine.
-The variables work only if they are set before numpy is loaded, so they are set where this floor is entered.
+One BLAS thread, here and in every worker: more threads would change the last digits of
+a result with the machine. The variables work only if they are set before numpy is
+loaded, so they are set where this floor is entered.
 """
 
 import os
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS"):
+for _name in (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+):
     os.environ[_name] = "1"

@@ -1,4 +1,6 @@
-"""The command line. Heavy modules are imported by the command that needs them, so that help and refusals are quick."""
+"""The command line. Heavy modules are imported by the command that needs them, so that
+help and refusals are quick.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.terminal import plain_lines
 
@@ -16,7 +19,10 @@ FINE, FAILED, WRONG_USE, LOSSES, INTERRUPTED = 0, 1, 2, 3, 130
 
 app = typer.Typer(
     name="auvid",
-    help="From an underwater vehicle's field logs to identified six-degree-of-freedom hydrodynamic models.",
+    help=(
+        "From an underwater vehicle's field logs to identified six-degree-of-freedom hydrodynamic"
+        " models."
+    ),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -24,23 +30,44 @@ app = typer.Typer(
 )
 
 CampaignName = Annotated[
-    str, typer.Argument(metavar="CAMPAIGN", help="Name of a folder under campaigns/, or a path to one or to its campaign.yaml.")
+    str,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="Name of a folder under campaigns/, or a path to one or to its campaign.yaml.",
+    ),
 ]
 
 
 @app.command(epilog="Example: auvid run bluerov2_dvl --until fuse")
 def run(
     campaign: CampaignName,
-    only: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left.")] = None,
-    until: Annotated[str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a log was damaged or samples were rejected.")] = False,
-    engine: Annotated[
-        str | None, typer.Option(metavar="serial|processes", help="Where items run; results are the same. [default: serial]")
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left."),
     ] = None,
-    jobs: Annotated[int | None, typer.Option(metavar="N", help="How many processes; as many as cores unless said.")] = None,
+    until: Annotated[
+        str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")
+    ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Exit with 3 if a log was damaged or samples were rejected."),
+    ] = False,
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="serial|processes",
+            help="Where items run; results are the same. [default: serial]",
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="How many processes; as many as cores unless said."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
-    """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound that its campaign sets."""
+    """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound
+    that its campaign sets.
+    """
     from auvid.pipeline.commands import open_run as session
     from auvid.pipeline.execution import engines
 
@@ -51,7 +78,11 @@ def run(
             count = opened.execute(stages, engines.make_engine(engine, jobs), progress, force=force)
     except KeyboardInterrupt:
         raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
-    print("nothing to do: everything is up to date" if not count else f"{count} item{'s' * (count != 1)} run")
+    print(
+        "nothing to do: everything is up to date"
+        if not count
+        else f"{count} item{'s' * (count != 1)} run"
+    )
     if only is None:
         session.print_summary(opened)
         if session.missed(opened, stages):
@@ -63,10 +94,18 @@ def run(
 @app.command(epilog="Example: auvid report bluerov2_dvl --open")
 def report(
     campaign: CampaignName,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Make the report again from the artefacts.")] = False,
-    open_it: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
-    compare: Annotated[bool, typer.Option("--compare", help="Make a copy with a section against the run before.")] = False,
-    against: Annotated[int | None, typer.Option(metavar="N", help="As --compare, against run N of auvid history.")] = None,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Make the report again from the artefacts.")
+    ] = False,
+    open_it: Annotated[
+        bool, typer.Option("--open", help="Open the report in the browser.")
+    ] = False,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Make a copy with a section against the run before.")
+    ] = False,
+    against: Annotated[
+        int | None, typer.Option(metavar="N", help="As --compare, against run N of auvid history.")
+    ] = None,
 ) -> None:
     """Say where the report of a campaign is, rebuild it, or open it."""
     from auvid.pipeline.commands import open_run as session
@@ -75,10 +114,16 @@ def report(
     opened = session.open_run(campaign)
     if rebuild:
         with session.progress() as progress:
-            opened.execute(session.select(opened.graph, only="report"), engines.Serial(), progress, force=True)
+            opened.execute(
+                session.select(opened.graph, only="report"), engines.Serial(), progress, force=True
+            )
     page = session.places(opened).get("report")
     if page is None or not page.is_file():
-        raise PipelineError("there is no report yet", value=opened.campaign.name, remedy=f"auvid run {opened.campaign.name}")
+        raise PipelineError(
+            "there is no report yet",
+            value=opened.campaign.name,
+            remedy=f"auvid run {opened.campaign.name}",
+        )
     if compare or against is not None:
         from auvid.pipeline.commands.history import history_page
 
@@ -90,13 +135,32 @@ def report(
 
 @app.command(epilog="Example: auvid check dive.BIN dive.tlog --align")
 def check(
-    targets: Annotated[list[str], typer.Argument(metavar="LOG... | CAMPAIGN", help="Log files, or a campaign for all its logs and legs.")],
-    columns: Annotated[Path | None, typer.Option(metavar="MAP.yaml", help="Column map of CSV logs.")] = None,
-    json: Annotated[str | None, typer.Option(metavar="FILE|-", help="Write the findings as JSON; - prints them.")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the page as one HTML file.")] = None,
-    align: Annotated[bool, typer.Option("--align", help="Estimate the offset between the clocks of two logs of one dive.")] = False,
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG... | CAMPAIGN", help="Log files, or a campaign for all its logs and legs."
+        ),
+    ],
+    columns: Annotated[
+        Path | None, typer.Option(metavar="MAP.yaml", help="Column map of CSV logs.")
+    ] = None,
+    json: Annotated[
+        str | None,
+        typer.Option(metavar="FILE|-", help="Write the findings as JSON; - prints them."),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the page as one HTML file.")
+    ] = None,
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align", help="Estimate the offset between the clocks of two logs of one dive."
+        ),
+    ] = False,
 ) -> None:
-    """Say what is wrong with logs and what they can be used for. Exits with 1 if one is refused, 3 if there are losses or errors."""
+    """Say what is wrong with logs and what they can be used for. Exits with 1 if one is
+    refused, 3 if there are losses or errors.
+    """
     from auvid.pipeline.commands.check import check_command as checking
 
     status = checking.check(targets, columns=columns, json_file=json, html_file=html, align=align)
@@ -106,74 +170,155 @@ def check(
 
 @app.command(epilog="Example: auvid inspect dive.BIN --save dive.rrd")
 def inspect(
-    target: Annotated[str, typer.Argument(metavar="CAMPAIGN|LOG", help="A campaign that has been run, a log file, or a recording (.rrd).")],
-    log: Annotated[str | None, typer.Option(metavar="ID", help="This raw log of the campaign, with its legs.")] = None,
-    columns: Annotated[Path | None, typer.Option(metavar="MAP.yaml", help="Column map of a CSV log.")] = None,
-    save: Annotated[Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")] = None,
-    screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine.")] = False,
-    tab: Annotated[str, typer.Option(metavar="TAB", help="Open on this tab, as State, or on a leg in it, as Answer/LEG.")] = "",
-    preview: Annotated[bool, typer.Option("--preview", help="Thin long series by minimum and maximum: small, and quick to draw.")] = False,
+    target: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN|LOG",
+            help="A campaign that has been run, a log file, or a recording (.rrd).",
+        ),
+    ],
+    log: Annotated[
+        str | None, typer.Option(metavar="ID", help="This raw log of the campaign, with its legs.")
+    ] = None,
+    columns: Annotated[
+        Path | None, typer.Option(metavar="MAP.yaml", help="Column map of a CSV log.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine.")
+    ] = False,
+    tab: Annotated[
+        str,
+        typer.Option(
+            metavar="TAB", help="Open on this tab, as State, or on a leg in it, as Answer/LEG."
+        ),
+    ] = "",
+    preview: Annotated[
+        bool,
+        typer.Option(
+            "--preview", help="Thin long series by minimum and maximum: small, and quick to draw."
+        ),
+    ] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
     from auvid.pipeline.commands.inspect import inspect_command as inspection
 
-    inspection.inspect(target, log=log, columns=columns, save=save, picture=screenshot, web=web, preview=preview, tab=tab)
+    inspection.inspect(
+        target,
+        log=log,
+        columns=columns,
+        save=save,
+        picture=screenshot,
+        web=web,
+        preview=preview,
+        tab=tab,
+    )
 
 
-@app.command(epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd")
+@app.command(
+    epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd"
+)
 def diff(
     first: Annotated[
-        str, typer.Argument(metavar="A", help="Campaign, run folder or golden folder; @MODEL, @RUN or @STAGE.PARAMETER=VALUE.")
+        str,
+        typer.Argument(
+            metavar="A",
+            help="Campaign, run folder or golden folder; @MODEL, @RUN or @STAGE.PARAMETER=VALUE.",
+        ),
     ],
-    second: Annotated[str, typer.Argument(metavar="B", help="What it is compared with, in the same words.")],
+    second: Annotated[
+        str, typer.Argument(metavar="B", help="What it is compared with, in the same words.")
+    ],
     save: Annotated[
-        Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording: both over one another, and the difference.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.rrd",
+            help="Write the recording: both over one another, and the difference.",
+        ),
     ] = None,
-    screenshot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all changes as JSON.")] = False,
     relative: Annotated[
         float,
         typer.Option(
-            metavar="SHARE", min=0.0, help="Signals and coefficients may move by this share; error tables by their own tolerances."
+            metavar="SHARE",
+            min=0.0,
+            help=(
+                "Signals and coefficients may move by this share; error tables by their own"
+                " tolerances."
+            ),
         ),
     ] = 1e-6,
 ) -> None:
-    """Compare two runs, a run with its golden tables, two variants or two models. Exits with 1 if anything left its tolerance."""
+    """Compare two runs, a run with its golden tables, two variants or two models. Exits
+    with 1 if anything left its tolerance.
+    """
     from auvid.pipeline.commands.diff import diff_command as comparing
 
-    if not comparing.diff(first, second, save=save, picture=screenshot, as_json=as_json, relative=relative):
+    if not comparing.diff(
+        first, second, save=save, picture=screenshot, as_json=as_json, relative=relative
+    ):
         raise typer.Exit(FAILED)
 
 
 @app.command(epilog="Example: auvid history bluerov2_dvl --run 3")
 def history(
     campaign: CampaignName,
-    number: Annotated[int | None, typer.Option("--run", metavar="N", help="Show this run in full.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print all that is remembered as JSON.")] = False,
+    number: Annotated[
+        int | None, typer.Option("--run", metavar="N", help="Show this run in full.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print all that is remembered as JSON.")
+    ] = False,
 ) -> None:
-    """List the earlier runs of a campaign: what was changed, and how good the best model was."""
+    """List the earlier runs of a campaign: what was changed, and how good the best
+    model was.
+    """
     from auvid.pipeline.commands.history import history_page
 
     history_page.show(campaign, number=number, as_json=as_json)
 
 
-@app.command(epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"')
+@app.command(
+    epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"'
+)
 def regress(
     campaign: CampaignName,
     baseline: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of golden tables. [default: tests/golden/CAMPAIGN, else golden in the campaign's folder]"),
+        typer.Option(
+            metavar="DIR",
+            help=(
+                "Folder of golden tables. [default: tests/golden/CAMPAIGN, else golden in the"
+                " campaign's folder]"
+            ),
+        ),
     ] = None,
-    update: Annotated[bool, typer.Option("--update", help="Write the golden tables anew; needs --message.")] = False,
+    update: Annotated[
+        bool, typer.Option("--update", help="Write the golden tables anew; needs --message.")
+    ] = False,
     message: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="For the changelog: 'STAGE: what changed and why'; needs --update.")
+        str | None,
+        typer.Option(
+            metavar="TEXT", help="For the changelog: 'STAGE: what changed and why'; needs --update."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
-    """Hold the error tables against the golden ones. Exits with 1 and names every cell that left its tolerance."""
+    """Hold the error tables against the golden ones. Exits with 1 and names every cell
+    that left its tolerance.
+    """
     if update != (message is not None):
-        raise typer.BadParameter("--update and --message go together: a changed baseline is remembered in the changelog")
+        raise typer.BadParameter(
+            "--update and --message go together: a changed baseline is remembered in the changelog"
+        )
     from auvid.pipeline.commands.regress import regress_command as golden
 
     setting = golden.open_setting(campaign, baseline)
@@ -183,24 +328,62 @@ def regress(
         raise typer.Exit(FAILED)
 
 
-@app.command(epilog="Example: auvid simulate vt690 campaigns/vt690_twin/plans/short.yaml -o campaigns/my_twin --seed 3")
+@app.command(
+    epilog=(
+        "Example: auvid simulate vt690 campaigns/vt690_twin/plans/short.yaml -o campaigns/my_twin"
+        " --seed 3"
+    )
+)
 def simulate(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to its file.")],
+    vehicle: Annotated[
+        str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to its file.")
+    ],
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Path of the plan to fly.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for logs, truth and campaign; new or empty.")],
-    log_format: Annotated[str, typer.Option("--format", metavar="bin|tlog|csv", help="Kind of log files.")] = "bin",
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Folder for logs, truth and campaign; new or empty.",
+        ),
+    ],
+    log_format: Annotated[
+        str, typer.Option("--format", metavar="bin|tlog|csv", help="Kind of log files.")
+    ] = "bin",
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of all noise.")] = 0,
     truth: Annotated[
-        str, typer.Option(metavar="TRUTH", help="physics, the name of a model with published coefficients, refit:MODEL, or a model card.")
+        str,
+        typer.Option(
+            metavar="TRUTH",
+            help=(
+                "physics, the name of a model with published coefficients, refit:MODEL, or a model"
+                " card."
+            ),
+        ),
     ] = "physics",
     accelerometer: Annotated[
-        str, typer.Option(metavar="specific_force|inertial", help="What the accelerometer columns of CSV logs hold.")
+        str,
+        typer.Option(
+            metavar="specific_force|inertial",
+            help="What the accelerometer columns of CSV logs hold.",
+        ),
     ] = "specific_force",
 ) -> None:
-    """Fly a plan with a twin and write its logs, the truth, and a campaign that is ready to run. Exits with 3 if a leg was cut short."""
+    """Fly a plan with a twin and write its logs, the truth, and a campaign that is
+    ready to run. Exits with 3 if a leg was cut short.
+    """
     from auvid.pipeline.commands import simulate as twin
 
-    losses = twin.write_campaign(vehicle, plan, output, truth=truth, format=log_format, seed=seed, accelerometer=accelerometer)
+    losses = twin.write_campaign(
+        vehicle,
+        plan,
+        output,
+        truth=truth,
+        format=log_format,
+        seed=seed,
+        accelerometer=accelerometer,
+    )
     print(f"made {output}\n\n    auvid run {output}\n")
     for line in losses:
         _say(f"cut short: {line}", LOSSES)
@@ -211,14 +394,22 @@ def simulate(
 @app.command(epilog="Example: auvid reproduce vt690_twin")
 def reproduce(
     campaign: CampaignName,
-    engine: Annotated[str | None, typer.Option(metavar="serial|processes", help="Where items run. [default: serial]")] = None,
-    jobs: Annotated[int | None, typer.Option(metavar="N", help="How many processes; as many as cores unless said.")] = None,
+    engine: Annotated[
+        str | None,
+        typer.Option(metavar="serial|processes", help="Where items run. [default: serial]"),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="How many processes; as many as cores unless said."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Make again what is up to date.")] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Make the page that puts published tables beside those of a twin. Exits with 1 if a bound is missed and nothing says why.
+    """Make the page that puts published tables beside those of a twin. Exits with 1 if
+    a bound is missed and nothing says why.
 
-    A campaign with `published` in its manifest is run, and its results are printed beside the published values.
+    A campaign with `published` in its manifest is run, and its results are printed
+    beside the published values.
     """
     from auvid.pipeline.commands import open_run as session
     from auvid.pipeline.commands import printed_values as comparison
@@ -229,7 +420,9 @@ def reproduce(
     if printed is not None:
         try:
             with session.progress() as progress:
-                printed.execute(printed.graph.stages, engines.make_engine(engine, jobs), progress, force=force)
+                printed.execute(
+                    printed.graph.stages, engines.make_engine(engine, jobs), progress, force=force
+                )
         except KeyboardInterrupt:
             raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
         met, page = comparison.print_comparison(printed), session.places(printed).get("report")
@@ -239,7 +432,9 @@ def reproduce(
     setting = again.open_setting(campaign)
     try:
         with session.progress() as progress:
-            done = again.reproduce(setting, engines.make_engine(engine, jobs), progress, force=force)
+            done = again.reproduce(
+                setting, engines.make_engine(engine, jobs), progress, force=force
+            )
     except KeyboardInterrupt:
         raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
     again.print_tables(done)
@@ -250,7 +445,11 @@ def reproduce(
 
 
 @app.command(epilog="Example: auvid stages fuse")
-def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")] = None) -> None:
+def stages(
+    name: Annotated[
+        str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")
+    ] = None,
+) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
     from auvid.pipeline.commands import list as listings
 
@@ -258,7 +457,11 @@ def stages(name: Annotated[str | None, typer.Argument(metavar="STAGE", help="Sho
 
 
 @app.command(epilog="Example: auvid models linear")
-def models(name: Annotated[str | None, typer.Argument(metavar="MODEL", help="Show the terms of this model.")] = None) -> None:
+def models(
+    name: Annotated[
+        str | None, typer.Argument(metavar="MODEL", help="Show the terms of this model.")
+    ] = None,
+) -> None:
     """List the viscous force models, from their declarations."""
     from auvid.pipeline.commands import list as listings
 
@@ -275,23 +478,46 @@ def vehicles() -> None:
 
 @app.command(epilog="Example: auvid coefficients hauv --set as_printed")
 def coefficients(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to a vehicle file with `geometry`.")],
+    vehicle: Annotated[
+        str,
+        typer.Argument(
+            metavar="VEHICLE",
+            help="Name of a vehicle, or a path to a vehicle file with `geometry`.",
+        ),
+    ],
     parameter_set: Annotated[
-        str, typer.Option("--set", metavar="SET", help="corrected (errata applied), as_printed (formulas of the thesis), or as_simulated.")
+        str,
+        typer.Option(
+            "--set",
+            metavar="SET",
+            help=(
+                "corrected (errata applied), as_printed (formulas of the thesis), or as_simulated."
+            ),
+        ),
     ] = "corrected",
     model: Annotated[
-        str | None, typer.Option(metavar="MODEL", help="Put a published model of this vehicle beside it, for example prestero.")
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Put a published model of this vehicle beside it, for example prestero.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Print what strip theory gives for a vehicle's geometry, beside what is published, with formula and source."""
+    """Print what strip theory gives for a vehicle's geometry, beside what is published,
+    with formula and source.
+    """
     from auvid.pipeline.commands import coefficients as command
 
     command.print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
 
 
 @app.command(epilog="Example: auvid new ~/campaigns_2026")
-def new(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not hold anything yet.")]) -> None:
+def new(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder to make; it must not hold anything yet.")
+    ],
+) -> None:
     """Make a workspace with a small example campaign that runs."""
     from auvid.pipeline.commands.new import new_command as scaffold
 
@@ -301,14 +527,18 @@ def new(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to ma
 
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
-    """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC depends."""
+    """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC
+    depends.
+    """
     from auvid.pipeline.commands import open_run as session
 
     session.write_codes()
 
 
 def main() -> None:
-    """Entry point of `auvid`. Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses (--strict)."""
+    """Entry point of `auvid`. Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished
+    with losses (--strict).
+    """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         app(standalone_mode=True)
@@ -329,7 +559,10 @@ def _internal(crash: Exception) -> str:
     words = str(crash) if hasattr(crash, "trace") else f"{type(crash).__name__}: {crash}"
     if os.environ.get("AUVID_TRACEBACK"):
         return f"{trace}\ninternal fault: {words}"
-    return f"internal fault: {words}\nThis is a fault of auvid, not of your data. AUVID_TRACEBACK=1 shows where it happened."
+    return (
+        f"internal fault: {words}\nThis is a fault of auvid, not of your data. AUVID_TRACEBACK=1"
+        " shows where it happened."
+    )
 
 
 def _say(line: str, status: int) -> int:

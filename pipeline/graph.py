@@ -1,4 +1,6 @@
-"""The graph of stages, wired by schema: the input port of a schema is fed by the one stage that outputs it."""
+"""The graph of stages, wired by schema: the input port of a schema is fed by the one
+stage that outputs it.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
 
 
 class WiringError(Exception):
-    """The declared stages do not fit together: a fault in auvid, not in the user's campaign."""
+    """The declared stages do not fit together: a fault in auvid, not in the user's
+    campaign.
+    """
 
 
 @dataclass(frozen=True)
@@ -46,17 +50,22 @@ class Port:
         return str(key) if self.stage.yields and self.many else item
 
     def path(self, item: str, key: str | None = None) -> str:
-        """Place of an artefact in the folder of its stage. `key` is None for a port that is not many."""
+        """Place of an artefact in the folder of its stage. `key` is None for a port
+        that is not many.
+        """
         suffix = schema(self.schema).suffix
         if self.stage.yields and self.many:
             return f"{key}/{self.name}{suffix}"
         folder = "" if self.stage.maps_over == WHOLE else f"{item}/"
-        return f"{folder}{self.name}{suffix}" if key is None else f"{folder}{self.name}/{key}{suffix}"
+        return (
+            f"{folder}{self.name}{suffix}" if key is None else f"{folder}{self.name}/{key}{suffix}"
+        )
 
 
 @dataclass(frozen=True)
 class Feed:
-    """How an input port is fed: by the manifest (no producers), by one port, or by all ports of a schema (`every`).
+    """How an input port is fed: by the manifest (no producers), by one port, or by all
+    ports of a schema (`every`).
 
     A raw log is fed by the manifest, or by the one port of simulated logs.
     """
@@ -70,7 +79,9 @@ class Feed:
 
 @dataclass(frozen=True)
 class Graph:
-    """Stages in the order in which they run. Raises `WiringError` when made from stages that do not fit together."""
+    """Stages in the order in which they run. Raises `WiringError` when made from stages
+    that do not fit together.
+    """
 
     stages: tuple[AnyStage, ...]
 
@@ -81,7 +92,9 @@ class Graph:
     @cached_property
     def outputs(self) -> tuple[Port, ...]:
         return tuple(
-            Port(stage, name, spec["port"], bool(spec["many"])) for stage in self.stages for name, spec in ports(stage.outputs).items()
+            Port(stage, name, spec["port"], bool(spec["many"]))
+            for stage in self.stages
+            for name, spec in ports(stage.outputs).items()
         )
 
     def stage(self, name: str) -> AnyStage:
@@ -90,7 +103,12 @@ class Graph:
             if stage.name == name:
                 return stage
         known = [stage.name for stage in self.stages]
-        raise UsageError("no such stage in this kind of campaign", value=name, allowed=known, remedy=nearest(name, known))
+        raise UsageError(
+            "no such stage in this kind of campaign",
+            value=name,
+            allowed=known,
+            remedy=nearest(name, known),
+        )
 
     def producers(self, schema_name: str) -> tuple[Port, ...]:
         """Output ports of a schema; `table` stands for all tables."""
@@ -106,19 +124,34 @@ class Graph:
         wanted, optional = spec["port"], bool(spec.get("optional"))
         if wanted in MANIFEST_PORTS:
             # The logs of a twin come from the stage that simulates them.
-            return Feed(name, wanted, optional, self.producers(SIMULATED_LOG) if wanted == "raw_log" else ())
+            return Feed(
+                name, wanted, optional, self.producers(SIMULATED_LOG) if wanted == "raw_log" else ()
+            )
         found = tuple(port for port in self.producers(wanted) if port.stage is not stage)
         late = [port for port in found if self.stages.index(port.stage) > self.stages.index(stage)]
         if spec.get("every"):
-            return Feed(name, wanted, optional, tuple(port for port in found if port not in late), every=True)
+            return Feed(
+                name,
+                wanted,
+                optional,
+                tuple(port for port in found if port not in late),
+                every=True,
+            )
         if not found and optional:
             return Feed(name, wanted, optional)
         if len(found) != 1 or late:
             givers = ", ".join(port.stage.name for port in found) or "none"
-            raise WiringError(f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is: {givers}")
-        # Artefacts of the whole campaign that have keys are handed over as a collection, from which a smaller item takes its own.
+            raise WiringError(
+                f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is:"
+                f" {givers}"
+            )
+        # Artefacts of the whole campaign that have keys are handed over as a
+        # collection, from which a smaller item takes its own.
         if SIZE[found[0].level] > SIZE[stage.maps_over] and not found[0].keyed:
-            raise WiringError(f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a {found[0].level}")
+            raise WiringError(
+                f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a"
+                f" {found[0].level}"
+            )
         return Feed(name, wanted, optional, found)
 
     def ancestors(self, stage: AnyStage) -> tuple[AnyStage, ...]:
@@ -129,7 +162,9 @@ class Graph:
         return tuple(other for other in self.stages if other.name in needed)
 
 
-def select(graph: Graph, *, only: str | None = None, until: str | None = None) -> tuple[AnyStage, ...]:
+def select(
+    graph: Graph, *, only: str | None = None, until: str | None = None
+) -> tuple[AnyStage, ...]:
     """The stages to run: one, one with all that it needs, or all."""
     if only is not None and until is not None:
         raise UsageError("--only and --until exclude each other")
@@ -140,6 +175,8 @@ def select(graph: Graph, *, only: str | None = None, until: str | None = None) -
     return graph.stages
 
 
-def stages_of_kind(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], kind: str) -> tuple[AnyStage, ...]:
+def stages_of_kind(
+    stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], kind: str
+) -> tuple[AnyStage, ...]:
     """The stages of a campaign kind, in the order of STAGES."""
     return tuple(stage for stage in stages if stage.name in kinds[kind])

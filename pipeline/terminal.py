@@ -9,7 +9,9 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069
 
 
 def plain(text: object) -> str:
-    """A text without terminal escapes, control characters and marks that turn the direction of writing."""
+    """A text without terminal escapes, control characters and marks that turn the
+    direction of writing.
+    """
     return CONTROLS.sub(" ", ESCAPES.sub("", str(text)))
 
 

@@ -1,4 +1,6 @@
-"""The stages of auvid, in the order of the chain, and which of them each kind of campaign has."""
+"""The stages of auvid, in the order of the chain, and which of them each kind of
+campaign has.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,26 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
 )
 
 KINDS: dict[str, tuple[str, ...]] = {
-    "identification": ("ingest", "resample", "fuse", "residual", "synthesise", "validate", "report"),
-    "twin": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate", "check_truth", "report"),
+    "identification": (
+        "ingest",
+        "resample",
+        "fuse",
+        "residual",
+        "synthesise",
+        "validate",
+        "report",
+    ),
+    "twin": (
+        "simulate",
+        "ingest",
+        "resample",
+        "fuse",
+        "residual",
+        "synthesise",
+        "validate",
+        "check_truth",
+        "report",
+    ),
     "bench": ("ingest", "pipendulum", "rlse", "check_published", "report"),
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
     "control": ("control", "check_published", "report"),

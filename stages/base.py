@@ -1,17 +1,21 @@
-"""The stage interface: a stage is a value with a name, typed inputs, parameters and outputs, and a pure `run`.
+"""The stage interface: a stage is a value with a name, typed inputs, parameters and
+outputs, and a pure `run`.
 
-What flows between stages is named by schema: the input port of a schema is fed by the one stage that outputs it. What a stage maps over
-is declared. Work items and what a port then delivers:
+What flows between stages is named by schema: the input port of a schema is fed by the
+one stage that outputs it. What a stage maps over is declared. Work items and what a
+port then delivers:
 
     log       one log of the campaign                       (ingest)
     leg       one leg of the manifest                       (rlse; resample, which yields segments: the parts between gaps)
     segment   one part of a leg                             (fuse, residual)
     campaign  the whole campaign, once                      (synthesise, validate, pipendulum, control, report)
 
-A port delivers the artefact of the same item, or of the log or leg that the item belongs to, or of the campaign. A campaign stage gets a
-`Collection` over all items where the producer maps over something smaller. Documents `vehicle`, `campaign` and `leg` come from the
-manifest; `raw_log` is the log itself. An optional port that no stage of the graph feeds gets the document of its schema that the
-manifest names (apparatus, published values, control cases, a model card), or None.
+A port delivers the artefact of the same item, or of the log or leg that the item
+belongs to, or of the campaign. A campaign stage gets a `Collection` over all items
+where the producer maps over something smaller. Documents `vehicle`, `campaign` and
+`leg` come from the manifest; `raw_log` is the log itself. An optional port that no
+stage of the graph feeds gets the document of its schema that the manifest names
+(apparatus, published values, control cases, a model card), or None.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 
 Item = Literal["log", "leg", "segment", "campaign"]
@@ -35,7 +40,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Stage(Generic[I, P, O]):
-    """One stage of the chain. `run` is pure: no file, clock, network or global state; seeds are parameters."""
+    """One stage of the chain. `run` is pure: no file, clock, network or global state;
+    seeds are parameters.
+    """
 
     name: str
     summary: str
@@ -45,14 +52,20 @@ class Stage(Generic[I, P, O]):
     outputs: type[O]
     run: Callable[[I, P], O]
     yields: Item | None = None
-    """What one work item gives. `segment` for a leg stage whose outputs are keyed by segment; else the item itself."""
+    """What one work item gives. `segment` for a leg stage whose outputs are keyed by
+    segment; else the item itself.
+    """
     no_views: str = ""
-    """Why the stage shows nothing of its own in the recording, where it has no port `views`."""
+    """Why the stage shows nothing of its own in the recording, where it has no port
+    `views`.
+    """
 
 
 @dataclass(frozen=True)
 class RawFile:
-    """One file of a log: its name, its bytes (memory-mapped by the runner, read-only), its column map if it has one."""
+    """One file of a log: its name, its bytes (memory-mapped by the runner, read-only),
+    its column map if it has one.
+    """
 
     name: str
     buffer: npt.NDArray[np.uint8]
@@ -61,7 +74,9 @@ class RawFile:
 
 @dataclass(frozen=True)
 class RawLog:
-    """A log as the campaign names it: its id, its files (memory-mapped), and the reader if the manifest forces one."""
+    """A log as the campaign names it: its id, its files (memory-mapped), and the reader
+    if the manifest forces one.
+    """
 
     id: str
     files: tuple[RawFile, ...]
@@ -69,7 +84,9 @@ class RawLog:
 
 
 class Collection(Mapping[str, T]):
-    """Artefacts of many items, loaded one at a time when asked for, in the order of the manifest."""
+    """Artefacts of many items, loaded one at a time when asked for, in the order of the
+    manifest.
+    """
 
     def __init__(self, loaders: Mapping[str, Callable[[], T]]) -> None:
         self._loaders = dict(loaders)
@@ -85,21 +102,25 @@ class Collection(Mapping[str, T]):
 
 
 def collection(items: Mapping[str, T]) -> Collection[T]:
-    """A collection of artefacts that are in memory already (for tests and for callers without a store)."""
+    """A collection of artefacts that are in memory already (for tests and for callers
+    without a store).
+    """
     return Collection({key: partial(items.__getitem__, key) for key in items})
 
 
 def port(schema: str, *, many: bool = False, optional: bool = False) -> Any:
     """An input or output artefact of this schema.
 
-    `many` output: a mapping key -> artefact (model cards by model). `optional`: None when the producer gave none.
+    `many` output: a mapping key -> artefact (model cards by model). `optional`: None
+    when the producer gave none.
     """
     default = None if optional else MISSING
     return field(default=default, metadata={"port": schema, "many": many, "optional": optional})
 
 
 def every(schema: str) -> Any:
-    """An input port that collects the artefacts of this schema from all stages of the campaign, keyed `stage/item`.
+    """An input port that collects the artefacts of this schema from all stages of the
+    campaign, keyed `stage/item`.
 
     `every('table')` collects all tables, keyed `stage/item/port`.
     """
@@ -115,7 +136,9 @@ def param(
     high: float | None = None,
     allowed: tuple[Any, ...] | None = None,
 ) -> Any:
-    """A stage parameter: unit, default, bounds or allowed values, and its meaning in one line."""
+    """A stage parameter: unit, default, bounds or allowed values, and its meaning in
+    one line.
+    """
     metadata = {"unit": unit, "low": low, "high": high, "allowed": allowed, "meaning": meaning}
     if isinstance(default, dict | list):
         return field(default_factory=lambda: default.copy(), metadata=metadata)
@@ -123,12 +146,16 @@ def param(
 
 
 def ports(kind: type[Any]) -> dict[str, Mapping[str, Any]]:
-    """The ports of an Inputs or Outputs class: field name -> {port, many, optional, every}."""
+    """The ports of an Inputs or Outputs class: field name -> {port, many, optional,
+    every}.
+    """
     return {item.name: item.metadata for item in fields(kind) if "port" in item.metadata}
 
 
 def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: object = None) -> P:
-    """Parameters of a stage from the user's values; unknown keys, wrong types and values out of bounds are errors."""
+    """Parameters of a stage from the user's values; unknown keys, wrong types and
+    values out of bounds are errors.
+    """
     known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
     faults: list[PipelineError] = []
     checked: dict[str, Any] = {}
@@ -161,15 +188,32 @@ def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
     elif isinstance(value, str):
         fits = "str" in annotation
     else:
-        fits = ("Mapping" in annotation and isinstance(value, Mapping)) or ("tuple" in annotation and isinstance(value, list | tuple))
+        fits = ("Mapping" in annotation and isinstance(value, Mapping)) or (
+            "tuple" in annotation and isinstance(value, list | tuple)
+        )
         value = tuple(value) if fits and isinstance(value, list) else value
     if not fits:
         raise CampaignError("wrong type", file=file, field=path, value=value, allowed=annotation)
     if meta.get("allowed") is not None and value not in meta["allowed"]:
         remedy = nearest(value, map(str, meta["allowed"]))
-        raise CampaignError("unknown value", file=file, field=path, value=value, allowed=meta["allowed"], remedy=remedy)
+        raise CampaignError(
+            "unknown value",
+            file=file,
+            field=path,
+            value=value,
+            allowed=meta["allowed"],
+            remedy=remedy,
+        )
     low, high = meta.get("low"), meta.get("high")
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if number and (value != value or (low is not None and value < low) or (high is not None and value > high)):
-        raise CampaignError("out of range", file=file, field=path, value=value, allowed=f"{low} to {high} {meta['unit']}")
+    if number and (
+        value != value or (low is not None and value < low) or (high is not None and value > high)
+    ):
+        raise CampaignError(
+            "out of range",
+            file=file,
+            field=path,
+            value=value,
+            allowed=f"{low} to {high} {meta['unit']}",
+        )
     return value

@@ -1,4 +1,6 @@
-"""Hold the results of a campaign against printed tables, with the errata of their source applied and shown."""
+"""Hold the results of a campaign against printed tables, with the errata of their
+source applied and shown.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
@@ -37,18 +40,34 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All tables. Raises `CampaignError` for figures that no stage has, all together, and for tables that name unknown errata."""
+    """All tables. Raises `CampaignError` for figures that no stage has, all together,
+    and for tables that name unknown errata.
+    """
     if inputs.published is None:
         return Outputs()
-    figures = {f"{part}:{row['quantity']}": row for part, document in inputs.results.items() for row in document["rows"]}
+    figures = {
+        f"{part}:{row['quantity']}": row
+        for part, document in inputs.results.items()
+        for row in document["rows"]
+    }
     raise_faults(list(_faults(inputs.published, figures)), file="the published values")
-    rows = [compare_row(entry["id"], row, figures) for entry in inputs.published["tables"] for row in entry["rows"]]
+    rows = [
+        compare_row(entry["id"], row, figures)
+        for entry in inputs.published["tables"]
+        for row in entry["rows"]
+    ]
     columns = {name: [row[name] for row in rows] for name in schema("comparison").columns}
-    return Outputs(make_table("comparison", columns), _bounds(inputs.published, rows), _section(inputs.published, rows))
+    return Outputs(
+        make_table("comparison", columns),
+        _bounds(inputs.published, rows),
+        _section(inputs.published, rows),
+    )
 
 
 def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] | None:
-    """How much of what is asked is met, by table, as results; None where nothing is asked."""
+    """How much of what is asked is met, by table, as results; None where nothing is
+    asked.
+    """
     figures = []
     for entry in published["tables"]:
         asked = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
@@ -56,15 +75,23 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
             met = sum(row["met"] for row in asked)
             bounded = [row for row in asked if row["bound"] and row["our_error"] is not None]
             worst = max(bounded, key=lambda row: abs(row["our_error"]), default=None)
-            note = "" if worst is None else f"largest error {100.0 * abs(worst['our_error']):.2g} % ({worst['quantity']})"
+            note = (
+                ""
+                if worst is None
+                else f"largest error {100.0 * abs(worst['our_error']):.2g} % ({worst['quantity']})"
+            )
             verdict = "met" if met == len(asked) else "missed"
             title = f"{entry['id']}: bounds met of {len(asked)}"
-            figures.append(figure(title, float(met), "1", verdict=verdict, note=note or None, headline=True))
+            figures.append(
+                figure(title, float(met), "1", verdict=verdict, note=note or None, headline=True)
+            )
     return {"title": str(published["title"]), "rows": figures} if figures else None
 
 
 def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
-    """One row of schema `comparison`. Met: error, value and verdict are all as asked; None where nothing is asked."""
+    """One row of schema `comparison`. Met: error, value and verdict are all as asked;
+    None where nothing is asked.
+    """
     figure = figures[row["ours"]] if "ours" in row else None
     ours = _ours(row, figure)
     truth = row.get("truth", row.get("corrected", row["printed"]))
@@ -76,7 +103,9 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
     if bound is not None:
         held.append(error is not None and abs(error) <= bound)
     if least is not None or most is not None:
-        held.append(ours is not None and (least is None or ours >= least) and (most is None or ours <= most))
+        held.append(
+            ours is not None and (least is None or ours >= least) and (most is None or ours <= most)
+        )
     if asked:
         held.append(verdict == asked)
     spread = None if figure is None else figure.get("standard_error")
@@ -88,7 +117,9 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
         "corrected": _number(row.get("corrected")),
         "truth": _number(truth),
         "ours": ours,
-        "standard_error": None if spread is None else abs(float(row.get("factor", 1.0))) * float(spread),
+        "standard_error": (
+            None if spread is None else abs(float(row.get("factor", 1.0))) * float(spread)
+        ),
         "printed_error": _relative(_number(row["printed"]), truth),
         "our_error": error,
         "bound": _number(bound),
@@ -127,37 +158,72 @@ def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[Pi
     for t, entry in enumerate(published["tables"]):
         for name in entry.get("errata") or ():
             if name not in known:
-                yield CampaignError("no such erratum", field=f"tables[{t}].errata", value=name, remedy=nearest(name, known))
+                yield CampaignError(
+                    "no such erratum",
+                    field=f"tables[{t}].errata",
+                    value=name,
+                    remedy=nearest(name, known),
+                )
         for index, row in enumerate(entry["rows"]):
             if "ours" in row and row["ours"] not in figures:
                 remedy = nearest(row["ours"], figures) or "Run the stages that find it first."
-                yield CampaignError("no stage has this figure", field=f"tables[{t}].rows[{index}].ours", value=row["ours"], remedy=remedy)
+                yield CampaignError(
+                    "no stage has this figure",
+                    field=f"tables[{t}].rows[{index}].ours",
+                    value=row["ours"],
+                    remedy=remedy,
+                )
             if "ours" not in row and any(key in row for key in BOUNDS):
-                yield CampaignError("a bound needs a figure", field=f"tables[{t}].rows[{index}]", value=row["quantity"])
+                yield CampaignError(
+                    "a bound needs a figure",
+                    field=f"tables[{t}].rows[{index}]",
+                    value=row["quantity"],
+                )
 
 
 def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked if not row["met"]]
     blocks: list[Block] = [
-        text(f"Printed: {published['source']}. Errors are relative to what is to be found: the print unless a column says otherwise.")
+        text(
+            f"Printed: {published['source']}. Errors are relative to what is to be found: the print"
+            " unless a column says otherwise."
+        )
     ]
     if asked:
         words = f"{len(asked) - len(missed)} of {len(asked)} bounds on the printed tables are met."
         blocks.append(remark(words, "warning" if missed else "finding"))
-    blocks += [remark(f"{row['table']}, {row['quantity']}: {_why(row)}", "warning") for row in missed]
+    blocks += [
+        remark(f"{row['table']}, {row['quantity']}: {_why(row)}", "warning") for row in missed
+    ]
     for entry in published["tables"]:
         own = [row for row in rows if row["table"] == entry["id"]]
-        notes = [str(entry.get("note", "")), f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else ""]
+        notes = [
+            str(entry.get("note", "")),
+            f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else "",
+        ]
         heads, cells = _without_empty([_cells(row) for row in own])
-        blocks.append(table(f"{entry['id']}: {entry['title']}", heads, cells, note=" ".join(filter(None, notes))))
+        blocks.append(
+            table(
+                f"{entry['id']}: {entry['title']}", heads, cells, note=" ".join(filter(None, notes))
+            )
+        )
     errata = published.get("errata") or ()
     if errata:
         told = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         keys = ("id", "where", "printed", "corrected", "confidence", "shown")
-        blocks.append(table("Errata of the source", told, [[entry.get(key, "") for key in keys] for entry in errata]))
+        blocks.append(
+            table(
+                "Errata of the source",
+                told,
+                [[entry.get(key, "") for key in keys] for entry in errata],
+            )
+        )
     return section(
-        "Printed tables beside ours", blocks, order=2, look_for="Every bound is met; an erratum explains where the print cannot be."
+        "Printed tables beside ours",
+        blocks,
+        order=2,
+        look_for="Every bound is met; an erratum explains where the print cannot be.",
     )
 
 
@@ -184,11 +250,22 @@ def _cells(row: Mapping[str, Any]) -> list[Any]:
     met = "" if row["met"] is None else "yes" if row["met"] else "no"
     values = [_as_printed(row[key]) for key in ("printed", "corrected", "truth", "ours")]
     limits = ["" if row[key] is None else f"{row[key]:g}" for key in ("least", "most")]
-    return [row["quantity"], row["unit"], *values, *percent, *limits, row["verdict"] if row["asked_verdict"] else "", met, row["note"]]
+    return [
+        row["quantity"],
+        row["unit"],
+        *values,
+        *percent,
+        *limits,
+        row["verdict"] if row["asked_verdict"] else "",
+        met,
+        row["note"],
+    ]
 
 
 def _as_printed(value: float | None) -> str:
-    """Four decimals, as the theses print; tiny values by their size. Text, so that the page does not round it again."""
+    """Four decimals, as the theses print; tiny values by their size. Text, so that the
+    page does not round it again.
+    """
     if value is None:
         return ""
     return f"{value:.4f}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.2e}"
@@ -202,10 +279,16 @@ def _percent(share: float | None) -> str:
 
 
 def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
-    """Heads and cells of the columns that tell something: not those without a cell, nor what is to be found where it is the print."""
-    kept = [index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)]
+    """Heads and cells of the columns that tell something: not those without a cell, nor
+    what is to be found where it is the print.
+    """
+    kept = [
+        index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)
+    ]
     names = [head if isinstance(head, str) else head[0] for head in HEADS]
-    printed, truth, off = (names.index(name) for name in ("printed", "to be found", "printed error"))
+    printed, truth, off = (
+        names.index(name) for name in ("printed", "to be found", "printed error")
+    )
     if all(row[printed] == row[truth] for row in rows):
         kept = [index for index in kept if index not in (truth, off)]
     return [HEADS[index] for index in kept], [[row[index] for index in kept] for row in rows]
@@ -214,9 +297,19 @@ def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], 
 def _why(row: Mapping[str, Any]) -> str:
     if row["ours"] is None and any(row[key] is not None for key in ("bound", "least", "most")):
         return f"no value was found ({row['verdict'] or 'no verdict'})"
-    if row["bound"] is not None and row["our_error"] is not None and abs(row["our_error"]) > row["bound"]:
-        return f"off by {100.0 * abs(row['our_error']):.3g} %, asked at most {100.0 * row['bound']:.3g} %"
-    for key, words, outside in (("least", "at least", float.__lt__), ("most", "at most", float.__gt__)):
+    if (
+        row["bound"] is not None
+        and row["our_error"] is not None
+        and abs(row["our_error"]) > row["bound"]
+    ):
+        return (
+            f"off by {100.0 * abs(row['our_error']):.3g} %, asked at most"
+            f" {100.0 * row['bound']:.3g} %"
+        )
+    for key, words, outside in (
+        ("least", "at least", float.__lt__),
+        ("most", "at most", float.__gt__),
+    ):
         if row[key] is not None and outside(row["ours"], row[key]):
             return f"{row['ours']:.4g} {row['unit']}, asked {words} {row[key]:g}"
     return f"the verdict is '{row['verdict']}', asked '{row['asked_verdict']}'"

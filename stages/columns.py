@@ -1,4 +1,6 @@
-"""Column names of the state, and small helpers that several stages need to move between tables and arrays."""
+"""Column names of the state, and small helpers that several stages need to move between
+tables and arrays.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
 
@@ -17,8 +20,22 @@ Span = tuple[float, float]
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
 VELOCITY_SD = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s", "p_sd_rad_s", "q_sd_rad_s", "r_sd_rad_s")
-POSE_RATE = ("x_dot_m_s", "y_dot_m_s", "z_dot_m_s", "phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
-ACCELERATION = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2", "p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")
+POSE_RATE = (
+    "x_dot_m_s",
+    "y_dot_m_s",
+    "z_dot_m_s",
+    "phi_dot_rad_s",
+    "theta_dot_rad_s",
+    "psi_dot_rad_s",
+)
+ACCELERATION = (
+    "u_dot_m_s2",
+    "v_dot_m_s2",
+    "w_dot_m_s2",
+    "p_dot_rad_s2",
+    "q_dot_rad_s2",
+    "r_dot_rad_s2",
+)
 ATTITUDE = POSE[3:]
 ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 AXES = ("X", "Y", "Z", "K", "M", "N")
@@ -26,7 +43,9 @@ AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}
 
 
 def force_columns(component: str) -> tuple[str, ...]:
-    """The six column names of a force component: `tau_bar` -> tau_bar_X_N ... tau_bar_N_N_m."""
+    """The six column names of a force component: `tau_bar` -> tau_bar_X_N ...
+    tau_bar_N_N_m.
+    """
     return tuple(f"{component}_{axis}_{AXIS_UNITS[axis].replace(' ', '_')}" for axis in AXES)
 
 
@@ -51,7 +70,9 @@ def rms(values: Array) -> float:
 
 
 def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
-    """The leg in seconds from the start of the log. Raises `DataError` for a leg that lies outside the log."""
+    """The leg in seconds from the start of the log. Raises `DataError` for a leg that
+    lies outside the log.
+    """
     length = (end_us - start_us) / 1e6
     start, end = leg.get("start_s"), leg.get("end_s")
     first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
@@ -68,7 +89,9 @@ def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of one stream at their own times: `t_s` (n,) in s from the start of the log, `values` (n, k), all finite."""
+    """Samples of one stream at their own times: `t_s` (n,) in s from the start of the
+    log, `values` (n, k), all finite.
+    """
 
     t_s: Array
     values: Array
@@ -79,7 +102,9 @@ class Samples:
         return Samples(self.t_s[rows], self.values[rows])
 
 
-def samples_within(table: pa.Table, names: Sequence[str], *, start_us: int, lag_s: float, window: Span) -> Samples:
+def samples_within(
+    table: pa.Table, names: Sequence[str], *, start_us: int, lag_s: float, window: Span
+) -> Samples:
     """Finite samples of a raw stream inside a window [s], its lag taken off."""
     t = (column(table, "time_us") - start_us) / 1e6 - lag_s
     values = matrix(table, names)

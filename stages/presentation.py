@@ -1,7 +1,8 @@
-"""Report sections as data: what a stage shows, as a document that `report` only arranges and renders.
+"""Report sections as data: what a stage shows, as a document that `report` only
+arranges and renders.
 
-A section is {title, order, blocks}; a block is one of the dictionaries made here. Long signals are thinned by minimum and maximum per
-bin, so that peaks stay visible.
+A section is {title, order, blocks}; a block is one of the dictionaries made here. Long
+signals are thinned by minimum and maximum per bin, so that peaks stay visible.
 """
 
 from __future__ import annotations
@@ -21,8 +22,12 @@ Z95 = 1.959964
 AXES = ("X", "Y", "Z", "K", "M", "N")
 
 
-def section(title: str, blocks: Sequence[Block], *, order: int, look_for: str = "", chapter: str = "") -> dict[str, Any]:
-    """A report section; sections are shown by `order`, then by stage and item. `chapter`: a heading that several of a stage share."""
+def section(
+    title: str, blocks: Sequence[Block], *, order: int, look_for: str = "", chapter: str = ""
+) -> dict[str, Any]:
+    """A report section; sections are shown by `order`, then by stage and item.
+    `chapter`: a heading that several of a stage share.
+    """
     document = {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
     return {**document, "chapter": chapter} if chapter else document
 
@@ -42,14 +47,33 @@ def equation(latex: str, meaning: str = "") -> Block:
     return {"kind": "equation", "latex": latex, "meaning": meaning}
 
 
-def table(title: str, columns: Sequence[str | tuple[str, str]], rows: Sequence[Sequence[Any]], *, note: str = "") -> Block:
-    """A sortable table; a column is a name or (name, unit); cells are text, numbers or None."""
-    heads = [{"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]} for item in columns]
-    return {"kind": "table", "title": title, "columns": heads, "rows": [[_plain(cell) for cell in row] for row in rows], "note": note}
+def table(
+    title: str,
+    columns: Sequence[str | tuple[str, str]],
+    rows: Sequence[Sequence[Any]],
+    *,
+    note: str = "",
+) -> Block:
+    """A sortable table; a column is a name or (name, unit); cells are text, numbers or
+    None.
+    """
+    heads = [
+        {"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]}
+        for item in columns
+    ]
+    return {
+        "kind": "table",
+        "title": title,
+        "columns": heads,
+        "rows": [[_plain(cell) for cell in row] for row in rows],
+        "note": note,
+    }
 
 
 def series(name: str, x: npt.ArrayLike, y: npt.ArrayLike, role: str) -> dict[str, Any]:
-    """One line of a plot. `role` fixes its colour everywhere: raw, fused, measured, true, band, or a model's name."""
+    """One line of a plot. `role` fixes its colour everywhere: raw, fused, measured,
+    true, band, or a model's name.
+    """
     x_kept, y_kept = thin(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
     return {"name": name, "role": role, "x": _rounded(x_kept), "y": _rounded(y_kept)}
 
@@ -60,7 +84,13 @@ def panel(label: str, unit: str, lines: Sequence[Mapping[str, Any]]) -> dict[str
 
 
 def plot(
-    title: str, panels: Sequence[Mapping[str, Any]], *, x_label: str = "time", x_unit: str = "s", group: str = "", look_for: str = ""
+    title: str,
+    panels: Sequence[Mapping[str, Any]],
+    *,
+    x_label: str = "time",
+    x_unit: str = "s",
+    group: str = "",
+    look_for: str = "",
 ) -> Block:
     """Panels above one another on a shared x-axis; plots of one `group` zoom together."""
     return {
@@ -84,12 +114,18 @@ def figure(
     note: str | None = None,
     headline: bool = False,
 ) -> Figure:
-    """One row of a `results` document; no number stands where there is none or it is not finite. interval: 95 %, else from the error."""
+    """One row of a `results` document; no number stands where there is none or it is
+    not finite. interval: 95 %, else from the error.
+    """
     number = float(value) if value is not None and np.isfinite(value) else None
-    spread = float(error) if number is not None and error is not None and np.isfinite(error) else None
+    spread = (
+        float(error) if number is not None and error is not None and np.isfinite(error) else None
+    )
     low, high = (None, None)
     if number is not None and spread is not None:
-        low, high = interval if interval is not None else (number - Z95 * spread, number + Z95 * spread)
+        low, high = (
+            interval if interval is not None else (number - Z95 * spread, number + Z95 * spread)
+        )
     return {
         "quantity": quantity,
         "value": number,
@@ -104,7 +140,9 @@ def figure(
 
 
 def thin(x: Array, y: Array, points: int = SHOWN_POINTS) -> tuple[Array, Array]:
-    """At most `points` samples (n,), keeping the smallest and the largest of every bin in time order; NaN marks a gap and stays one."""
+    """At most `points` samples (n,), keeping the smallest and the largest of every bin
+    in time order; NaN marks a gap and stays one.
+    """
     if x.size <= points:
         return x, y
     bins = points // 2
@@ -113,14 +151,30 @@ def thin(x: Array, y: Array, points: int = SHOWN_POINTS) -> tuple[Array, Array]:
     finite = np.isfinite(y)
     position = np.arange(x.size) - np.repeat(edges, width)
     bin_of = np.repeat(np.arange(bins), width)
-    low = _first_equal(np.where(finite, y, np.inf), np.minimum.reduceat(np.where(finite, y, np.inf), edges), bin_of, position, edges)
-    high = _first_equal(np.where(finite, y, -np.inf), np.maximum.reduceat(np.where(finite, y, -np.inf), edges), bin_of, position, edges)
+    low = _first_equal(
+        np.where(finite, y, np.inf),
+        np.minimum.reduceat(np.where(finite, y, np.inf), edges),
+        bin_of,
+        position,
+        edges,
+    )
+    high = _first_equal(
+        np.where(finite, y, -np.inf),
+        np.maximum.reduceat(np.where(finite, y, -np.inf), edges),
+        bin_of,
+        position,
+        edges,
+    )
     kept = np.unique(np.concatenate([low, high]))
     return x[kept], y[kept]
 
 
 def _first_equal(
-    values: Array, extreme: Array, bin_of: npt.NDArray[np.intp], position: npt.NDArray[np.intp], edges: npt.NDArray[np.intp]
+    values: Array,
+    extreme: Array,
+    bin_of: npt.NDArray[np.intp],
+    position: npt.NDArray[np.intp],
+    edges: npt.NDArray[np.intp],
 ) -> npt.NDArray[np.intp]:
     hit = np.where(values == extreme[bin_of], position, values.size)
     return edges + np.minimum.reduceat(hit, edges)

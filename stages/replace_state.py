@@ -1,4 +1,6 @@
-"""The true state of a twin in the place of what `fuse` finds: what the chain gives where no sensor errs."""
+"""The true state of a twin in the place of what `fuse` finds: what the chain gives
+where no sensor errs.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from scipy.interpolate import CubicSpline
+
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, clock, named
 from auvid.stages.presentation import section, text
 from auvid.stages.truth_lookup import truth_of
-from scipy.interpolate import CubicSpline
 
 
 @dataclass(frozen=True)
@@ -36,19 +39,30 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """The truth between the ticks of the autopilot by cubic splines, at the times of the segment's clock.
+    """The truth between the ticks of the autopilot by cubic splines, at the times of
+    the segment's clock.
 
-    A force that changes within a tick (the unsteady one) leaves an error there: 0.1 N where its standard deviation is 3 N. Raises
-    `DataError` where the truth of the segment's log is missing or does not cover it.
+    A force that changes within a tick (the unsteady one) leaves an error there: 0.1 N
+    where its standard deviation is 3 N. Raises `DataError` where the truth of the
+    segment's log is missing or does not cover it.
     """
     segment, t_s = inputs.segment, clock(inputs.resampled)
     t_s = t_s[(t_s >= params.edge_s) & (t_s <= t_s[-1] - params.edge_s)]
     at = t_s + float(segment["leg_start_s"])
     truth = truth_of(inputs.truth, segment, at)
     known = clock(truth)
-    eta, nu, nu_dot = (np.asarray(CubicSpline(known, matrix(truth, names))(at)) for names in (POSE, VELOCITY, ACCELERATION))
+    eta, nu, nu_dot = (
+        np.asarray(CubicSpline(known, matrix(truth, names))(at))
+        for names in (POSE, VELOCITY, ACCELERATION)
+    )
     rate = eta_dot(eta, nu)
-    columns = {"t_s": t_s, **named(POSE, eta), **named(VELOCITY, nu), **named(POSE_RATE, rate), **named(ACCELERATION, nu_dot)}
+    columns = {
+        "t_s": t_s,
+        **named(POSE, eta),
+        **named(VELOCITY, nu),
+        **named(POSE_RATE, rate),
+        **named(ACCELERATION, nu_dot),
+    }
     sensed = inputs.resampled
     rows = np.searchsorted(clock(sensed), t_s - 1e-9)
     spread = {

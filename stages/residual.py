@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
@@ -19,7 +20,19 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.columns import ACCELERATION, AXES, AXIS_UNITS, POSE, VELOCITY, VELOCITY_SD, Array, clock, force_columns, named, rms
+from auvid.stages.columns import (
+    ACCELERATION,
+    AXES,
+    AXIS_UNITS,
+    POSE,
+    VELOCITY,
+    VELOCITY_SD,
+    Array,
+    clock,
+    force_columns,
+    named,
+    rms,
+)
 from auvid.stages.presentation import panel, plot, remark, section, series, table
 
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
@@ -37,9 +50,15 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    filter_actuators: bool = param("1", True, meaning="pass the actuator inputs through the low-pass of fuse")
-    minimum_speed_m_s: float = param("m/s", 0.05, meaning="lower bound of U in eta = u_c(n)/U", low=1e-3, high=1.0)
-    allow_no_actuation: bool = param("1", False, meaning="go on where no actuator acts (a towed or drifting vehicle)")
+    filter_actuators: bool = param(
+        "1", True, meaning="pass the actuator inputs through the low-pass of fuse"
+    )
+    minimum_speed_m_s: float = param(
+        "m/s", 0.05, meaning="lower bound of U in eta = u_c(n)/U", low=1e-3, high=1.0
+    )
+    allow_no_actuation: bool = param(
+        "1", False, meaning="go on where no actuator acts (a towed or drifting vehicle)"
+    )
 
 
 @dataclass(frozen=True)
@@ -51,7 +70,9 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    vehicle, said = with_logged_directions(vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"])
+    vehicle, said = with_logged_directions(
+        vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"]
+    )
     commands, level = _commands(inputs, vehicle, params)
     fused = inputs.fused
     nu = matrix(fused, VELOCITY)
@@ -72,12 +93,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control, Array | None]:
-    """Actuator inputs at the times of the fused table, filtered as the state was, and the level speed u_c of the command (C.12)."""
+    """Actuator inputs at the times of the fused table, filtered as the state was, and
+    the level speed u_c of the command (C.12).
+    """
     keep = np.searchsorted(clock(inputs.resampled), clock(inputs.fused) - 1e-9)
     cutoff = inputs.fusion["cutoff_hz"] if params.filter_actuators else None
 
     def smooth(values: Array) -> Array:
-        filtered = values if cutoff is None else zero_phase_lowpass(clock(inputs.resampled), values, cutoff_hz=float(cutoff))
+        filtered = (
+            values
+            if cutoff is None
+            else zero_phase_lowpass(clock(inputs.resampled), values, cutoff_hz=float(cutoff))
+        )
         return np.asarray(filtered[keep])
 
     rev_s = fins = thrust = level = None
@@ -97,15 +124,23 @@ def _commands(inputs: Inputs, vehicle: Vehicle, params: Params) -> tuple[Control
         thrust = smooth(raw)
     if not active and not params.allow_no_actuation:
         raise DataError(
-            f"no actuator acts in segment '{inputs.segment['id']}': every command is zero or neutral (was the vehicle armed?)",
-            remedy="Choose a leg in which the vehicle drives, or set stages.residual.allow_no_actuation if it was towed or drifting.",
+            f"no actuator acts in segment '{inputs.segment['id']}': every command is zero or"
+            " neutral (was the vehicle armed?)",
+            remedy=(
+                "Choose a leg in which the vehicle drives, or set"
+                " stages.residual.allow_no_actuation if it was towed or drifting."
+            ),
         )
     if level is not None and np.isnan(level).any():
         raise DataError(
-            f"the propeller speed leaves the table of level speeds in segment '{inputs.segment['id']}'",
+            "the propeller speed leaves the table of level speeds in segment"
+            f" '{inputs.segment['id']}'",
             field="propeller_rev_s",
             value=float(np.max(np.abs(raw_speed))),
-            remedy="Extend actuators.propeller.level_speed in the vehicle file; check the unit of the column (revolutions per second).",
+            remedy=(
+                "Extend actuators.propeller.level_speed in the vehicle file; check the unit of the"
+                " column (revolutions per second)."
+            ),
         )
     return Control(propeller_rev_s=rev_s, fins_rad=fins, thruster_force_N=thrust), level
 
@@ -128,7 +163,8 @@ def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:
     missing = [name for name in names if not has_columns(inputs.resampled, (name,))]
     if missing:
         raise DataError(
-            f"stage residual needs the stream 'actuators' with {', '.join(missing)} (segment '{inputs.segment['id']}')",
+            f"stage residual needs the stream 'actuators' with {', '.join(missing)} (segment"
+            f" '{inputs.segment['id']}')",
             remedy=f"It can come from: {supply_text('actuators')}.",
         )
     values = matrix(inputs.resampled, names)
@@ -141,7 +177,9 @@ def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:
 
 
 def _voltage(inputs: Inputs) -> tuple[Array | None, float]:
-    """Battery voltage (n,), None where it was never measured, and the share of samples that got the nearest measured one."""
+    """Battery voltage (n,), None where it was never measured, and the share of samples
+    that got the nearest measured one.
+    """
     if not has_columns(inputs.resampled, ("voltage_v",)):
         return None, 1.0
     voltage, t_s = column(inputs.resampled, "voltage_v"), clock(inputs.resampled)
@@ -155,27 +193,47 @@ def _section(inputs: Inputs, vehicle: Vehicle, parts: ForceComponents, said: str
     t = clock(inputs.fused) + float(inputs.segment["leg_start_s"])
     components = parts.components()
     panels = [
-        panel(axis, AXIS_UNITS[axis], [series(_words(name), t, force[:, index], name) for name, force in components.items()])
+        panel(
+            axis,
+            AXIS_UNITS[axis],
+            [series(_words(name), t, force[:, index], name) for name, force in components.items()],
+        )
         for index, axis in enumerate(AXES)
     ]
-    rows = [[_words(name), *(rms(force[:, index]) for index in range(6))] for name, force in components.items()]
+    rows = [
+        [_words(name), *(rms(force[:, index]) for index in range(6))]
+        for name, force in components.items()
+    ]
     blocks = [remark(said)] if said else []
     if vehicle.thrusters is not None and vehicle.thrusters.curve.voltage_exponent != 0.0:
         voltage, bare = _voltage(inputs)
         if voltage is None:
-            words = f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V, the voltage of the thrust curve."
+            words = (
+                f"No battery voltage: thrust is taken at {vehicle.thrusters.curve.voltage_v:g} V,"
+                " the voltage of the thrust curve."
+            )
             blocks.append(remark(words, "warning"))
         elif bare > 0.0:
-            words = f"The battery voltage is missing in {100.0 * bare:.1f} % of the segment; the nearest measured one stands in."
+            words = (
+                f"The battery voltage is missing in {100.0 * bare:.1f} % of the segment; the"
+                " nearest measured one stands in."
+            )
             blocks.append(remark(words, "warning"))
     blocks += [
         plot(
             "Components of the residual force",
             panels,
             group="time",
-            look_for="tau_bar is what the other components leave over. Where one of them dominates, its errors do too.",
+            look_for=(
+                "tau_bar is what the other components leave over. Where one of them dominates, its"
+                " errors do too."
+            ),
         ),
-        table("RMS of each component", ["component", *((axis, AXIS_UNITS[axis]) for axis in AXES)], rows),
+        table(
+            "RMS of each component",
+            ["component", *((axis, AXIS_UNITS[axis]) for axis in AXES)],
+            rows,
+        ),
     ]
     return section(f"Residual force of {inputs.segment['id']}", blocks, order=40)
 
@@ -185,16 +243,39 @@ def _words(component: str) -> str:
 
 
 def _views(components: Iterable[str]) -> dict[str, Any]:
-    """The residual force beside the models, and every component of it in a tab of its own."""
+    """The residual force beside the models, and every component of it in a tab of its
+    own.
+    """
     groups = []
     parts = list(components)
     for index, axis in enumerate(AXES):
         whole = {"table": "residual", "unit": AXIS_UNITS[axis]}
-        measured = {"columns": [force_columns("tau_bar")[index]], "names": [f"{axis} measured"], "roles": ["measured"], "tab": "Answer"}
+        measured = {
+            "columns": [force_columns("tau_bar")[index]],
+            "names": [f"{axis} measured"],
+            "roles": ["measured"],
+            "tab": "Answer",
+        }
         columns = [force_columns(name)[index] for name in parts]
-        shown = {"columns": columns, "names": [f"{axis} {_words(name)}" for name in parts], "roles": parts, "tab": "Components"}
-        groups += [{"entity": f"residual/{axis}", **whole, **measured}, {"entity": f"components/{axis}", **whole, **shown}]
+        shown = {
+            "columns": columns,
+            "names": [f"{axis} {_words(name)}" for name in parts],
+            "roles": parts,
+            "tab": "Components",
+        }
+        groups += [
+            {"entity": f"residual/{axis}", **whole, **measured},
+            {"entity": f"components/{axis}", **whole, **shown},
+        ]
     return {"groups": groups}
 
 
-STAGE = Stage("residual", "Residual force (4.4) with every component, per segment", "segment", Inputs, Params, Outputs, run)
+STAGE = Stage(
+    "residual",
+    "Residual force (4.4) with every component, per segment",
+    "segment",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+)

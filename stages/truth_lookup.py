@@ -1,4 +1,6 @@
-"""The truth of a twin at the times of a segment, and what it says of the biases that fusion found."""
+"""The truth of a twin at the times of a segment, and what it says of the biases that
+fusion found.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
 from auvid.stages.base import Document
@@ -17,18 +20,25 @@ BIASES = {"gyro_bias_rad_s": "gyro_rad_s", "accel_bias_m_s2": "accel_m_s2"}
 
 
 def true_values(truth: pa.Table, names: Sequence[str], at: Array) -> Array:
-    """Columns of a truth table at times (n,) [s] of its log: (n, k), straight between the ticks of the autopilot."""
+    """Columns of a truth table at times (n,) [s] of its log: (n, k), straight between
+    the ticks of the autopilot.
+    """
     return np.column_stack([np.interp(at, clock(truth), column(truth, name)) for name in names])
 
 
 def truth_of(truths: Mapping[str, pa.Table], segment: Document, at: Array) -> pa.Table:
-    """The truth of a segment's log. Raises `DataError` where there is none, or where it does not cover the times (n,) [s]."""
+    """The truth of a segment's log. Raises `DataError` where there is none, or where it
+    does not cover the times (n,) [s].
+    """
     log = str(segment["log"])
     if log not in truths:
         raise DataError(f"there is no truth of log '{log}'", allowed=tuple(truths))
     known = clock(truths[log])
     if not len(at) or at[0] < known[0] or at[-1] > known[-1]:
-        raise DataError(f"the truth of log '{log}' does not cover segment '{segment['id']}'", value=(float(known[0]), float(known[-1])))
+        raise DataError(
+            f"the truth of log '{log}' does not cover segment '{segment['id']}'",
+            value=(float(known[0]), float(known[-1])),
+        )
     return truths[log]
 
 
@@ -37,14 +47,20 @@ def drawn_biases(simulation: Document) -> dict[str, Mapping[str, Sequence[float]
     return {str(leg["id"]): leg["biases"] for leg in simulation["legs"]}
 
 
-def bias_errors(fusion: Document, drawn: Mapping[str, Sequence[float]], rotation: npt.ArrayLike) -> dict[str, tuple[Array, Array]]:
-    """Estimate minus truth and truth (3,) of each bias that fusion found, in body axes; `rotation` takes sensor axes to body axes.
+def bias_errors(
+    fusion: Document, drawn: Mapping[str, Sequence[float]], rotation: npt.ArrayLike
+) -> dict[str, tuple[Array, Array]]:
+    """Estimate minus truth and truth (3,) of each bias that fusion found, in body axes;
+    `rotation` takes sensor axes to body axes.
 
-    Keys as in `BIASES`; a bias is left out where the method found none or the twin says none.
+    Keys as in `BIASES`; a bias is left out where the method found none or the twin says
+    none.
     """
     found = {}
     for name, known in BIASES.items():
         if fusion[name] is not None and known in drawn:
-            true = np.asarray(rotation, dtype=np.float64) @ np.asarray(drawn[known], dtype=np.float64)
+            true = np.asarray(rotation, dtype=np.float64) @ np.asarray(
+                drawn[known], dtype=np.float64
+            )
             found[name] = (np.asarray(fusion[name], dtype=np.float64) - true, true)
     return found

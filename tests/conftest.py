@@ -1,6 +1,8 @@
-"""One BLAS thread for all tests: importing the package sets it, and it counts only before numpy is loaded.
+"""One BLAS thread for all tests: importing the package sets it, and it counts only
+before numpy is loaded.
 
-The small solves of the tests are two to three times slower with threads that wait for one another.
+The small solves of the tests are two to three times slower with threads that wait for
+one another.
 """
 
 import auvid.pipeline

@@ -1,9 +1,10 @@
 """Print rooms, levels and arrows of each product folder.
 
-A room is a file or folder directly in the folder that is looked at; an arrow is an import from one
-room to another. A level is a floor of the rooms: a room stands one level above the highest room that
-it imports. A circle is a set of files that import each other in a ring; a climb is an arrow
-between two rooms that also import each other, so that neither can stand below the other.
+A room is a file or folder directly in the folder that is looked at; an arrow is an
+import from one room to another. A level is a floor of the rooms: a room stands one
+level above the highest room that it imports. A circle is a set of files that import
+each other in a ring; a climb is an arrow between two rooms that also import each other,
+so that neither can stand below the other.
 
     python tools/rooms.py [CHECKOUT] [--arrows]
 """
@@ -44,7 +45,9 @@ def module_files(root: Path) -> dict[str, Path]:
 
 
 def imported(name: str, files: Mapping[str, Path]) -> set[str]:
-    """Return the modules of the product that one module imports (type checking included)."""
+    """Return the modules of the product that one module imports (type checking
+    included).
+    """
     path = files[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found = set()
@@ -53,7 +56,11 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
             targets = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             above = package.split(".")[: len(package.split(".")) - node.level + 1]
-            base = ".".join([*above, node.module or ""]).strip(".") if node.level else node.module or ""
+            base = (
+                ".".join([*above, node.module or ""]).strip(".")
+                if node.level
+                else node.module or ""
+            )
             base = base.removeprefix(f"{PACKAGE}.")
             members = [f"{base}.{alias.name}" for alias in node.names]
             targets = [member if member in files else base for member in members]
@@ -99,7 +106,9 @@ def circles(graph: Mapping[str, Iterable[str]]) -> list[list[str]]:
 
 def folder_of(root: Path, folder: Path, graph: Mapping[str, Iterable[str]]) -> Folder:
     """Return rooms, levels, arrows and climbs of one folder."""
-    inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith((".", "__pycache__"))]
+    inside = [
+        path for path in sorted(folder.iterdir()) if not path.name.startswith((".", "__pycache__"))
+    ]
     rooms = tuple(path.name for path in inside if path.name != "__init__.py")
     here = ".".join(folder.relative_to(root).parts)
 
@@ -116,7 +125,11 @@ def folder_of(root: Path, folder: Path, graph: Mapping[str, Iterable[str]]) -> F
             if start and end and start != end:
                 arrows[start].add(end)
     pairs = tuple(sorted((start, end) for start, ends in arrows.items() for end in ends))
-    nodes = {path.stem for path in inside if path.stem != "__init__" and (path.is_dir() or path.suffix == ".py")}
+    nodes = {
+        path.stem
+        for path in inside
+        if path.stem != "__init__" and (path.is_dir() or path.suffix == ".py")
+    }
     closed = {node: arrows[node] & nodes for node in nodes}
     rings = circles(closed)
     climbs = tuple(pair for pair in pairs if any(set(pair) <= set(ring) for ring in rings))
@@ -145,8 +158,12 @@ def folders(root: Path) -> list[Folder]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkout", nargs="?", type=Path, default=Path(__file__).resolve().parents[1])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "checkout", nargs="?", type=Path, default=Path(__file__).resolve().parents[1]
+    )
     parser.add_argument("--arrows", action="store_true", help="list the arrows of each folder")
     asked = parser.parse_args()
     root = asked.checkout.resolve()

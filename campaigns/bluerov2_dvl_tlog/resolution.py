@@ -1,8 +1,11 @@
-"""What the resolution of each telemetry message costs: the change of J when that message alone is as coarse as it is.
+"""What the resolution of each telemetry message costs: the change of J when that
+message alone is as coarse as it is.
 
-Run from the root of the repository: `python campaigns/bluerov2_dvl_tlog/resolution.py` (two minutes; writes resolution.csv beside this
-file). The chain runs on the dive as CSV with all digits, then with the values and time stamps of one stream rounded to the `STEPS` of its
-message, stream by stream, and on the telemetry log itself. Changes are in per cent of J, all axes together.
+Run from the root of the repository: `python campaigns/bluerov2_dvl_tlog/resolution.py`
+(two minutes; writes resolution.csv beside this file). The chain runs on the dive as CSV
+with all digits, then with the values and time stamps of one stream rounded to the
+`STEPS` of its message, stream by stream, and on the telemetry log itself. Changes are
+in per cent of J, all axes together.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from types import ModuleType
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
 from auvid.data_schemas.tables import column
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.execution.engines import Serial
@@ -49,7 +53,11 @@ def rounded(table: pa.Table, fields: Mapping[str, float], time_us: int) -> pa.Ta
     steps = {name: step for name, step in fields.items() if name in table.column_names}
     for name, step in {**steps, "time_us": float(time_us)}.items():
         values = np.rint(column(table, name) / step) * step
-        table = table.set_column(table.column_names.index(name), name, pa.array(values).cast(table.schema.field(name).type))
+        table = table.set_column(
+            table.column_names.index(name),
+            name,
+            pa.array(values).cast(table.schema.field(name).type),
+        )
     return table
 
 
@@ -58,13 +66,26 @@ def errors(workspace: Path, name: str) -> Errors:
     with contextlib.chdir(workspace):
         run = session.open_run(name)
         run.execute(session.select(run.graph, until="validate"), Serial())
-    table = pq.ParquetFile(workspace / "runs" / name / "validate" / "error_table.parquet").read().to_pylist()
-    return {(row["use"], row["model"]): row["ratio"] * row["j0"] for row in table if row["axis"] == "all" and row["leg"] == "all"}
+    table = (
+        pq.ParquetFile(workspace / "runs" / name / "validate" / "error_table.parquet")
+        .read()
+        .to_pylist()
+    )
+    return {
+        (row["use"], row["model"]): row["ratio"] * row["j0"]
+        for row in table
+        if row["axis"] == "all" and row["leg"] == "all"
+    }
 
 
 def changes() -> tuple[Errors, dict[str, Errors]]:
-    """J with all digits, and the relative change of it by stream, and for the telemetry log."""
-    make_tlog, make_csv = script(HERE / "make_tlog.py"), script(CAMPAIGNS / CSV_NAME / "make_csv.py")
+    """J with all digits, and the relative change of it by stream, and for the telemetry
+    log.
+    """
+    make_tlog, make_csv = (
+        script(HERE / "make_tlog.py"),
+        script(CAMPAIGNS / CSV_NAME / "make_csv.py"),
+    )
     streams = make_tlog.streams_of(make_tlog.SOURCE)
     start_us = int(column(streams["velocity"], "time_us")[0])
     found: dict[str, Errors] = {}
@@ -78,7 +99,13 @@ def changes() -> tuple[Errors, dict[str, Errors]]:
         for stream, step in make_tlog.STEPS.items():
             file = logs / f"{stream}.csv"
             whole = file.read_bytes()
-            file.write_text(make_csv.csv_text(rounded(streams[stream], step.fields, step.time_us), make_csv.FILES[stream], start_us))
+            file.write_text(
+                make_csv.csv_text(
+                    rounded(streams[stream], step.fields, step.time_us),
+                    make_csv.FILES[stream],
+                    start_us,
+                )
+            )
             found[stream] = _relative(errors(workspace, CSV_NAME), exact)
             file.write_bytes(whole)
         found["telemetry"] = _relative(errors(workspace, TLOG_NAME), exact)
@@ -96,7 +123,14 @@ def main() -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["use", "model", "J", *(f"{name}_percent" for name in found)])
         for (use, model), value in exact.items():
-            writer.writerow([use, model, f"{value:.6g}", *(f"{100 * change[use, model]:.4f}" for change in found.values())])
+            writer.writerow(
+                [
+                    use,
+                    model,
+                    f"{value:.6g}",
+                    *(f"{100 * change[use, model]:.4f}" for change in found.values()),
+                ]
+            )
     print(TARGET.read_text())
 
 

@@ -1,9 +1,12 @@
-"""Fly the H-AUV in closed loop and write what its sensors record as DataFlash logs into logs/.
+"""Fly the H-AUV in closed loop and write what its sensors record as DataFlash logs into
+logs/.
 
     python campaigns/hauv_circle/make_logs.py
 
-The vehicle has the coefficients of the thesis's simulations (as_simulated) and flies under the regulator of campaigns/hauv. Then
-`auvid run hauv_circle` identifies a model from the logs, and `auvid run hauv_redesign` flies controllers on it; `make circle` does it all.
+The vehicle has the coefficients of the thesis's simulations (as_simulated) and flies
+under the regulator of campaigns/hauv. Then `auvid run hauv_circle` identifies a model
+from the logs, and `auvid run hauv_redesign` flies controllers on it; `make circle` does
+it all.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.interpolate import CubicSpline
+
 from auvid.data_schemas.documents import check_document
 from auvid.hydro.control.closed_loop import fly
 from auvid.hydro.control.controllers import design
@@ -29,7 +34,6 @@ from auvid.stages.control.flying import models_of
 from auvid.stages.simulate.dataflash_writer import write_dataflash
 from auvid.stages.simulate.plans import plan_from_document
 from auvid.stages.simulate.sensing import record
-from scipy.interpolate import CubicSpline
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -50,8 +54,14 @@ def weave(radius: float, run: float, pitch_run: float) -> Curve:
 LEGS = {
     "weave": (weave(7.0, 6.0, 40.0), 1.5),
     "weave_slow": (weave(5.0, 4.0, 30.0), 1.0),
-    "dives": (saw_tooth(leg_m=6.0, pitch_rad=0.35, tip_radius_m=6.0, legs=9, ramp_m=1.0, start=START), 1.5),
-    "helix_port": (helix(radius_m=8.0, pitch_rad=-0.1, turns=2.0, starboard=False, ramp_m=3.0, start=START), 1.3),
+    "dives": (
+        saw_tooth(leg_m=6.0, pitch_rad=0.35, tip_radius_m=6.0, legs=9, ramp_m=1.0, start=START),
+        1.5,
+    ),
+    "helix_port": (
+        helix(radius_m=8.0, pitch_rad=-0.1, turns=2.0, starboard=False, ramp_m=3.0, start=START),
+        1.3,
+    ),
     "weave_validation": (weave(9.0, 7.0, 35.0), 1.4),
 }
 
@@ -72,10 +82,17 @@ class Logged:
 
     def motion(self, t_s: np.ndarray) -> Motion:
         """The true motion; inputs are held from tick to tick."""
-        chi, U = self.states(t_s), self.U[np.clip((t_s / TICK_S + 1e-6).astype(int), 0, len(self.U) - 1)]
+        chi, U = (
+            self.states(t_s),
+            self.U[np.clip((t_s / TICK_S + 1e-6).astype(int), 0, len(self.U) - 1)],
+        )
         fins = np.column_stack([U[:, 2], U[:, 3], U[:, 1], U[:, 1]])
-        inputs = Inputs(np.sqrt(np.maximum(U[:, 0], 0.0) / self.newtons), fins, np.zeros((len(t_s), 6)))
-        return Motion(t_s, chi[:, 6:], chi[:, :6], self.rates(t_s)[:, :6], inputs, np.zeros((len(t_s), 6)))
+        inputs = Inputs(
+            np.sqrt(np.maximum(U[:, 0], 0.0) / self.newtons), fins, np.zeros((len(t_s), 6))
+        )
+        return Motion(
+            t_s, chi[:, 6:], chi[:, :6], self.rates(t_s)[:, :6], inputs, np.zeros((len(t_s), 6))
+        )
 
 
 def flights() -> dict[str, bytes]:
@@ -84,17 +101,28 @@ def flights() -> dict[str, bytes]:
     check_document(document, "vehicle", file="vehicle.yaml")
     vehicle = vehicle_from_document(document)
     cases = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
-    plant = models_of(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()), None, {**cases, "redesign": []}, limits_of(cases)).plant
+    plant = models_of(
+        yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()),
+        None,
+        {**cases, "redesign": []},
+        limits_of(cases),
+    ).plant
     assert isinstance(plant, HybridPlant)
-    plan = plan_from_document(yaml.safe_load((HERE / "sensors.yaml").read_text()), vehicle, file="sensors.yaml")
+    plan = plan_from_document(
+        yaml.safe_load((HERE / "sensors.yaml").read_text()), vehicle, file="sensors.yaml"
+    )
     assert vehicle.propeller is not None
     newtons = vehicle.propeller.thrust[2] * vehicle.water_density * vehicle.propeller.diameter_m**4
     logs = {}
     for name, (path, speed) in LEGS.items():
-        found = equilibrium(plant, fly_path(path, speed_m_s=speed, step_s=TICK_S, duration_s=DURATION_S))
+        found = equilibrium(
+            plant, fly_path(path, speed_m_s=speed, step_s=TICK_S, duration_s=DURATION_S)
+        )
         flown = fly(plant, design(plant, found, weights_of(cases)["thrust_mode"], stride=25))
         chi = flown.chi[0]
-        rate = plant.rate(chi, flown.U[0], mass_kg=found.mass_kg, force_ned_N=None, current_ned_m_s=None)
+        rate = plant.rate(
+            chi, flown.U[0], mass_kg=found.mass_kg, force_ned_N=None, current_ned_m_s=None
+        )
         leg = Logged(
             plant=SimpleNamespace(vehicle=vehicle),
             leg=SimpleNamespace(id=name),
@@ -105,7 +133,9 @@ def flights() -> dict[str, bytes]:
             U=flown.U[0],
             newtons=float(newtons),
         )
-        logs[f"{name}.BIN"] = write_dataflash(record(leg, plan, seed=SEED, text=f"H-AUV in closed loop, {name}"))  # type: ignore[arg-type]
+        logs[f"{name}.BIN"] = write_dataflash(
+            record(leg, plan, seed=SEED, text=f"H-AUV in closed loop, {name}")
+        )  # type: ignore[arg-type]
     return logs
 
 

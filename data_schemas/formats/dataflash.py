@@ -1,9 +1,10 @@
 """Byte layout of ArduPilot DataFlash logs (.BIN), shared by the reader and the writers.
 
-A log is a chain of records without length or checksum: two magic bytes, the type id, then the fields of that type, packed and
-little-endian. FMT records (id 128, the only layout known beforehand) declare id, length, name, field formats and field names of the
-other types; FMTU, UNIT and MULT records, declared by FMT like any other, name the units.
-Source: ArduPilot, libraries/AP_Logger/LogStructure.h.
+A log is a chain of records without length or checksum: two magic bytes, the type id,
+then the fields of that type, packed and little-endian. FMT records (id 128, the only
+layout known beforehand) declare id, length, name, field formats and field names of the
+other types; FMTU, UNIT and MULT records, declared by FMT like any other, name the
+units. Source: ArduPilot, libraries/AP_Logger/LogStructure.h.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ DEFINITION_NAMES = frozenset({"FMT", "FMTU", "UNIT", "MULT"})
 
 @dataclass(frozen=True)
 class FieldFormat:
-    """One format character: the packed little-endian type, and the factor from stored integer to declared unit (None: as stored)."""
+    """One format character: the packed little-endian type, and the factor from stored
+    integer to declared unit (None: as stored).
+    """
 
     dtype: str
     factor: float | None = None
@@ -67,8 +70,17 @@ FIELD_FORMATS: dict[str, FieldFormat] = {
     "M": FieldFormat("<i1"),  # flight mode number
 }
 
-# Unit prefix for the multipliers that MULT records declare; any other multiplier is written out before the unit.
-PREFIXES: dict[float, str] = {0.0: "", 1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
+# Unit prefix for the multipliers that MULT records declare; any other multiplier is
+# written out before the unit.
+PREFIXES: dict[float, str] = {
+    0.0: "",
+    1.0: "",
+    1e-1: "d",
+    1e-2: "c",
+    1e-3: "m",
+    1e-6: "µ",
+    1e-9: "n",
+}
 INSTANCE_UNIT = "#"
 
 _sizes = np.zeros(256, np.int64)
@@ -80,7 +92,9 @@ FIELD_BYTES.flags.writeable = False
 
 @lru_cache(maxsize=1024)
 def record_dtype(formats: str) -> np.dtype[np.void]:
-    """Packed dtype of a whole record, header included, with fields `f0`, `f1`, ... in the order of the format characters."""
+    """Packed dtype of a whole record, header included, with fields `f0`, `f1`, ... in
+    the order of the format characters.
+    """
     offsets, position = [], HEADER_BYTES
     for char in formats:
         offsets.append(position)
@@ -97,7 +111,9 @@ def record_dtype(formats: str) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class Definition:
-    """What a FMT record says: records of type `id` are `length` bytes long (header included) and hold `columns` in `formats`."""
+    """What a FMT record says: records of type `id` are `length` bytes long (header
+    included) and hold `columns` in `formats`.
+    """
 
     id: int
     length: int
@@ -113,18 +129,27 @@ class Definition:
         """The FMT record that declares this type.
 
         Raises:
-            ValueError: a name, the formats or the column names do not fit their 4, 16 and 64 bytes.
+            ValueError: a name, the formats or the column names do not fit their 4, 16
+            and 64 bytes.
         """
-        texts = (self.name.encode("ascii"), self.formats.encode("ascii"), ",".join(self.columns).encode("ascii"))
+        texts = (
+            self.name.encode("ascii"),
+            self.formats.encode("ascii"),
+            ",".join(self.columns).encode("ascii"),
+        )
         for text, limit in zip(texts, (4, 16, 64), strict=True):
             if len(text) > limit:
                 raise ValueError(f"{text!r} is longer than {limit} bytes")
         head = MAGIC + bytes([FMT_ID, self.id, self.length])
-        return head + texts[0].ljust(4, b"\0") + texts[1].ljust(16, b"\0") + texts[2].ljust(64, b"\0")
+        return (
+            head + texts[0].ljust(4, b"\0") + texts[1].ljust(16, b"\0") + texts[2].ljust(64, b"\0")
+        )
 
 
 def define(id: int, name: str, formats: str, columns: str) -> Definition:
-    """A definition from its name, format characters and comma-separated column names; the length follows from the formats."""
+    """A definition from its name, format characters and comma-separated column names;
+    the length follows from the formats.
+    """
     names = tuple(columns.split(",")) if columns else ()
     return Definition(id, record_dtype(formats).itemsize, name, formats, names)
 

@@ -1,10 +1,13 @@
-"""MAVLink 1 and 2 frames as bytes: headers, checksum, and payload layouts; shared by the telemetry reader and writer.
+"""MAVLink 1 and 2 frames as bytes: headers, checksum, and payload layouts; shared by
+the telemetry reader and writer.
 
 A telemetry log repeats [8-byte big-endian Unix time in microseconds][frame]. A frame is
-magic, header, payload, checksum (2 bytes), and, in MAVLink 2 with incompatibility flag 1, a signature (13 bytes).
-The checksum is X.25 (polynomial 0x1021 reflected, start 0xFFFF) over everything between magic and checksum, plus one byte that
-depends on the message definition (`crc_extra`). Source: MAVLink developer guide, "Packet Serialization".
-Layouts come from pymavlink's ardupilotmega dialect, imported when first needed (it takes about half a second).
+magic, header, payload, checksum (2 bytes), and, in MAVLink 2 with incompatibility flag
+1, a signature (13 bytes). The checksum is X.25 (polynomial 0x1021 reflected, start
+0xFFFF) over everything between magic and checksum, plus one byte that depends on the
+message definition (`crc_extra`). Source: MAVLink developer guide, "Packet
+Serialization". Layouts come from pymavlink's ardupilotmega dialect, imported when first
+needed (it takes about half a second).
 """
 
 from __future__ import annotations
@@ -33,7 +36,15 @@ AUTOPILOT_INVALID = 8
 AUTOPILOT_PX4 = 12
 
 STAMPED_HEADER_V1 = np.dtype(
-    [("stamp", ">u8"), ("magic", "u1"), ("length", "u1"), ("sequence", "u1"), ("system", "u1"), ("component", "u1"), ("id", "u1")]
+    [
+        ("stamp", ">u8"),
+        ("magic", "u1"),
+        ("length", "u1"),
+        ("sequence", "u1"),
+        ("system", "u1"),
+        ("component", "u1"),
+        ("id", "u1"),
+    ]
 )
 STAMPED_HEADER_V2 = np.dtype(
     [
@@ -70,11 +81,17 @@ def _word_table(table: Checksums) -> Checksums:
 _BYTE_TABLE = _byte_table()
 _BYTES: list[int] = _BYTE_TABLE.tolist()
 _WORD_TABLE = _word_table(_BYTE_TABLE)
-_BATCH = 1 << 16  # frames that advance together; each batch takes as many steps as its longest frame, however few are so long
+_BATCH = (
+    1 << 16
+)  # frames that advance together; each batch takes as many steps as its longest frame, however few are so long
 _BLOCK_BYTES = 32
 _BLOCK_WORDS = _BLOCK_BYTES // 2
-_LEFT_IN_BLOCK = np.where(np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0).astype(np.uint8)
-_PART_MASKS = np.ascontiguousarray(_LEFT_IN_BLOCK.view(np.uint64).T)  # of each eight bytes of a block, by the number of bytes to clear
+_LEFT_IN_BLOCK = np.where(
+    np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0
+).astype(np.uint8)
+_PART_MASKS = np.ascontiguousarray(
+    _LEFT_IN_BLOCK.view(np.uint64).T
+)  # of each eight bytes of a block, by the number of bytes to clear
 _FEW = 40  # frames that one look-up per byte has done before the blocks are set up
 _LONGEST_CHECKED = 9 + LARGEST_PAYLOAD
 
@@ -102,12 +119,18 @@ _START_BY_LENGTH = _start_by_length()
 
 
 def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
-    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte, up to the checksum), plus crc_extra."""
+    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte,
+    up to the checksum), plus crc_extra.
+    """
     return _step(_states(buffer, start, stop), crc_extra)
 
 
-def implied_crc_extras(buffer: Bytes, start: Integers, stop: Integers, stored: Checksums) -> npt.NDArray[np.int16]:
-    """The crc_extra that makes the checksum of each frame the stored one, or -1 where none does (255 of 256 damaged frames)."""
+def implied_crc_extras(
+    buffer: Bytes, start: Integers, stop: Integers, stored: Checksums
+) -> npt.NDArray[np.int16]:
+    """The crc_extra that makes the checksum of each frame the stored one, or -1 where
+    none does (255 of 256 damaged frames).
+    """
     state = _states(buffer, start, stop)
     entry = np.full(1 << 16, -1, dtype=np.int16)
     entry[_BYTE_TABLE] = np.arange(256)
@@ -118,11 +141,15 @@ def implied_crc_extras(buffer: Bytes, start: Integers, stop: Integers, stored: C
 def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
     """Checksum states after bytes start:stop.
 
-    All frames advance together, two bytes per table look-up, in blocks that end where the frame ends. The checksum is linear over
-    bits: zeros before the first byte change nothing when the state starts at zero, and the true start is added by length at the end.
+    All frames advance together, two bytes per table look-up, in blocks that end where
+    the frame ends. The checksum is linear over bits: zeros before the first byte change
+    nothing when the state starts at zero, and the true start is added by length at the
+    end.
     """
     out = np.empty(start.size, dtype=np.uint16)
-    early = (stop - start) % -_BLOCK_BYTES + start < 0  # their first block would begin before the file
+    early = (
+        stop - start
+    ) % -_BLOCK_BYTES + start < 0  # their first block would begin before the file
     if start.size < _FEW:
         early[:] = True
     if early.any():
@@ -131,7 +158,12 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
         if not early.all():
             out[~early] = _states(buffer, start[~early], stop[~early])
         return out
-    blocks = np.ndarray((max(buffer.size - _BLOCK_BYTES + 1, 0),), np.dtype(f"V{_BLOCK_BYTES}"), buffer=buffer, strides=(1,))
+    blocks = np.ndarray(
+        (max(buffer.size - _BLOCK_BYTES + 1, 0),),
+        np.dtype(f"V{_BLOCK_BYTES}"),
+        buffer=buffer,
+        strides=(1,),
+    )
     for first in range(0, start.size, _BATCH):
         part = slice(first, first + _BATCH)
         out[part] = _checksum_batch(blocks, start[part], stop[part])
@@ -140,16 +172,23 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
 
 
 def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integers) -> Checksums:
-    """States from a zero start, without crc_extra; longer frames first, so that those still waiting stand at the end."""
+    """States from a zero start, without crc_extra; longer frames first, so that those
+    still waiting stand at the end.
+    """
     size = (stop - start).astype(np.uint16)
     words = ((size + np.uint16(1)) >> np.uint16(1)).astype(np.uint8)
     order = np.argsort(words, kind="stable")[::-1]
     words = words[order]
-    whole = np.int64(_BLOCK_BYTES) * ((words + np.uint8(_BLOCK_WORDS - 1)) // np.uint8(_BLOCK_WORDS))
+    whole = np.int64(_BLOCK_BYTES) * (
+        (words + np.uint8(_BLOCK_WORDS - 1)) // np.uint8(_BLOCK_WORDS)
+    )
     missing = whole - size[order]
     at = stop[order] - whole
     state, mixed = np.zeros((2, order.size), dtype=np.uint16)
-    reached = [*np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(), *[0] * _BLOCK_WORDS]  # frames with so many words or more
+    reached = [
+        *np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(),
+        *[0] * _BLOCK_WORDS,
+    ]  # frames with so many words or more
     running, most = 0, int(whole[0]) // 2 if words.size else 0
     for left in range(most, 0, -_BLOCK_WORDS):
         active = reached[left - _BLOCK_WORDS + 1]
@@ -178,9 +217,9 @@ def _step(state: Checksums, byte: Bytes) -> Checksums:
 class Layout:
     """The payload of one message type.
 
-    `dtype` is the full payload with extension fields, in wire order; `columns` are name, shape of one value and element type in the
-    order of the definition;
-    `units` the unit texts of the definition; `text` names the character arrays.
+    `dtype` is the full payload with extension fields, in wire order; `columns` are
+    name, shape of one value and element type in the order of the definition; `units`
+    the unit texts of the definition; `text` names the character arrays.
     """
 
     id: int
@@ -203,7 +242,9 @@ def definitions() -> Mapping[int, Any]:
 
 @lru_cache(maxsize=1)
 def crc_extras() -> npt.NDArray[np.int16]:
-    """crc_extra by message id, -1 where the id is not defined; ids beyond the end are not defined either."""
+    """crc_extra by message id, -1 where the id is not defined; ids beyond the end are
+    not defined either.
+    """
     known = definitions()
     table = np.full(max(known) + 2, -1, dtype=np.int16)
     for number, message in known.items():
@@ -224,7 +265,9 @@ def layout(message_id: int) -> Layout:
     codes = bytes(message.native_format).decode("ascii")[1:]
     fields: list[tuple[Any, ...]] = []
     text = set()
-    for name, code, size in zip(message.ordered_fieldnames, codes, message.array_lengths, strict=True):
+    for name, code, size in zip(
+        message.ordered_fieldnames, codes, message.array_lengths, strict=True
+    ):
         if code == "c":
             text.add(name)
             fields.append((name, f"S{max(size, 1)}"))
@@ -244,4 +287,15 @@ def layout(message_id: int) -> Layout:
     )
 
 
-_NUMPY_CODE = {"b": "i1", "B": "u1", "h": "i2", "H": "u2", "i": "i4", "I": "u4", "q": "i8", "Q": "u8", "f": "f4", "d": "f8"}
+_NUMPY_CODE = {
+    "b": "i1",
+    "B": "u1",
+    "h": "i2",
+    "H": "u2",
+    "i": "i4",
+    "I": "u4",
+    "q": "i8",
+    "Q": "u8",
+    "f": "f4",
+    "d": "f8",
+}

@@ -1,11 +1,13 @@
 """Byte layout of PX4 ULog files (.ulg).
 
-A file is a 16-byte header and a chain of messages: size of the content (uint16), type (one character), content; all little-endian,
-without checksum. `F` messages declare formats, `A` messages subscribe a number (msg_id) to one instance of a format, `D` messages hold
-the number and the packed fields. Trailing `_padding` fields are declared but not written. `S` messages hold a fixed pattern for
-finding the chain again. The flag bits (`B`, first message) give the offsets at which data were appended after the log was closed, and
-at which a message may be cut off.
-Source: PX4 user guide, "ULog file format", version 1.
+A file is a 16-byte header and a chain of messages: size of the content (uint16), type
+(one character), content; all little-endian, without checksum. `F` messages declare
+formats, `A` messages subscribe a number (msg_id) to one instance of a format, `D`
+messages hold the number and the packed fields. Trailing `_padding` fields are declared
+but not written. `S` messages hold a fixed pattern for finding the chain again. The flag
+bits (`B`, first message) give the offsets at which data were appended after the log was
+closed, and at which a message may be cut off. Source: PX4 user guide, "ULog file
+format", version 1.
 """
 
 from __future__ import annotations
@@ -54,7 +56,9 @@ _FORMAT = re.compile(rb"([A-Za-z_][\w/-]{0,127}+):(%b(?:;%b)*+);?" % (_FIELD, _F
 
 @dataclass(frozen=True)
 class Field:
-    """One declared field: a basic type or the name of another format, the length of the array (0: none), the name."""
+    """One declared field: a basic type or the name of another format, the length of the
+    array (0: none), the name.
+    """
 
     type: str
     length: int
@@ -74,12 +78,17 @@ class Format:
 
     def pack(self) -> bytes:
         """Content of the `F` message that declares this format."""
-        texts = [f"{f.type}[{f.length}] {f.name};" if f.length else f"{f.type} {f.name};" for f in self.fields]
+        texts = [
+            f"{f.type}[{f.length}] {f.name};" if f.length else f"{f.type} {f.name};"
+            for f in self.fields
+        ]
         return f"{self.name}:{''.join(texts)}".encode("ascii")
 
 
 def parse_format(content: bytes) -> Format | None:
-    """The format that the content of an `F` message declares; None if it is not one, or declares a field twice or of no length."""
+    """The format that the content of an `F` message declares; None if it is not one, or
+    declares a field twice or of no length.
+    """
     match = _FORMAT.fullmatch(content)
     if match is None:
         return None
@@ -97,8 +106,10 @@ def parse_format(content: bytes) -> Format | None:
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes in bytes of the payload of a topic's `D` messages: as written, and with the trailing padding; `time` is the offset of
-    the field `timestamp` in it (-1: there is none of type uint64)."""
+    """Sizes in bytes of the payload of a topic's `D` messages: as written, and with the
+    trailing padding; `time` is the offset of the field `timestamp` in it (-1: there is
+    none of type uint64).
+    """
 
     written: int
     padded: int
@@ -107,7 +118,9 @@ class Layout:
 
 @dataclass
 class Formats:
-    """The formats of a file by name. The first declaration of a name holds, until `replace` puts one of its `rivals` in force."""
+    """The formats of a file by name. The first declaration of a name holds, until
+    `replace` puts one of its `rivals` in force.
+    """
 
     by_name: dict[str, Format] = field(default_factory=dict)
     rivals: dict[str, list[Format]] = field(default_factory=dict)
@@ -115,7 +128,9 @@ class Formats:
     _layouts: dict[str, Layout] = field(default_factory=dict)
 
     def add(self, declared: Format) -> None:
-        """Take a declaration; one that differs from that in force is kept as its rival, as one of the two must be damaged."""
+        """Take a declaration; one that differs from that in force is kept as its rival,
+        as one of the two must be damaged.
+        """
         known = self.by_name.setdefault(declared.name, declared)
         rivals = self.rivals.get(declared.name, [])
         if known != declared and declared not in rivals and len(rivals) < MAX_RIVALS:
@@ -128,7 +143,9 @@ class Formats:
         self._layouts.clear()
 
     def size(self, name: str, depth: int = 0) -> int:
-        """Bytes of one `name`, padding included; 0 if it cannot be: an unknown or circular type, or too large for a message."""
+        """Bytes of one `name`, padding included; 0 if it cannot be: an unknown or
+        circular type, or too large for a message.
+        """
         if name in FIELD_BYTES:
             return FIELD_BYTES[name]
         known = self._sizes.get(name)
@@ -146,7 +163,9 @@ class Formats:
         return total
 
     def layout(self, name: str) -> Layout | None:
-        """Sizes of a topic's records, or None as long as `size` is 0: the formats that it needs may still come."""
+        """Sizes of a topic's records, or None as long as `size` is 0: the formats that
+        it needs may still come.
+        """
         known = self._layouts.get(name)
         if known is None:
             known = self._layout(name)
@@ -175,13 +194,17 @@ class Formats:
         return members[:last]
 
     def columns(self, name: str) -> Iterator[tuple[str, str, int]]:
-        """Name, dtype and payload offset of every basic field of a topic, nested formats and arrays taken apart, without padding.
+        """Name, dtype and payload offset of every basic field of a topic, nested
+        formats and arrays taken apart, without padding.
 
-        Names are `field`, `field[0]` and `field.member`; an array of characters is one column of dtype `S<length>`.
+        Names are `field`, `field[0]` and `field.member`; an array of characters is one
+        column of dtype `S<length>`.
         """
         yield from self._flatten(self.written_fields(name), "", 0)
 
-    def _flatten(self, members: tuple[Field, ...], prefix: str, offset: int) -> Iterator[tuple[str, str, int]]:
+    def _flatten(
+        self, members: tuple[Field, ...], prefix: str, offset: int
+    ) -> Iterator[tuple[str, str, int]]:
         for member in members:
             one, path = self.size(member.type), prefix + member.name
             if member.is_padding:
@@ -194,5 +217,7 @@ class Formats:
                     if member.type in FIELD_DTYPES:
                         yield item, FIELD_DTYPES[member.type], offset + index * one
                     else:
-                        yield from self._flatten(self.by_name[member.type].fields, item + ".", offset + index * one)
+                        yield from self._flatten(
+                            self.by_name[member.type].fields, item + ".", offset + index * one
+                        )
             offset += one * max(1, member.length)

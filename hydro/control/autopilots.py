@@ -1,7 +1,9 @@
-"""Autopilots of the twin: heading and depth held by four fins, with limits on deflection and rate.
+"""Autopilots of the twin: heading and depth held by four fins, with limits on
+deflection and rate.
 
-The controller asks for a rudder and an elevator angle; the fins' own moment coefficients say how four fins give them. It knows the true
-state, so that a flight does not depend on the noise of the sensors.
+The controller asks for a rudder and an elevator angle; the fins' own moment
+coefficients say how four fins give them. It knows the true state, so that a flight does
+not depend on the noise of the sensors.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -17,7 +20,9 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Gains:
-    """Rudder per rad of heading error, rad/s of yaw rate and rad s of its integral; elevator likewise; pitch asked per m of depth error."""
+    """Rudder per rad of heading error, rad/s of yaw rate and rad s of its integral;
+    elevator likewise; pitch asked per m of depth error.
+    """
 
     heading: float = 1.8
     yaw_rate: float = 0.9
@@ -29,29 +34,42 @@ class Gains:
     depth_integral: float = 0.02
     largest_pitch_rad: float = math.radians(25.0)
     integral_zone_rad: float = math.radians(6.0)
-    """Heading error beyond which its integral stands still, so that a step does not wind it up."""
+    """Heading error beyond which its integral stands still, so that a step does not
+    wind it up.
+    """
 
 
 def fin_mixing(vehicle: Vehicle) -> Array:
-    """Fin deflections (4, 2) per unit of elevator (moment M > 0, bow up) and rudder (N > 0, bow to starboard).
+    """Fin deflections (4, 2) per unit of elevator (moment M > 0, bow up) and rudder (N
+    > 0, bow to starboard).
 
-    Least deflection that gives the moment alone (pseudo-inverse of the rows M, N of the linear fin coefficients), scaled so that the fin
-    that moves most moves by 1. Raises `CampaignError` for a vehicle whose fins cannot do both.
+    Least deflection that gives the moment alone (pseudo-inverse of the rows M, N of the
+    linear fin coefficients), scaled so that the fin that moves most moves by 1. Raises
+    `CampaignError` for a vehicle whose fins cannot do both.
     """
     if vehicle.fins is None:
-        raise CampaignError("the autopilot steers by fins; this vehicle has none", field="vehicle", value=vehicle.name)
+        raise CampaignError(
+            "the autopilot steers by fins; this vehicle has none",
+            field="vehicle",
+            value=vehicle.name,
+        )
     moments = vehicle.fins.linear[4:6]
     if np.linalg.matrix_rank(moments, tol=1e-6) < 2:
-        raise CampaignError("the fins cannot give pitch and yaw moments apart", field="vehicle.actuators.fins.linear")
+        raise CampaignError(
+            "the fins cannot give pitch and yaw moments apart",
+            field="vehicle.actuators.fins.linear",
+        )
     inverse = np.linalg.pinv(moments)
     return np.asarray(inverse / np.abs(inverse).max(axis=0))
 
 
 @dataclass
 class StepAutopilot:
-    """Holds heading `yaw_rad` (k,) and depth `depth_m` (k,), one value per tick. It remembers its integrals: one autopilot per flight.
+    """Holds heading `yaw_rad` (k,) and depth `depth_m` (k,), one value per tick. It
+    remembers its integrals: one autopilot per flight.
 
-    Fins move at most `rate_rad_s` and stay within +-`limit_rad`; elevator and rudder are cut before mixing.
+    Fins move at most `rate_rad_s` and stay within +-`limit_rad`; elevator and rudder
+    are cut before mixing.
     """
 
     mixing: Array
@@ -66,9 +84,17 @@ class StepAutopilot:
     pitch_sum: float = 0.0
 
     def __call__(self, tick: int, state: Array, fins: Array) -> Array:
-        """Where the fins (4,) [rad] are at the next tick, from the state [eta, nu] (12,) at this one."""
+        """Where the fins (4,) [rad] are at the next tick, from the state [eta, nu]
+        (12,) at this one.
+        """
         g = self.gains
-        z, theta, psi, q, r = float(state[2]), float(state[4]), float(state[5]), float(state[10]), float(state[11])
+        z, theta, psi, q, r = (
+            float(state[2]),
+            float(state[4]),
+            float(state[5]),
+            float(state[10]),
+            float(state[11]),
+        )
         heading = math.remainder(float(self.yaw_rad[tick]) - psi, 2.0 * math.pi)
         if abs(heading) < g.integral_zone_rad:
             self.heading_sum += heading * self.tick_s
@@ -80,9 +106,13 @@ class StepAutopilot:
         if abs(wanted - theta) < g.integral_zone_rad:
             self.pitch_sum += (wanted - theta) * self.tick_s
         elevator = g.pitch * (wanted - theta) - g.pitch_rate * q + g.pitch_integral * self.pitch_sum
-        target = self.mixing @ np.array([_cut(elevator, self.limit_rad), _cut(rudder, self.limit_rad)])
+        target = self.mixing @ np.array(
+            [_cut(elevator, self.limit_rad), _cut(rudder, self.limit_rad)]
+        )
         reach = self.rate_rad_s * self.tick_s
-        return np.asarray(np.clip(np.clip(target, fins - reach, fins + reach), -self.limit_rad, self.limit_rad))
+        return np.asarray(
+            np.clip(np.clip(target, fins - reach, fins + reach), -self.limit_rad, self.limit_rad)
+        )
 
 
 def _cut(value: float, limit: float) -> float:

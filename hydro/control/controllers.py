@@ -1,6 +1,8 @@
-"""A controller along a trajectory: equilibrium, regulator gains and, if asked for, a disturbance observer, as schedules over time.
+"""A controller along a trajectory: equilibrium, regulator gains and, if asked for, a
+disturbance observer, as schedules over time.
 
-U = U_eq + Gamma d - k (chi_hat - chi_eq - Pi d), with d = 0 where there is no observer: Al Makdah 2016 (3.22), (5.9), corrected.
+U = U_eq + Gamma d - k (chi_hat - chi_eq - Pi d), with d = 0 where there is no observer:
+Al Makdah 2016 (3.22), (5.9), corrected.
 """
 
 from __future__ import annotations
@@ -8,10 +10,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.equilibrium import Equilibrium, at_every
-from auvid.hydro.control.observer import C_Z, D, N, augmented, disturbance_target, feed_forward_gain, kalman_gain, placed_gain
+from auvid.hydro.control.observer import (
+    C_Z,
+    D,
+    N,
+    augmented,
+    disturbance_target,
+    feed_forward_gain,
+    kalman_gain,
+    placed_gain,
+)
 from auvid.hydro.control.plants import Plant
 from auvid.hydro.control.riccati import (
     backward_riccati,
@@ -22,7 +35,6 @@ from auvid.hydro.control.riccati import (
     require_controllable,
     stability_margins,
 )
-from numpy.typing import ArrayLike
 
 RICCATI = ("backward", "frozen")
 OBSERVERS = ("kalman", "poles")
@@ -33,7 +45,9 @@ CHECKED = 40
 
 @dataclass(frozen=True)
 class Weights:
-    """Diagonals of Q (12,) and R (m,) of the regulator and of Q_Z (18,), R_Z (12,) of the Kalman filter."""
+    """Diagonals of Q (12,) and R (m,) of the regulator and of Q_Z (18,), R_Z (12,) of
+    the Kalman filter.
+    """
 
     Q: Array
     R: Array
@@ -43,8 +57,10 @@ class Weights:
 
 @dataclass(frozen=True)
 class Observer:
-    """At the design instants, for one tick: Z[k+1] = phi Z[k] + by_input U[k] + by_state Y[k] in deviations from the equilibrium, and the
-    feed-forward `state` (d, 12, 6), `inputs` (d, m, 6) per unit of disturbance; `poles` (d, 18)."""
+    """At the design instants, for one tick: Z[k+1] = phi Z[k] + by_input U[k] +
+    by_state Y[k] in deviations from the equilibrium, and the feed-forward `state` (d,
+    12, 6), `inputs` (d, m, 6) per unit of disturbance; `poles` (d, 18).
+    """
 
     phi: Array
     by_input: Array
@@ -56,11 +72,13 @@ class Observer:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Along the clock of the equilibrium: gains `k` (n, m, 12), and an observer or None.
+    """Along the clock of the equilibrium: gains `k` (n, m, 12), and an observer or
+    None.
 
-    At the design instants `design_s` (d,), `stride` samples apart: A (d, 12, 12), B (d, 12, m), eigenvalues (d, 12) of A - B k. At some of
-    them, `checked_s` (c,): `frozen_eigenvalues` (c, 12) with the gains of the algebraic equation, and `margins` (c, 3) of
-    `stability_margins` with the gains in use.
+    At the design instants `design_s` (d,), `stride` samples apart: A (d, 12, 12), B (d,
+    12, m), eigenvalues (d, 12) of A - B k. At some of them, `checked_s` (c,):
+    `frozen_eigenvalues` (c, 12) with the gains of the algebraic equation, and `margins`
+    (c, 3) of `stability_margins` with the gains in use.
     """
 
     equilibrium: Equilibrium
@@ -86,37 +104,73 @@ def design(
     feed_forward: str = "target",
     stride: int = 5,
 ) -> Schedule:
-    """The controller of an equilibrium: gains every `stride` samples, linear between them.
+    """The controller of an equilibrium: gains every `stride` samples, linear between
+    them.
 
-    `riccati`, `observer`, `feed_forward`: one of RICCATI, OBSERVERS, FEED_FORWARD. Raises `CampaignError` for other words and weights of
-    the wrong size, `PipelineError` naming the state where the linearised vehicle is not controllable.
+    `riccati`, `observer`, `feed_forward`: one of RICCATI, OBSERVERS, FEED_FORWARD.
+    Raises `CampaignError` for other words and weights of the wrong size,
+    `PipelineError` naming the state where the linearised vehicle is not controllable.
     """
-    _words(riccati=(riccati, RICCATI), observer=(observer, (None, *OBSERVERS)), feed_forward=(feed_forward, FEED_FORWARD))
+    _words(
+        riccati=(riccati, RICCATI),
+        observer=(observer, (None, *OBSERVERS)),
+        feed_forward=(feed_forward, FEED_FORWARD),
+    )
     inputs = len(plant.inputs.names)
     for name, size in (("Q", N), ("R", inputs), ("Q_Z", N + D), ("R_Z", N)):
         values = getattr(weights, name)
-        if values.shape != (size,) or (values < 0.0).any() or (name.startswith("R") and (values <= 0.0).any()):
+        if (
+            values.shape != (size,)
+            or (values < 0.0).any()
+            or (name.startswith("R") and (values <= 0.0).any())
+        ):
             rule = f"{size} numbers {'> 0' if name.startswith('R') else '>= 0'}"
-            raise CampaignError("weights do not fit the vehicle", field=name, value=values.tolist(), allowed=rule)
+            raise CampaignError(
+                "weights do not fit the vehicle", field=name, value=values.tolist(), allowed=rule
+            )
     few = at_every(found, stride)
     A, B = plant.linear(few.chi, few.U, mass_kg=few.mass_kg)
     for index in np.unique(np.linspace(0, len(A) - 1, 9).astype(int)):
         require_controllable(A[index], B[index], where=f"at {few.t_s[index]:.1f} s")
     Q, R = np.diag(weights.Q), np.diag(weights.R)
-    P = backward_riccati(A, B, Q, R, step_s=few.step_s) if riccati == "backward" else frozen_riccati(A, B, Q, R)
+    P = (
+        backward_riccati(A, B, Q, R, step_s=few.step_s)
+        if riccati == "backward"
+        else frozen_riccati(A, B, Q, R)
+    )
     k = regulator_gain(B, P, R)
     poles = closed_loop_eigenvalues(A, B, k)
     some = np.unique(np.linspace(0, len(A) - 1, CHECKED).astype(int))
     margins = np.array([stability_margins(A[i], B[i], k[i]) for i in some])
-    still = closed_loop_eigenvalues(A[some], B[some], regulator_gain(B[some], frozen_riccati(A[some], B[some], Q, R), R))
-    watch = None if observer is None else _observer(few, found.step_s, A, B, poles, weights, observer, feed_forward)
-    return Schedule(found, _along(found.t_s, few.t_s, k), watch, few.t_s, A, B, poles, stride, few.t_s[some], still, margins)
+    still = closed_loop_eigenvalues(
+        A[some], B[some], regulator_gain(B[some], frozen_riccati(A[some], B[some], Q, R), R)
+    )
+    watch = (
+        None
+        if observer is None
+        else _observer(few, found.step_s, A, B, poles, weights, observer, feed_forward)
+    )
+    return Schedule(
+        found,
+        _along(found.t_s, few.t_s, k),
+        watch,
+        few.t_s,
+        A,
+        B,
+        poles,
+        stride,
+        few.t_s[some],
+        still,
+        margins,
+    )
 
 
 def _words(**given: tuple[str | None, tuple[str | None, ...]]) -> None:
     for name, (value, allowed) in given.items():
         if value not in allowed:
-            raise CampaignError("unknown method", field=name, value=value, allowed=tuple(map(str, allowed)))
+            raise CampaignError(
+                "unknown method", field=name, value=value, allowed=tuple(map(str, allowed))
+            )
 
 
 def _observer(
@@ -131,15 +185,26 @@ def _observer(
 ) -> Observer:
     a_z, b_z = augmented(A, B)
     kalman = method == "kalman"
-    L = kalman_gain(A, np.diag(weights.Q_Z), np.diag(weights.R_Z), step_s=few.step_s) if kalman else placed_gain(A, poles)
+    L = (
+        kalman_gain(A, np.diag(weights.Q_Z), np.diag(weights.R_Z), step_s=few.step_s)
+        if kalman
+        else placed_gain(A, poles)
+    )
     inner = a_z - L @ C_Z
     m, size = B.shape[-1], N + D
     whole = np.zeros((len(A), size + m + N, size + m + N))
-    whole[:, :size, :size], whole[:, :size, size : size + m], whole[:, :size, size + m :] = inner, b_z, L
+    whole[:, :size, :size], whole[:, :size, size : size + m], whole[:, :size, size + m :] = (
+        inner,
+        b_z,
+        L,
+    )
     flow = exponential(whole * tick_s)[:, :size]
     if feed_forward == "target":
         state, inputs = disturbance_target(
-            A, B, weights=np.maximum(weights.Q[[0, 1, 2, 3, 4, 5, 9, 10, 11]], 1e-6), input_weights=weights.R
+            A,
+            B,
+            weights=np.maximum(weights.Q[[0, 1, 2, 3, 4, 5, 9, 10, 11]], 1e-6),
+            input_weights=weights.R,
         )
     else:
         state, inputs = np.zeros((len(A), N, D)), -feed_forward_gain(B)
@@ -154,7 +219,9 @@ def _observer(
 
 
 def _along(t_s: Array, knots_s: Array, values: ArrayLike) -> Array:
-    """Linear interpolation of (d, ...) on the last axis of time; held beyond the last knot."""
+    """Linear interpolation of (d, ...) on the last axis of time; held beyond the last
+    knot.
+    """
     known = np.asarray(values)
     place = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, max(len(knots_s) - 2, 0))
     after = np.minimum(place + 1, len(knots_s) - 1)

@@ -1,8 +1,11 @@
-"""Equilibrium along a trajectory: mode, mass, states and inputs that satisfy it; Algorithm 1 of Al Makdah 2016 (3.5)-(3.17), corrected.
+"""Equilibrium along a trajectory: mode, mass, states and inputs that satisfy it;
+Algorithm 1 of Al Makdah 2016 (3.5)-(3.17), corrected.
 
-`algorithm_1` takes the states from the path's frame and the inputs by least squares: with four inputs a turning vehicle keeps a residual
-force, because sideslip and angle of attack are not among the unknowns. `trimmed` lets pitch and heading of the vehicle differ from those
-of its path until the residual is gone; it also finds the glide's angle of attack, and the crab angle under a known force field.
+`algorithm_1` takes the states from the path's frame and the inputs by least squares:
+with four inputs a turning vehicle keeps a residual force, because sideslip and angle of
+attack are not among the unknowns. `trimmed` lets pitch and heading of the vehicle
+differ from those of its path until the residual is gone; it also finds the glide's
+angle of attack, and the crab angle under a known force field.
 """
 
 from __future__ import annotations
@@ -10,16 +13,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.paths.trajectories import Trajectory
 from auvid.hydro.control.plants import HybridPlant, Plant
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
-from numpy.typing import ArrayLike
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+)
 
 GLIDE_SPEED_M_S, THRUST_SPEED_M_S = 0.2, 1.5
 GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)
-"""Slower trajectories are glided, faster ones flown by the propeller: the thesis says `around` 0.2 and 1.5 m/s."""
+"""Slower trajectories are glided, faster ones flown by the propeller: the thesis says
+`around` 0.2 and 1.5 m/s.
+"""
 GLIDE_PITCH_RAD, GLIDE_HEAVE_M_S = 0.2796, 0.0402
 METHODS = ("algorithm_1", "trimmed")
 ITERATIONS = 40
@@ -32,8 +41,10 @@ LARGEST_OFFSET_RAD = 1.2
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Along a uniform clock: `chi` (n, 12), `U` (n, m), `mass_kg` (n,), the acceleration `nu_dot` (n, 6) that the trajectory asks for, and
-    `residual` (n, 6) [N, N m]: the force that is missing for it. `glides`: whether the buoyancy engine drives the vehicle.
+    """Along a uniform clock: `chi` (n, 12), `U` (n, m), `mass_kg` (n,), the
+    acceleration `nu_dot` (n, 6) that the trajectory asks for, and `residual` (n, 6) [N,
+    N m]: the force that is missing for it. `glides`: whether the buoyancy engine drives
+    the vehicle.
     """
 
     t_s: Array
@@ -51,29 +62,46 @@ class Equilibrium:
 
 
 def is_glide(plant: Plant, trajectory: Trajectory) -> bool:
-    """Whether the trajectory is flown without thrust: the speed decides (3.11), for a vehicle that has a buoyancy engine."""
+    """Whether the trajectory is flown without thrust: the speed decides (3.11), for a
+    vehicle that has a buoyancy engine.
+    """
     return isinstance(plant, HybridPlant) and float(np.median(trajectory.speed)) < GLIDE_BELOW_M_S
 
 
 def equilibrium(
-    plant: Plant, trajectory: Trajectory, *, method: str = "trimmed", epsilon_rad: float = 0.05, force_ned_N: ArrayLike | None = None
+    plant: Plant,
+    trajectory: Trajectory,
+    *,
+    method: str = "trimmed",
+    epsilon_rad: float = 0.05,
+    force_ned_N: ArrayLike | None = None,
 ) -> Equilibrium:
-    """Equilibrium states and inputs by one of METHODS. `epsilon_rad`: how fast the mass changes over between dive and rise (3.11), (3.13).
+    """Equilibrium states and inputs by one of METHODS. `epsilon_rad`: how fast the mass
+    changes over between dive and rise (3.11), (3.13).
 
-    `force_ned_N` (n, 3) or (3,): a known force field that the trim shall meet. Raises `CampaignError` for an unknown method.
+    `force_ned_N` (n, 3) or (3,): a known force field that the trim shall meet. Raises
+    `CampaignError` for an unknown method.
     """
     if method not in METHODS:
-        raise CampaignError("unknown way to the equilibrium", field="equilibrium", value=method, allowed=METHODS)
+        raise CampaignError(
+            "unknown way to the equilibrium", field="equilibrium", value=method, allowed=METHODS
+        )
     glides = is_glide(plant, trajectory)
     pitch = trajectory.attitude[:, 1]
     mass = np.full(len(pitch), plant.neutral_kg)
     if glides and isinstance(plant, HybridPlant):
         mass = plant.hybrid.engine.glide_mass(pitch, epsilon_rad=epsilon_rad)
     offset = np.zeros((len(pitch), 2))
-    U = np.clip(np.zeros((len(pitch), len(plant.inputs.names))), plant.inputs.low, plant.inputs.high)
+    U = np.clip(
+        np.zeros((len(pitch), len(plant.inputs.names))), plant.inputs.low, plant.inputs.high
+    )
     if plant.inputs.names[0] == "propeller":
         U[:, 0] = np.interp(trajectory.speed, *_level_table(plant))
-    force = None if force_ned_N is None else np.broadcast_to(np.asarray(force_ned_N, dtype=np.float64), (len(pitch), 3))
+    force = (
+        None
+        if force_ned_N is None
+        else np.broadcast_to(np.asarray(force_ned_N, dtype=np.float64), (len(pitch), 3))
+    )
     if method == "algorithm_1":
         chi = _states(trajectory, offset)
         if glides:
@@ -81,11 +109,14 @@ def equilibrium(
             chi[:, 0], chi[:, 2] = GLIDE_SPEED_M_S, -GLIDE_HEAVE_M_S * share
             chi[:, 10] = GLIDE_PITCH_RAD * share
         nu_dot = np.gradient(chi[:, :6], trajectory.t_s, axis=0)
-        for _ in range(ITERATIONS if plant.inputs.names[0] == "propeller" else 1):  # linear in U but for a propeller and fin drag
+        for _ in range(
+            ITERATIONS if plant.inputs.names[0] == "propeller" else 1
+        ):  # linear in U but for a propeller and fin drag
             B = plant.linear(chi, U, mass_kg=mass)[1][:, :6]
             U = U + _solved(B, nu_dot - _acceleration(plant, chi, U, mass, force))
         return _result(plant, trajectory, chi, U, mass, nu_dot, force, glides)
-    # The offsets change slowly: their rates are left out, so that every instant is a problem of its own.
+    # The offsets change slowly: their rates are left out, so that every instant is a
+    # problem of its own.
     nu_dot = np.gradient(_states(trajectory, offset)[:, :6], trajectory.t_s, axis=0)
     offset, U = _trim(plant, trajectory, offset, U, mass, nu_dot, force)
     return _result(plant, trajectory, _states(trajectory, offset), U, mass, nu_dot, force, glides)
@@ -97,7 +128,9 @@ def _level_table(plant: Plant) -> tuple[Array, Array]:
 
 
 def _states(trajectory: Trajectory, offset: Array) -> Array:
-    """chi (n, 12) on the trajectory with the vehicle turned from its path by `offset` (n, 2): pitch, heading [rad] (3.10, corrected)."""
+    """chi (n, 12) on the trajectory with the vehicle turned from its path by `offset`
+    (n, 2): pitch, heading [rad] (3.10, corrected).
+    """
     attitude = trajectory.attitude.copy()
     attitude[:, 1:] += offset
     velocity = np.einsum("nji,nj->ni", rotation_body_to_ned(attitude), trajectory.velocity)
@@ -115,27 +148,46 @@ def _solved(system: Array, right: Array) -> Array:
 
 
 def _trim(
-    plant: Plant, trajectory: Trajectory, offset: Array, U: Array, mass: Array, nu_dot: Array, force: Array | None
+    plant: Plant,
+    trajectory: Trajectory,
+    offset: Array,
+    U: Array,
+    mass: Array,
+    nu_dot: Array,
+    force: Array | None,
 ) -> tuple[Array, Array]:
-    """Gauss-Newton on pitch and heading offsets and inputs until the six equations of motion hold, damped where a step does not help.
+    """Gauss-Newton on pitch and heading offsets and inputs until the six equations of
+    motion hold, damped where a step does not help.
 
-    Inputs stay within their limits; one that stands at its limit leaves the problem, and what is missing then is the residual.
+    Inputs stay within their limits; one that stands at its limit leaves the problem,
+    and what is missing then is the residual.
     """
     reach = np.full(2, LARGEST_OFFSET_RAD)
-    low, high = np.concatenate([-reach, plant.inputs.low]), np.concatenate([reach, plant.inputs.high])
+    low, high = (
+        np.concatenate([-reach, plant.inputs.low]),
+        np.concatenate([reach, plant.inputs.high]),
+    )
     y = np.clip(np.concatenate([offset, U], axis=1), low, high)
     damping, rows = np.ones(len(y)), np.arange(len(y))
     for _ in range(ITERATIONS):
         at = Trajectory(*(value[rows] for value in vars(trajectory).values()))
         asked, weight, push = nu_dot[rows], mass[rows], None if force is None else force[rows]
 
-        def miss(y: Array, at: Trajectory = at, asked: Array = asked, weight: Array = weight, push: Array | None = push) -> Array:
+        def miss(
+            y: Array,
+            at: Trajectory = at,
+            asked: Array = asked,
+            weight: Array = weight,
+            push: Array | None = push,
+        ) -> Array:
             return asked - _acceleration(plant, _states(at, y[:, :2]), y[:, 2:], weight, push)
 
         here = y[rows]
         error = miss(here)
         slope = np.empty((len(here), 6, y.shape[1]))
-        slope[..., 2:] = plant.linear(_states(at, here[:, :2]), here[:, 2:], mass_kg=weight)[1][:, :6]
+        slope[..., 2:] = plant.linear(_states(at, here[:, :2]), here[:, 2:], mass_kg=weight)[1][
+            :, :6
+        ]
         for column in range(2):  # kinematics and dynamics together, central difference
             ahead = np.zeros(y.shape[1])
             ahead[column] = 1e-6
@@ -152,7 +204,11 @@ def _trim(
         y[rows[better]] = tried[better]
         damping[rows] = np.where(better, np.minimum(1.0, 2.0 * damping[rows]), 0.5 * damping[rows])
         # Done: solved, or (where an input is at its limit) no better for a whole step.
-        done = (np.minimum(before, after) < 1e-24) | (better & (after > (1.0 - SETTLED) * before)) | (damping[rows] < 1e-4)
+        done = (
+            (np.minimum(before, after) < 1e-24)
+            | (better & (after > (1.0 - SETTLED) * before))
+            | (damping[rows] < 1e-4)
+        )
         rows = rows[~done]
         if not len(rows):
             break
@@ -160,7 +216,14 @@ def _trim(
 
 
 def _result(
-    plant: Plant, trajectory: Trajectory, chi: Array, U: Array, mass: Array, nu_dot: Array, force: Array | None, glides: bool
+    plant: Plant,
+    trajectory: Trajectory,
+    chi: Array,
+    U: Array,
+    mass: Array,
+    nu_dot: Array,
+    force: Array | None,
+    glides: bool,
 ) -> Equilibrium:
     missing = nu_dot - _acceleration(plant, chi, U, mass, force)
     residual = np.einsum("nij,nj->ni", plant.mass_matrix(mass), missing)
@@ -173,19 +236,29 @@ def at_every(found: Equilibrium, stride: int) -> Equilibrium:
     return replace(found, **{name: getattr(found, name)[::stride] for name in names})
 
 
-def require_reachable(plant: Plant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05) -> None:
-    """Raises `CampaignError` where a trimmed trajectory is beyond the vehicle: steeper than `largest_pitch_rad`, or where an input stands
-    at its limit and more than `UNMET` of the weight is missing for more than `share` of the time; the input, value and limit are named.
+def require_reachable(
+    plant: Plant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05
+) -> None:
+    """Raises `CampaignError` where a trimmed trajectory is beyond the vehicle: steeper
+    than `largest_pitch_rad`, or where an input stands at its limit and more than
+    `UNMET` of the weight is missing for more than `share` of the time; the input, value
+    and limit are named.
 
-    A glide may miss more at its tips, where the buoyancy engine changes over and the fins have little effect: there the time is not held.
+    A glide may miss more at its tips, where the buoyancy engine changes over and the
+    fins have little effect: there the time is not held.
     """
     steepest = float(np.abs(found.chi[:, 10]).max())
     if steepest > largest_pitch_rad:
         raise CampaignError(
-            "the trajectory asks for more pitch than allowed", field="pitch", value=steepest, allowed=f"+-{largest_pitch_rad:.4g} rad"
+            "the trajectory asks for more pitch than allowed",
+            field="pitch",
+            value=steepest,
+            allowed=f"+-{largest_pitch_rad:.4g} rad",
         )
     limits = plant.inputs
-    missing = np.sqrt(np.sum(found.residual[:, :3] ** 2, axis=1)) + np.sqrt(np.sum(found.residual[:, 3:] ** 2, axis=1))
+    missing = np.sqrt(np.sum(found.residual[:, :3] ** 2, axis=1)) + np.sqrt(
+        np.sum(found.residual[:, 3:] ** 2, axis=1)
+    )
     unmet = missing > UNMET * plant.neutral_kg * GRAVITY
     if found.glides or unmet.mean() <= share:
         return
@@ -207,17 +280,24 @@ def _tightest(plant: Plant, found: Equilibrium) -> str:
         radius = minimum_turning_radius(plant, speed)
     except CampaignError:
         return f"The vehicle cannot hold {speed:.3g} m/s: lower the speed."
-    return f"At {speed:.3g} m/s the tightest level turn that the actuators can hold has a radius of {radius:.3g} m."
+    return (
+        f"At {speed:.3g} m/s the tightest level turn that the actuators can hold has a radius of"
+        f" {radius:.3g} m."
+    )
 
 
 def minimum_turning_radius(plant: Plant, speed_m_s: float) -> float:
-    """The radius [m] of the tightest level turn to starboard that the inputs can hold at this speed; by bisection to 1 %.
+    """The radius [m] of the tightest level turn to starboard that the inputs can hold
+    at this speed; by bisection to 1 %.
 
-    Raises `CampaignError` where even a turn of 2 km asks for more than the actuators have.
+    Raises `CampaignError` where even a turn of 2 km asks for more than the actuators
+    have.
     """
     low, high = 0.3, 2000.0
     if not _turns(plant, speed_m_s, high):
-        raise CampaignError("the actuators cannot hold this speed", field="speed_m_s", value=speed_m_s)
+        raise CampaignError(
+            "the actuators cannot hold this speed", field="speed_m_s", value=speed_m_s
+        )
     while high / low > 1.01:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if _turns(plant, speed_m_s, middle) else (middle, high)
@@ -231,7 +311,9 @@ def _turns(plant: Plant, speed: float, radius: float) -> bool:
     along = np.stack([np.cos(psi), np.sin(psi), zero], axis=-1)
     place = radius * np.stack([np.sin(psi), 1.0 - np.cos(psi), zero], axis=-1)
     rate = np.stack([zero, zero, np.full_like(t, speed / radius)], axis=-1)
-    turn = Trajectory(t, place, speed * along, np.stack([zero, zero, psi], axis=-1), rate, speed * t)
+    turn = Trajectory(
+        t, place, speed * along, np.stack([zero, zero, psi], axis=-1), rate, speed * t
+    )
     found = equilibrium(plant, turn)
     limits = plant.inputs
     inside = (found.U[2] >= limits.low - 1e-9) & (found.U[2] <= limits.high + 1e-9)

@@ -1,16 +1,19 @@
-"""Disturbance observer: Al Makdah 2016 (5.1)-(5.9), dimensions and signs corrected (errata M30-M32).
+"""Disturbance observer: Al Makdah 2016 (5.1)-(5.9), dimensions and signs corrected
+(errata M30-M32).
 
-The state chi (12,) is augmented by the unknown acceleration Delta d (6,) on the rows of nu: Z = [chi; Delta d], A_Z = [A, E; 0, 0],
-E = [I_6; 0], C_Z = [I_12, 0]. Everything of chi is measured.
+The state chi (12,) is augmented by the unknown acceleration Delta d (6,) on the rows of
+nu: Z = [chi; Delta d], A_Z = [A, E; 0, 0], E = [I_6; 0], C_Z = [I_12, 0]. Everything of
+chi is measured.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.riccati import algebraic_riccati, forward_riccati
-from numpy.typing import ArrayLike
 
 N, D = 12, 6
 FASTER = 5.0
@@ -22,15 +25,22 @@ E = np.vstack([np.eye(D), np.zeros((N - D, D))])
 def augmented(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
     """A_Z (..., 18, 18) and B_Z (..., 18, m) of (5.3), corrected."""
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
-    a_z, b_z = np.zeros((*a.shape[:-2], N + D, N + D)), np.zeros((*b.shape[:-2], N + D, b.shape[-1]))
+    a_z, b_z = (
+        np.zeros((*a.shape[:-2], N + D, N + D)),
+        np.zeros((*b.shape[:-2], N + D, b.shape[-1])),
+    )
     a_z[..., :N, :N], a_z[..., :N, N:], b_z[..., :N, :] = a, E, b
     return a_z, b_z
 
 
-def kalman_gain(A: ArrayLike, Q_Z: ArrayLike, R_Z: ArrayLike, *, step_s: float | None = None) -> Array:
-    """L (t, 18, 12) = P_Z C_Z' R_Z^-1 (5.7) along A (t, 12, 12), with Q_Z (18, 18) and R_Z (12, 12).
+def kalman_gain(
+    A: ArrayLike, Q_Z: ArrayLike, R_Z: ArrayLike, *, step_s: float | None = None
+) -> Array:
+    """L (t, 18, 12) = P_Z C_Z' R_Z^-1 (5.7) along A (t, 12, 12), with Q_Z (18, 18) and
+    R_Z (12, 12).
 
-    With `step_s` P_Z follows (5.8) forward in time from its algebraic solution at the start; without, it is algebraic at every instant.
+    With `step_s` P_Z follows (5.8) forward in time from its algebraic solution at the
+    start; without, it is algebraic at every instant.
     """
     a = np.asarray(A, dtype=np.float64)
     a_z, _ = augmented(a, np.zeros((*a.shape[:-1], 1)))
@@ -41,17 +51,24 @@ def kalman_gain(A: ArrayLike, Q_Z: ArrayLike, R_Z: ArrayLike, *, step_s: float |
     return np.asarray(np.linalg.solve(np.asarray(R_Z, dtype=np.float64), C_Z @ P).swapaxes(-1, -2))
 
 
-def placed_gain(A: ArrayLike, controller_eigenvalues: ArrayLike, *, faster: float = FASTER) -> Array:
-    """L (t, 18, 12) that places all 18 poles of A_Z - L C_Z `faster` times as far left as the fastest pole of the controller.
+def placed_gain(
+    A: ArrayLike, controller_eigenvalues: ArrayLike, *, faster: float = FASTER
+) -> Array:
+    """L (t, 18, 12) that places all 18 poles of A_Z - L C_Z `faster` times as far left
+    as the fastest pole of the controller.
 
-    Since all of chi is measured, L = [A + diag(g); H] makes the error of each velocity and its disturbance s^2 + 2 l s + l^2 and that of
-    each pose s + l, exactly and at every instant. `controller_eigenvalues` (t, 12) or (12,). Raises `PipelineError` if the controller is
-    unstable.
+    Since all of chi is measured, L = [A + diag(g); H] makes the error of each velocity
+    and its disturbance s^2 + 2 l s + l^2 and that of each pose s + l, exactly and at
+    every instant. `controller_eigenvalues` (t, 12) or (12,). Raises `PipelineError` if
+    the controller is unstable.
     """
     a = np.asarray(A, dtype=np.float64)
     real = np.real(np.asarray(controller_eigenvalues))
     if real.max() >= 0.0:
-        raise PipelineError("the observer's poles refer to a controller that does not stabilise", value=float(real.max()))
+        raise PipelineError(
+            "the observer's poles refer to a controller that does not stabilise",
+            value=float(real.max()),
+        )
     rate = faster * np.abs(real).max(axis=-1)
     rate = np.broadcast_to(rate, a.shape[:1])[:, None]
     out = np.zeros((len(a), N + D, N))
@@ -71,24 +88,34 @@ def observer_eigenvalues(A: ArrayLike, L: ArrayLike) -> Array:
 
 
 def feed_forward_gain(B: ArrayLike) -> Array:
-    """k_d (..., m, 6) = B^+ E: the inputs that cancel the disturbance best in the sense of least squares.
+    """k_d (..., m, 6) = B^+ E: the inputs that cancel the disturbance best in the sense
+    of least squares.
 
-    U = U_eq - k (chi - chi_eq) - k_d Delta d takes the place of (5.9): a Riccati equation of the augmented pair has no stabilising
-    solution.
+    U = U_eq - k (chi - chi_eq) - k_d Delta d takes the place of (5.9): a Riccati
+    equation of the augmented pair has no stabilising solution.
     """
     return np.asarray(np.linalg.pinv(np.asarray(B, dtype=np.float64)) @ E)
 
 
-def disturbance_target(A: ArrayLike, B: ArrayLike, *, weights: ArrayLike, input_weights: ArrayLike) -> tuple[Array, Array]:
-    """Pi (..., 12, 6) and Gamma (..., m, 6): the offset of state and inputs per unit of disturbance at which the vehicle stays on its path.
+def disturbance_target(
+    A: ArrayLike, B: ArrayLike, *, weights: ArrayLike, input_weights: ArrayLike
+) -> tuple[Array, Array]:
+    """Pi (..., 12, 6) and Gamma (..., m, 6): the offset of state and inputs per unit of
+    disturbance at which the vehicle stays on its path.
 
-    Among all solutions of 0 = A x + B U + E d with the position held (x, y, z rows of x are 0) the one that is least in the weighted sense
-    (weights (9,) of velocities and attitude, (m,) of inputs). An underactuated vehicle meets a side force by crabbing, which B^+ E cannot
-    give. Then U = U_eq + Gamma d - k (chi - chi_eq - Pi d), that is k_d = -(Gamma + k Pi).
+    Among all solutions of 0 = A x + B U + E d with the position held (x, y, z rows of x
+    are 0) the one that is least in the weighted sense (weights (9,) of velocities and
+    attitude, (m,) of inputs). An underactuated vehicle meets a side force by crabbing,
+    which B^+ E cannot give. Then U = U_eq + Gamma d - k (chi - chi_eq - Pi d), that is
+    k_d = -(Gamma + k Pi).
     """
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     free = [0, 1, 2, 3, 4, 5, 9, 10, 11]
-    scale = 1.0 / np.sqrt(np.concatenate([np.asarray(weights, dtype=np.float64), np.asarray(input_weights, dtype=np.float64)]))
+    scale = 1.0 / np.sqrt(
+        np.concatenate(
+            [np.asarray(weights, dtype=np.float64), np.asarray(input_weights, dtype=np.float64)]
+        )
+    )
     system = np.concatenate([a[..., free], b], axis=-1) * scale
     found = -scale[:, None] * (np.linalg.pinv(system, rcond=1e-10) @ E)
     state = np.zeros((*a.shape[:-2], N, D))

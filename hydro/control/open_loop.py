@@ -1,6 +1,8 @@
-"""Open-loop manoeuvres of a hybrid vehicle with constant inputs: Al Makdah 2016, section 4.1, and what its text says of each.
+"""Open-loop manoeuvres of a hybrid vehicle with constant inputs: Al Makdah 2016,
+section 4.1, and what its text says of each.
 
-The cases stand in the cases document of a campaign under `open_loop`; here they are read, flown and compared with the statements.
+The cases stand in the cases document of a campaign under `open_loop`; here they are
+read, flown and compared with the statements.
 """
 
 from __future__ import annotations
@@ -11,11 +13,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.hybrid_vehicle import STATES, HybridVehicle, chi_dot
 from auvid.hydro.dynamics.quantities import Quantities
-from scipy.integrate import solve_ivp
 
 PITCH_LIMIT_RAD = 1.5
 STRAIGHT_RAD_S = 1e-6
@@ -26,7 +29,9 @@ STEADY_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Statement:
-    """What the text says: the value of a quantity, and how far ours may be from it for the statement to hold."""
+    """What the text says: the value of a quantity, and how far ours may be from it for
+    the statement to hold.
+    """
 
     quantity: str
     value: float
@@ -37,7 +42,9 @@ class Statement:
 
 @dataclass(frozen=True)
 class OpenLoopCase:
-    """One manoeuvre from rest at the origin. Mass: `mass_kg`, or a sine about it with `swing_kg` and `period_s` (period 0: constant)."""
+    """One manoeuvre from rest at the origin. Mass: `mass_kg`, or a sine about it with
+    `swing_kg` and `period_s` (period 0: constant).
+    """
 
     name: str
     title: str
@@ -59,13 +66,19 @@ class OpenLoopCase:
     def mass(self, t_s: Array | float) -> Array:
         """Mass (...) [kg] at times (...) [s]."""
         t = np.asarray(t_s, dtype=np.float64)
-        swing = self.swing_kg * np.sin(2.0 * math.pi * t / self.period_s) if self.period_s > 0.0 else 0.0
+        swing = (
+            self.swing_kg * np.sin(2.0 * math.pi * t / self.period_s)
+            if self.period_s > 0.0
+            else 0.0
+        )
         return np.asarray(self.mass_kg + swing + 0.0 * t)
 
 
 @dataclass(frozen=True)
 class OpenLoopRun:
-    """A manoeuvre as flown: t_s (n,), chi (n, 12), mass_kg (n,); `stop` says why it ended early, if it did."""
+    """A manoeuvre as flown: t_s (n,), chi (n, 12), mass_kg (n,); `stop` says why it
+    ended early, if it did.
+    """
 
     case: OpenLoopCase
     parameter_set: str
@@ -75,9 +88,17 @@ class OpenLoopRun:
     stop: str | None
 
     def quantity(self, name: str) -> float:
-        """One of QUANTITIES; nan for a run that ended early. Raises `CampaignError` for another name."""
+        """One of QUANTITIES; nan for a run that ended early. Raises `CampaignError` for
+        another name.
+        """
         if name not in QUANTITIES:
-            raise CampaignError("unknown quantity", field="quantity", value=name, allowed=QUANTITIES, remedy=nearest(name, QUANTITIES))
+            raise CampaignError(
+                "unknown quantity",
+                field="quantity",
+                value=name,
+                allowed=QUANTITIES,
+                remedy=nearest(name, QUANTITIES),
+            )
         if self.stop is not None:
             return math.nan
         chi = self.chi
@@ -99,13 +120,21 @@ class OpenLoopRun:
         return float(np.mean(values[round((1.0 - STEADY_SHARE) * (len(values) - 1)) :]))
 
 
-QUANTITIES = ("radius", "depth", *(f"{kind}_{signal}" for kind in ("steady", "peak") for signal in (*STATES, "speed")))
-"""`steady_<state>`: mean over the last tenth; `peak_<state>`: largest modulus in the second half; radius of the turn; depth at the end."""
+QUANTITIES = (
+    "radius",
+    "depth",
+    *(f"{kind}_{signal}" for kind in ("steady", "peak") for signal in (*STATES, "speed")),
+)
+"""`steady_<state>`: mean over the last tenth; `peak_<state>`: largest modulus in the
+second half; radius of the turn; depth at the end.
+"""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement of the text beside what a parameter set gives; `holds` when they agree within the statement's tolerance."""
+    """A statement of the text beside what a parameter set gives; `holds` when they
+    agree within the statement's tolerance.
+    """
 
     case: str
     parameter_set: str
@@ -121,8 +150,9 @@ class Finding:
 def open_loop_cases(document: Mapping[str, Any], hybrid: HybridVehicle) -> tuple[OpenLoopCase, ...]:
     """The cases under `open_loop` of a cases document.
 
-    Raises `CampaignError` for a missing number, a wrong unit, an unknown quantity, a thrust below 0 or above the vehicle's, and a mass
-    outside the range of its buoyancy engine.
+    Raises `CampaignError` for a missing number, a wrong unit, an unknown quantity, a
+    thrust below 0 or above the vehicle's, and a mass outside the range of its buoyancy
+    engine.
     """
     read = Quantities(document).part("open_loop")
     return tuple(_case(name, read.part(name), hybrid) for name in document.get("open_loop") or {})
@@ -140,7 +170,10 @@ def _case(name: str, read: Quantities, hybrid: HybridVehicle) -> OpenLoopCase:
         mass_kg=read.number("mass", "kg", default=hybrid.engine.neutral_kg),
         swing_kg=read.number("mass_swing", "kg", default=0.0),
         period_s=read.number("mass_period", "s", default=0.0),
-        statements=tuple(_statement(key, read.part("statements").part(key)) for key in read.plain("statements", {})),
+        statements=tuple(
+            _statement(key, read.part("statements").part(key))
+            for key in read.plain("statements", {})
+        ),
     )
     if case.duration_s <= 0.0:
         raise CampaignError("must be positive", field=read.where("duration"), value=case.duration_s)
@@ -158,10 +191,17 @@ def _case(name: str, read: Quantities, hybrid: HybridVehicle) -> OpenLoopCase:
 
 def _statement(quantity: str, read: Quantities) -> Statement:
     if quantity not in QUANTITIES:
-        raise CampaignError("unknown quantity", field=read.where("value"), value=quantity, remedy=nearest(quantity, QUANTITIES))
+        raise CampaignError(
+            "unknown quantity",
+            field=read.where("value"),
+            value=quantity,
+            remedy=nearest(quantity, QUANTITIES),
+        )
     unit = unit_of_quantity(quantity)
     value = read.number("value", unit)
-    return Statement(quantity, value, read.number("tolerance", unit), unit, str(read.plain("value")["source"]))
+    return Statement(
+        quantity, value, read.number("tolerance", unit), unit, str(read.plain("value")["source"])
+    )
 
 
 def unit_of_quantity(quantity: str) -> str:
@@ -169,13 +209,21 @@ def unit_of_quantity(quantity: str) -> str:
     signal = quantity.partition("_")[2]
     if quantity in ("radius", "depth") or signal in ("x", "y", "z"):
         return "m"
-    return "rad" if signal in ("phi", "theta", "psi") else "rad/s" if signal in ("p", "q", "r") else "m/s"
+    return (
+        "rad"
+        if signal in ("phi", "theta", "psi")
+        else "rad/s"
+        if signal in ("p", "q", "r")
+        else "m/s"
+    )
 
 
 def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 1.0) -> OpenLoopRun:
-    """Fly a case from rest: states every `step_s`, integrated with a variable step (LSODA, relative tolerance 1e-9).
+    """Fly a case from rest: states every `step_s`, integrated with a variable step
+    (LSODA, relative tolerance 1e-9).
 
-    A run ends early, and says so, where the pitch leaves +-1.5 rad: the Euler angles mean little beyond.
+    A run ends early, and says so, where the pitch leaves +-1.5 rad: the Euler angles
+    mean little beyond.
     """
     U = case.U
 
@@ -187,7 +235,16 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
 
     upright.terminal = True  # type: ignore[attr-defined]
     t_s = step_s * np.arange(int(case.duration_s / step_s + 1e-9) + 1)
-    found = solve_ivp(rate, (0.0, t_s[-1]), np.zeros(12), method="LSODA", t_eval=t_s, events=upright, rtol=1e-9, atol=1e-10)
+    found = solve_ivp(
+        rate,
+        (0.0, t_s[-1]),
+        np.zeros(12),
+        method="LSODA",
+        t_eval=t_s,
+        events=upright,
+        rtol=1e-9,
+        atol=1e-10,
+    )
     stop = None
     if found.status == 1:
         stop = f"pitch beyond {PITCH_LIMIT_RAD:g} rad at {found.t_events[0][0]:.1f} s"
@@ -198,4 +255,7 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
 
 def findings(run: OpenLoopRun) -> tuple[Finding, ...]:
     """Every statement of the case beside the run."""
-    return tuple(Finding(run.case.name, run.parameter_set, item, run.quantity(item.quantity)) for item in run.case.statements)
+    return tuple(
+        Finding(run.case.name, run.parameter_set, item, run.quantity(item.quantity))
+        for item in run.case.statements
+    )

@@ -1,7 +1,9 @@
-"""What is controlled: a vehicle with a model, its inputs and their limits, its motion and the derivatives of that motion.
+"""What is controlled: a vehicle with a model, its inputs and their limits, its motion
+and the derivatives of that motion.
 
-State chi = [nu, eta] (12) as in Al Makdah 2016 (3.1). `HybridPlant` is the H-AUV with its buoyancy engine; `IdentifiedPlant` is any vehicle
-with a viscous model from a model card, on the general equations of motion.
+State chi = [nu, eta] (12) as in Al Makdah 2016 (3.1). `HybridPlant` is the H-AUV with
+its buoyancy engine; `IdentifiedPlant` is any vehicle with a viscous model from a model
+card, on the general equations of motion.
 """
 
 from __future__ import annotations
@@ -12,19 +14,25 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import AXES, Array, cross, matrix_product, read_only
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
 from auvid.hydro.dynamics.hybrid_vehicle import INPUTS, HybridVehicle, chi_dot
-from auvid.hydro.dynamics.jacobians import basis_jacobian, coriolis_jacobian, kinematics_jacobians, restoring_jacobian
+from auvid.hydro.dynamics.jacobians import (
+    basis_jacobian,
+    coriolis_jacobian,
+    kinematics_jacobians,
+    restoring_jacobian,
+)
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from numpy.typing import ArrayLike
 
 FIN_LIMIT_RAD = float(np.radians(20.0))
 
@@ -41,7 +49,9 @@ class Inputs:
 
 
 class Plant(Protocol):
-    """A controlled vehicle. Leading dimensions of chi (..., 12) and U (..., m) are the batch."""
+    """A controlled vehicle. Leading dimensions of chi (..., 12) and U (..., m) are the
+    batch.
+    """
 
     @property
     def title(self) -> str: ...
@@ -53,9 +63,17 @@ class Plant(Protocol):
     def neutral_kg(self) -> float: ...
 
     def rate(
-        self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike, force_ned_N: ArrayLike | None, current_ned_m_s: ArrayLike | None
+        self,
+        chi: ArrayLike,
+        U: ArrayLike,
+        *,
+        mass_kg: ArrayLike,
+        force_ned_N: ArrayLike | None,
+        current_ned_m_s: ArrayLike | None,
     ) -> Array:
-        """chi_dot (..., 12) at masses (...), with a force field at the centre of gravity and a steady current (..., 3)."""
+        """chi_dot (..., 12) at masses (...), with a force field at the centre of
+        gravity and a steady current (..., 3).
+        """
         ...
 
     def linear(self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike) -> tuple[Array, Array]:
@@ -69,7 +87,9 @@ class Plant(Protocol):
 
 @dataclass(frozen=True)
 class HybridPlant:
-    """The H-AUV: U = [X_thrust, delta_r, delta_s_right, delta_s_left]; its mass is a given of the glide, not an input of the regulator."""
+    """The H-AUV: U = [X_thrust, delta_r, delta_s_right, delta_s_left]; its mass is a
+    given of the glide, not an input of the regulator.
+    """
 
     hybrid: HybridVehicle
     inputs: Inputs
@@ -83,9 +103,22 @@ class HybridPlant:
         return self.hybrid.engine.neutral_kg
 
     def rate(
-        self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike, force_ned_N: ArrayLike | None, current_ned_m_s: ArrayLike | None
+        self,
+        chi: ArrayLike,
+        U: ArrayLike,
+        *,
+        mass_kg: ArrayLike,
+        force_ned_N: ArrayLike | None,
+        current_ned_m_s: ArrayLike | None,
     ) -> Array:
-        return chi_dot(self.hybrid, chi, U, mass_kg=mass_kg, force_ned_N=force_ned_N, current_ned_m_s=current_ned_m_s)
+        return chi_dot(
+            self.hybrid,
+            chi,
+            U,
+            mass_kg=mass_kg,
+            force_ned_N=force_ned_N,
+            current_ned_m_s=current_ned_m_s,
+        )
 
     def mass_matrix(self, mass_kg: ArrayLike) -> Array:
         return self.hybrid.mass_matrix(mass_kg, self.hybrid.engine.x_G(mass_kg))
@@ -98,14 +131,18 @@ class HybridPlant:
         by_nu = h.viscous @ basis_jacobian(nu, h.terms) - coriolis_jacobian(M, nu)
         by_nu[..., :, 0] += 2.0 * nu[..., :1] * matrix_product(h.fins, U[..., 1:])
         weight = mass * h.vehicle.gravity
-        by_eta = restoring_jacobian(eta, weight=weight, buoyancy=h.buoyancy, r_G=r_G, r_B=h.vehicle.r_B)
+        by_eta = restoring_jacobian(
+            eta, weight=weight, buoyancy=h.buoyancy, r_G=r_G, r_B=h.vehicle.r_B
+        )
         by_U = np.zeros((*chi.shape[:-1], 6, 4))
         by_U[..., 0, 0] = 1.0
         by_U[..., 1:] = np.square(nu[..., 0])[..., None, None] * h.fins
         return _assemble(M, eta, nu, by_nu, by_eta, by_U)
 
 
-def _assemble(M: Array, eta: Array, nu: Array, by_nu: Array, by_eta: Array, by_U: Array) -> tuple[Array, Array]:
+def _assemble(
+    M: Array, eta: Array, nu: Array, by_nu: Array, by_eta: Array, by_U: Array
+) -> tuple[Array, Array]:
     A = np.empty((*nu.shape[:-1], 12, 12))
     B = np.zeros((*nu.shape[:-1], 12, by_U.shape[-1]))
     A[..., :6, :6], A[..., :6, 6:] = np.linalg.solve(M, by_nu), np.linalg.solve(M, by_eta)
@@ -114,8 +151,12 @@ def _assemble(M: Array, eta: Array, nu: Array, by_nu: Array, by_eta: Array, by_U
     return A, B
 
 
-def hybrid_plant(hybrid: HybridVehicle, *, fin_limit_rad: float, thrust_rate_N_s: float, fin_rate_rad_s: float) -> HybridPlant:
-    """The plant with its limits: thrust from 0 to the vehicle's maximum, fins within +-`fin_limit_rad`, and how fast each may change."""
+def hybrid_plant(
+    hybrid: HybridVehicle, *, fin_limit_rad: float, thrust_rate_N_s: float, fin_rate_rad_s: float
+) -> HybridPlant:
+    """The plant with its limits: thrust from 0 to the vehicle's maximum, fins within
+    +-`fin_limit_rad`, and how fast each may change.
+    """
     inputs = Inputs(
         names=INPUTS,
         units=("N", "rad", "rad", "rad"),
@@ -128,9 +169,11 @@ def hybrid_plant(hybrid: HybridVehicle, *, fin_limit_rad: float, thrust_rate_N_s
 
 @dataclass(frozen=True)
 class IdentifiedPlant:
-    """A vehicle with viscous coefficients `viscous` (..., 6, n) of `terms` and a constant force `trim` (..., 6) [N, N m].
+    """A vehicle with viscous coefficients `viscous` (..., 6, n) of `terms` and a
+    constant force `trim` (..., 6) [N, N m].
 
-    Inputs, as far as the vehicle has them: propeller [rev/s], four fins [rad], thruster forces [N].
+    Inputs, as far as the vehicle has them: propeller [rev/s], four fins [rad], thruster
+    forces [N].
     """
 
     vehicle: Vehicle
@@ -169,7 +212,13 @@ class IdentifiedPlant:
         return eta_ratio(level_speed(self.vehicle.propeller, U[..., 0]), nu, self.minimum_speed)
 
     def rate(
-        self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike, force_ned_N: ArrayLike | None, current_ned_m_s: ArrayLike | None
+        self,
+        chi: ArrayLike,
+        U: ArrayLike,
+        *,
+        mass_kg: ArrayLike,
+        force_ned_N: ArrayLike | None,
+        current_ned_m_s: ArrayLike | None,
     ) -> Array:
         chi, U = np.asarray(chi, dtype=np.float64), np.asarray(U, dtype=np.float64)
         nu, eta = chi[..., :6], chi[..., 6:]
@@ -178,10 +227,15 @@ class IdentifiedPlant:
         if current_ned_m_s is not None:
             drift = matrix_product(to_body, current_ned_m_s)
             water = np.concatenate([nu[..., :3] - drift, nu[..., 3:]], axis=-1)
-        force = matrix_product(self.viscous, basis(water, self._ratio(water, U), self.terms)) + self.trim
+        force = (
+            matrix_product(self.viscous, basis(water, self._ratio(water, U), self.terms))
+            + self.trim
+        )
         if force_ned_N is not None:
             push = matrix_product(to_body, force_ned_N)
-            force = force + np.concatenate([push, cross(np.broadcast_to(self.vehicle.r_G, push.shape), push)], axis=-1)
+            force = force + np.concatenate(
+                [push, cross(np.broadcast_to(self.vehicle.r_G, push.shape), push)], axis=-1
+            )
         acceleration = forward_dynamics(self.vehicle, eta, water, self._control(U), force)
         if drift is not None:
             acceleration[..., :3] -= cross(nu[..., 3:], drift)
@@ -195,7 +249,9 @@ class IdentifiedPlant:
         chi, U = np.asarray(chi, dtype=np.float64), np.asarray(U, dtype=np.float64)
         nu, eta = chi[..., :6], chi[..., 6:]
         ratio = self._ratio(nu, U)
-        by_nu = self.viscous @ basis_jacobian(nu, self.terms, ratio=ratio, minimum_speed=self.minimum_speed)
+        by_nu = self.viscous @ basis_jacobian(
+            nu, self.terms, ratio=ratio, minimum_speed=self.minimum_speed
+        )
         by_nu = by_nu - coriolis_jacobian(v.mass_matrix, nu)
         by_eta = restoring_jacobian(eta, weight=v.weight, buoyancy=v.buoyancy, r_G=v.r_G, r_B=v.r_B)
         by_U = np.zeros((*chi.shape[:-1], 6, len(self.inputs.names)))
@@ -212,8 +268,15 @@ class IdentifiedPlant:
                 by_U[..., 0] += self._by_level_speed(nu, U)
         if v.fins is not None:
             delta = U[..., at : at + 4]
-            scale = 0.5 * v.water_density * v.fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
-            by_nu[..., :, 0] += 2.0 * u[..., None] * scale * (delta @ v.fins.linear.T + delta**2 @ v.fins.quadratic.T)
+            scale = (
+                0.5 * v.water_density * v.fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
+            )
+            by_nu[..., :, 0] += (
+                2.0
+                * u[..., None]
+                * scale
+                * (delta @ v.fins.linear.T + delta**2 @ v.fins.quadratic.T)
+            )
             slope = scale[:, None] * (v.fins.linear + 2.0 * v.fins.quadratic * delta[..., None, :])
             by_U[..., at : at + 4] = np.square(u)[..., None, None] * slope
             at += 4
@@ -222,31 +285,49 @@ class IdentifiedPlant:
         return _assemble(self.mass_matrix(np.zeros(chi.shape[:-1])), eta, nu, by_nu, by_eta, by_U)
 
     def _by_level_speed(self, nu: Array, U: Array) -> Array:
-        """d(tau_nu)/d(n) through u_c(n): the terms with (eta - 1) times the slope of eta."""
+        """d(tau_nu)/d(n) through u_c(n): the terms with (eta - 1) times the slope of
+        eta.
+        """
         propeller = self.vehicle.propeller
         assert propeller is not None
         rev_s, speeds = propeller.level_speed_rev_s, propeller.level_speed_m_s
         place = np.clip(np.searchsorted(rev_s, U[..., 0], side="right") - 1, 0, len(rev_s) - 2)
         slope = (np.diff(speeds) / np.diff(rev_s))[place]
         columns = [i for i, term in enumerate(self.terms) if needs_propeller_speed(term)]
-        with_one = basis(nu, np.full(nu.shape[:-1], 2.0), [self.terms[i] for i in columns])  # eta - 1 = 1 leaves the other factors
+        with_one = basis(
+            nu, np.full(nu.shape[:-1], 2.0), [self.terms[i] for i in columns]
+        )  # eta - 1 = 1 leaves the other factors
         total = matrix_product(self.viscous[..., columns], with_one)
         return np.asarray(total * eta_ratio(slope, nu, self.minimum_speed)[..., None])
 
 
-def identified_plant(vehicle: Vehicle, card: Mapping[str, Any], *, fin_limit_rad: float, fin_rate_rad_s: float) -> IdentifiedPlant:
-    """The plant of a vehicle and a model card: the coefficients of its `solution`, a constant force where one was fitted.
+def identified_plant(
+    vehicle: Vehicle, card: Mapping[str, Any], *, fin_limit_rad: float, fin_rate_rad_s: float
+) -> IdentifiedPlant:
+    """The plant of a vehicle and a model card: the coefficients of its `solution`, a
+    constant force where one was fitted.
 
-    The propeller's speed is limited to the table of level speeds, thruster forces to their curve. Raises `CampaignError` where the card
-    belongs to another vehicle.
+    The propeller's speed is limited to the table of level speeds, thruster forces to
+    their curve. Raises `CampaignError` where the card belongs to another vehicle.
     """
     if card["vehicle"] != vehicle.name:
         raise CampaignError(
-            "the model card belongs to another vehicle", field="model", value=card["vehicle"], allowed=vehicle.name, remedy="Name its card."
+            "the model card belongs to another vehicle",
+            field="model",
+            value=card["vehicle"],
+            allowed=vehicle.name,
+            remedy="Name its card.",
         )
     coefficients, trim = card_coefficients(card)
     model = IdentifiedModel(str(card["name"]), coefficients)
-    return IdentifiedPlant(vehicle, model.name, model.terms, model.matrix, trim, inputs_of(vehicle, fin_limit_rad, fin_rate_rad_s))
+    return IdentifiedPlant(
+        vehicle,
+        model.name,
+        model.terms,
+        model.matrix,
+        trim,
+        inputs_of(vehicle, fin_limit_rad, fin_rate_rad_s),
+    )
 
 
 def card_coefficients(card: Mapping[str, Any]) -> tuple[dict[str, dict[str, float]], Array]:
@@ -257,12 +338,17 @@ def card_coefficients(card: Mapping[str, Any]) -> tuple[dict[str, dict[str, floa
 
 
 def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> Inputs:
-    """Inputs and limits of a vehicle's own actuators; a propeller takes 2 s and a thruster 0.5 s from end to end of its range."""
+    """Inputs and limits of a vehicle's own actuators; a propeller takes 2 s and a
+    thruster 0.5 s from end to end of its range.
+    """
     names: list[str] = []
     units: list[str] = []
     limits: list[tuple[float, float, float]] = []
     if vehicle.propeller is not None:
-        low, high = float(vehicle.propeller.level_speed_rev_s[0]), float(vehicle.propeller.level_speed_rev_s[-1])
+        low, high = (
+            float(vehicle.propeller.level_speed_rev_s[0]),
+            float(vehicle.propeller.level_speed_rev_s[-1]),
+        )
         names, units, limits = ["propeller"], ["rev/s"], [(low, high, 0.5 * (high - low))]
     if vehicle.fins is not None:
         names += [f"fin_{letter}" for letter in "spbt"]
@@ -273,6 +359,8 @@ def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> 
         force = thrust_from_pwm(curve.pwm_us[[0, -1]], None, curve)
         names += [f"thruster_{channel}" for channel in vehicle.thrusters.outputs]
         units += ["N"] * len(vehicle.thrusters.outputs)
-        limits += [(float(force[0]), float(force[-1]), 2.0 * float(force[-1] - force[0]))] * len(vehicle.thrusters.outputs)
+        limits += [(float(force[0]), float(force[-1]), 2.0 * float(force[-1] - force[0]))] * len(
+            vehicle.thrusters.outputs
+        )
     low_high_rate = read_only(limits).T
     return Inputs(tuple(names), tuple(units), low_high_rate[0], low_high_rate[1], low_high_rate[2])

@@ -1,4 +1,6 @@
-"""Where a controller aims while it flies: by the clock, waiting for the vehicle, and with which of two schedules (glide or propeller)."""
+"""Where a controller aims while it flies: by the clock, waiting for the vehicle, and
+with which of two schedules (glide or propeller).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.arrays import Array, matrix_product
 from auvid.hydro.control.controllers import Schedule
 from auvid.hydro.control.observer import N
@@ -16,8 +19,9 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 
 @dataclass(frozen=True)
 class Waiting:
-    """A reference that waits for a vehicle whose thrust is at its limit: it moves along the trajectory at 1 + lead / `lead_m` times its
-    speed (lead < 0 where the vehicle lags), plus (t - reference) / `catch_up_s`, within 0 and `fastest`.
+    """A reference that waits for a vehicle whose thrust is at its limit: it moves along
+    the trajectory at 1 + lead / `lead_m` times its speed (lead < 0 where the vehicle
+    lags), plus (t - reference) / `catch_up_s`, within 0 and `fastest`.
     """
 
     lead_m: float
@@ -27,10 +31,12 @@ class Waiting:
 
 @dataclass(frozen=True)
 class ModeSwitch:
-    """When a gliding vehicle starts its propeller (second schedule) and stops it again (first schedule).
+    """When a gliding vehicle starts its propeller (second schedule) and stops it again
+    (first schedule).
 
-    On: further than `on_m` beside the path, or the observer's estimate of the horizontal force above `on_N`. Off: nearer than `off_m` and
-    the estimate below `off_N`. Where the observer is not used only the distance counts.
+    On: further than `on_m` beside the path, or the observer's estimate of the
+    horizontal force above `on_N`. Off: nearer than `off_m` and the estimate below
+    `off_N`. Where the observer is not used only the distance counts.
     """
 
     on_m: float
@@ -40,12 +46,16 @@ class ModeSwitch:
 
 
 class Reference:
-    """The references of b members. Without waiting all aim at one sample of one schedule; else each has a place of its own.
+    """The references of b members. Without waiting all aim at one sample of one
+    schedule; else each has a place of its own.
 
-    `time_s` (b,) is the place as time on the first schedule; a second schedule has the same path at another speed.
+    `time_s` (b,) is the place as time on the first schedule; a second schedule has the
+    same path at another speed.
     """
 
-    def __init__(self, schedules: Sequence[Schedule], members: int, waiting: Waiting | None) -> None:
+    def __init__(
+        self, schedules: Sequence[Schedule], members: int, waiting: Waiting | None
+    ) -> None:
         self.schedules, self.waiting = tuple(schedules), waiting
         self.step_s = schedules[0].equilibrium.step_s
         self.time_s = np.zeros(members)
@@ -57,8 +67,8 @@ class Reference:
         self.tangent = velocity / np.sqrt(np.sum(velocity**2, axis=1))[:, None]
 
     def value(self, name: str) -> Array:
-        """What the schedules hold at the reference: `chi`, `U`, `mass_kg` linear between samples, gains at a sample, the observer's at a
-        design instant.
+        """What the schedules hold at the reference: `chi`, `U`, `mass_kg` linear
+        between samples, gains at a sample, the observer's at a design instant.
 
         With a waiting reference the members are in front.
         """
@@ -74,14 +84,18 @@ class Reference:
             values.append(_between(rows, real / stride, name))
         if len(values) == 1:
             return values[0]
-        return np.where(self.mode.reshape(-1, *(1,) * (values[0].ndim - 1)) == 1, values[1], values[0])
+        return np.where(
+            self.mode.reshape(-1, *(1,) * (values[0].ndim - 1)) == 1, values[1], values[0]
+        )
 
     def _tangent(self) -> Array:
         place = np.clip(self.time_s / self.step_s, 0, len(self.tangent) - 1).astype(int)
         return np.asarray(self.tangent[place])
 
     def advance(self, chi: Array, now_s: float) -> tuple[Array, Array]:
-        """Move on by a tick: chi_eq a whole tick ahead, and how far the chosen reference stays behind it (chi_eq ahead - chi_eq)."""
+        """Move on by a tick: chi_eq a whole tick ahead, and how far the chosen
+        reference stays behind it (chi_eq ahead - chi_eq).
+        """
         whole = self.step_s / self.ratio[self.mode]
         ahead = self._at("chi", self.time_s + whole)
         if self.waiting is None:
@@ -94,14 +108,21 @@ class Reference:
         return ahead, ahead - self.value("chi")
 
     def switch(self, rule: ModeSwitch, plant: Plant, chi: Array, d: Array, mass_kg: Array) -> bool:
-        """Choose each member's mode from its distance beside the path and the estimated disturbance `d` (b, 6); whether any changed."""
+        """Choose each member's mode from its distance beside the path and the estimated
+        disturbance `d` (b, 6); whether any changed.
+        """
         away = chi[:, 6:9] - self.value("chi")[:, 6:9]
         tangent = self._tangent()
-        beside = np.sqrt(np.sum((away - np.sum(away * tangent, axis=1)[:, None] * tangent) ** 2, axis=1))
+        beside = np.sqrt(
+            np.sum((away - np.sum(away * tangent, axis=1)[:, None] * tangent) ** 2, axis=1)
+        )
         force = matrix_product(plant.mass_matrix(mass_kg), d)[:, :3]
         north_east = matrix_product(rotation_body_to_ned(chi[:, 9:]), force)[:, :2]
         push = np.hypot(north_east[:, 0], north_east[:, 1])
-        on, off = (beside > rule.on_m) | (push > rule.on_N), (beside < rule.off_m) & (push < rule.off_N)
+        on, off = (
+            (beside > rule.on_m) | (push > rule.on_N),
+            (beside < rule.off_m) & (push < rule.off_N),
+        )
         before = self.mode
         self.mode = np.where(on, 1, np.where(off, 0, before))
         return bool((self.mode != before).any())

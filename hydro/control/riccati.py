@@ -1,7 +1,8 @@
-"""Linear quadratic regulators along a trajectory: Al Makdah 2016 (3.22)-(3.25), signs corrected (errata M28).
+"""Linear quadratic regulators along a trajectory: Al Makdah 2016 (3.22)-(3.25), signs
+corrected (errata M28).
 
-U = U_eq - k (chi - chi_eq), k = R^-1 B' P, -P_dot = A' P + P A + Q - P B R^-1 B' P, backward in time from the algebraic solution at
-the end.
+U = U_eq - k (chi - chi_eq), k = R^-1 B' P, -P_dot = A' P + P A + Q - P B R^-1 B' P,
+backward in time from the algebraic solution at the end.
 """
 
 from __future__ import annotations
@@ -9,24 +10,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from auvid.data_schemas.errors import PipelineError
-from auvid.hydro.arrays import Array
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_continuous_are
 
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.arrays import Array
+
 STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 CONTROLLABLE = 1e-9
-"""Smallest singular value of [A - lambda I, B] over the largest, below which a mode counts as out of the inputs' reach."""
+"""Smallest singular value of [A - lambda I, B] over the largest, below which a mode
+counts as out of the inputs' reach.
+"""
 LONGEST_SHARE = 4.0
-"""A step of the Riccati equation is halved until the fastest eigenvalue of its Hamiltonian times the step is below this (exp(2 x 4) of
-the 16 digits are lost)."""
+"""A step of the Riccati equation is halved until the fastest eigenvalue of its
+Hamiltonian times the step is below this (exp(2 x 4) of the 16 digits are lost).
+"""
 
 
 def exponential(matrices: ArrayLike) -> Array:
-    """exp of a batch (..., n, n): Taylor to order 16 after halving the largest 1-norm below 0.5, then squaring.
+    """exp of a batch (..., n, n): Taylor to order 16 after halving the largest 1-norm
+    below 0.5, then squaring.
 
-    For hundreds of small matrices at once; relative error of the order 1e-15 times 2 to the number of squarings, `scipy.linalg.expm` to
-    rounding but twenty times faster.
+    For hundreds of small matrices at once; relative error of the order 1e-15 times 2 to
+    the number of squarings, `scipy.linalg.expm` to rounding but twenty times faster.
     """
     given = np.asarray(matrices, dtype=np.float64)
     size = float(np.abs(given).sum(axis=-2).max(initial=0.0))
@@ -52,25 +58,45 @@ def algebraic_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) ->
     except (np.linalg.LinAlgError, ValueError) as fault:
         raise PipelineError(
             "the Riccati equation has no stabilising solution",
-            remedy="The inputs do not reach a mode that must be held, or Q does not weigh it; R must be positive definite.",
+            remedy=(
+                "The inputs do not reach a mode that must be held, or Q does not weigh it; R must"
+                " be positive definite."
+            ),
         ) from fault
     return np.asarray(0.5 * (P + P.T))
 
 
 def frozen_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Array:
-    """P (t, n, n): the algebraic solution at every instant, as if A (t, n, n) and B (t, n, m) stood still."""
-    return np.stack([algebraic_riccati(a, b, Q, R) for a, b in zip(np.asarray(A), np.asarray(B), strict=True)])
+    """P (t, n, n): the algebraic solution at every instant, as if A (t, n, n) and B (t,
+    n, m) stood still.
+    """
+    return np.stack(
+        [algebraic_riccati(a, b, Q, R) for a, b in zip(np.asarray(A), np.asarray(B), strict=True)]
+    )
 
 
-def backward_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, step_s: float, end: ArrayLike | None = None) -> Array:
-    """P (t, n, n) of (3.25) backward in time on a uniform clock, from `end` (default: the algebraic solution at the last instant).
+def backward_riccati(
+    A: ArrayLike,
+    B: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    *,
+    step_s: float,
+    end: ArrayLike | None = None,
+) -> Array:
+    """P (t, n, n) of (3.25) backward in time on a uniform clock, from `end` (default:
+    the algebraic solution at the last instant).
 
-    Over each step A and B are the means of both ends and the solution is exact: [X; Y] = exp(H h) [I; P], P = Y X^-1 with the Hamiltonian
-    H = [-A, G; Q, A'] of reversed time, G = B R^-1 B'. On a time-invariant system the algebraic solution stays as it is.
+    Over each step A and B are the means of both ends and the solution is exact: [X; Y]
+    = exp(H h) [I; P], P = Y X^-1 with the Hamiltonian H = [-A, G; Q, A'] of reversed
+    time, G = B R^-1 B'. On a time-invariant system the algebraic solution stays as it
+    is.
     """
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     n = a.shape[-1]
-    P: Array = algebraic_riccati(a[-1], b[-1], Q, R) if end is None else np.asarray(end, dtype=np.float64)
+    P: Array = (
+        algebraic_riccati(a[-1], b[-1], Q, R) if end is None else np.asarray(end, dtype=np.float64)
+    )
     mean_a, mean_b = 0.5 * (a[1:] + a[:-1]), 0.5 * (b[1:] + b[:-1])
     G = mean_b @ np.linalg.solve(np.asarray(R, dtype=np.float64), np.swapaxes(mean_b, -1, -2))
     H = np.empty((len(mean_a), 2 * n, 2 * n))
@@ -90,13 +116,18 @@ def backward_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, 
     return out
 
 
-def forward_riccati(A: ArrayLike, C: ArrayLike, Q: ArrayLike, R: ArrayLike, *, step_s: float) -> Array:
-    """P (t, n, n) of the filter, P_dot = A P + P A' + Q - P C' R^-1 C P (5.8), forward from the algebraic solution at the start.
+def forward_riccati(
+    A: ArrayLike, C: ArrayLike, Q: ArrayLike, R: ArrayLike, *, step_s: float
+) -> Array:
+    """P (t, n, n) of the filter, P_dot = A P + P A' + Q - P C' R^-1 C P (5.8), forward
+    from the algebraic solution at the start.
 
     The dual of `backward_riccati` in reversed time; `C` (m, n) is constant.
     """
     reverse = np.swapaxes(np.asarray(A, dtype=np.float64), -1, -2)[::-1]
-    columns = np.broadcast_to(np.asarray(C, dtype=np.float64).T, (len(reverse), reverse.shape[-1], np.asarray(C).shape[0]))
+    columns = np.broadcast_to(
+        np.asarray(C, dtype=np.float64).T, (len(reverse), reverse.shape[-1], np.asarray(C).shape[0])
+    )
     return backward_riccati(reverse, columns, Q, R, step_s=step_s)[::-1].copy()
 
 
@@ -111,11 +142,15 @@ def closed_loop_eigenvalues(A: ArrayLike, B: ArrayLike, k: ArrayLike) -> Array:
     return np.asarray(np.linalg.eigvals(np.asarray(A) - np.asarray(B) @ np.asarray(k)))
 
 
-def uncontrollable_states(A: ArrayLike, B: ArrayLike, *, names: Sequence[str] = STATES, unstable_only: bool = False) -> list[str]:
-    """States that the inputs cannot move, by the test of Popov, Belevitch and Hautus on scaled A (n, n), B (n, m).
+def uncontrollable_states(
+    A: ArrayLike, B: ArrayLike, *, names: Sequence[str] = STATES, unstable_only: bool = False
+) -> list[str]:
+    """States that the inputs cannot move, by the test of Popov, Belevitch and Hautus on
+    scaled A (n, n), B (n, m).
 
-    For each eigenvalue lambda, [A - lambda I, B] must have full rank; where it has not, the state with the largest part in the left null
-    vector is named. `unstable_only`: only modes that do not decay by themselves.
+    For each eigenvalue lambda, [A - lambda I, B] must have full rank; where it has not,
+    the state with the largest part in the left null vector is named. `unstable_only`:
+    only modes that do not decay by themselves.
     """
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     scale = np.abs(b).max(axis=0)
@@ -130,7 +165,9 @@ def uncontrollable_states(A: ArrayLike, B: ArrayLike, *, names: Sequence[str] = 
     return list(found)
 
 
-def require_controllable(A: ArrayLike, B: ArrayLike, *, where: str, names: Sequence[str] = STATES) -> None:
+def require_controllable(
+    A: ArrayLike, B: ArrayLike, *, where: str, names: Sequence[str] = STATES
+) -> None:
     """Raises `PipelineError` naming the states out of reach."""
     lost = uncontrollable_states(A, B, names=names)
     if lost:
@@ -138,21 +175,30 @@ def require_controllable(A: ArrayLike, B: ArrayLike, *, where: str, names: Seque
             f"the linearised vehicle is not controllable {where}",
             field="state",
             value=", ".join(lost),
-            remedy="Fins have no effect without speed ahead; give a faster trajectory or an actuator that moves this state.",
+            remedy=(
+                "Fins have no effect without speed ahead; give a faster trajectory or an actuator"
+                " that moves this state."
+            ),
         )
 
 
-def stability_margins(A: ArrayLike, B: ArrayLike, k: ArrayLike, *, points: int = 400) -> tuple[float, float, float]:
-    """Gain margins (lower, upper as factors) and phase margin [rad] of all inputs at once, from the least return difference.
+def stability_margins(
+    A: ArrayLike, B: ArrayLike, k: ArrayLike, *, points: int = 400
+) -> tuple[float, float, float]:
+    """Gain margins (lower, upper as factors) and phase margin [rad] of all inputs at
+    once, from the least return difference.
 
-    With a = min over frequency of the smallest singular value of I + k (j omega - A)^-1 B at the plant input, the factors are 1/(1 + a) and
-    1/(1 - a) (infinite for a >= 1), the phase 2 asin(a / 2): guaranteed for changes in every channel together (Lehtomaki 1981). A regulator
-    with diagonal R has a >= 1.
+    With a = min over frequency of the smallest singular value of I + k (j omega - A)^-1
+    B at the plant input, the factors are 1/(1 + a) and 1/(1 - a) (infinite for a >= 1),
+    the phase 2 asin(a / 2): guaranteed for changes in every channel together (Lehtomaki
+    1981). A regulator with diagonal R has a >= 1.
     """
     a, b, gain = (np.asarray(matrix, dtype=np.float64) for matrix in (A, B, k))
     poles = np.abs(np.linalg.eigvals(a - b @ gain))
     band = np.geomspace(max(poles.min(), 1e-4) / 30.0, poles.max() * 30.0, points)
-    loop = gain @ np.linalg.solve(1j * band[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (points, *b.shape)))
+    loop = gain @ np.linalg.solve(
+        1j * band[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (points, *b.shape))
+    )
     least = float(np.linalg.svd(np.eye(b.shape[1]) + loop, compute_uv=False)[:, -1].min())
     upper = float("inf") if least >= 1.0 else 1.0 / (1.0 - least)
     return 1.0 / (1.0 + least), upper, 2.0 * float(np.arcsin(min(least, 2.0) / 2.0))

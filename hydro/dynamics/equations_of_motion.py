@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.fins import fin_force
@@ -18,7 +20,6 @@ from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from numpy.typing import ArrayLike
 
 ViscousForce = Callable[[Array], Array]
 """nu (..., 6) -> tau_nu (..., 6)."""
@@ -26,10 +27,13 @@ ViscousForce = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Control:
-    """What the actuators do; leading dimensions are the batch. What the vehicle does not have is None.
+    """What the actuators do; leading dimensions are the batch. What the vehicle does
+    not have is None.
 
-    Thrusters: either the pulses `thruster_pwm_us` (..., n), with `voltage_v` (...) or None for the voltage of the thrust curve, or the
-    forces along the axes `thruster_force_N` (..., n), for example filtered ones; the forces count where both are given.
+    Thrusters: either the pulses `thruster_pwm_us` (..., n), with `voltage_v` (...) or
+    None for the voltage of the thrust curve, or the forces along the axes
+    `thruster_force_N` (..., n), for example filtered ones; the forces count where both
+    are given.
     """
 
     propeller_rev_s: ArrayLike | None = None
@@ -41,11 +45,14 @@ class Control:
 
 @dataclass(frozen=True)
 class ForceComponents:
-    """The parts of (4.4), each (..., 6) [N, N m]; None for an actuator that the vehicle does not have.
+    """The parts of (4.4), each (..., 6) [N, N m]; None for an actuator that the vehicle
+    does not have.
 
-    tau_bar = rigid_body_inertia + added_mass_inertia + rigid_body_coriolis + added_mass_coriolis
+    tau_bar = rigid_body_inertia + added_mass_inertia + rigid_body_coriolis +
+    added_mass_coriolis
               - restoring - fins - propeller - thrusters,
-    with added_mass_inertia = -M_A nu_dot and added_mass_coriolis = -C_A(nu) nu (M_A <= 0).
+    with added_mass_inertia = -M_A nu_dot and added_mass_coriolis = -C_A(nu) nu (M_A <=
+    0).
     """
 
     rigid_body_inertia: Array
@@ -69,29 +76,42 @@ def inertia_force(M: ArrayLike, nu_dot: ArrayLike) -> Array:
 
 
 def actuator_force(vehicle: Vehicle, nu: ArrayLike, control: Control) -> dict[str, Array]:
-    """tau_U by actuator (2.57): `fins`, `propeller`, `thrusters`, each (..., 6), for those that the vehicle has.
+    """tau_U by actuator (2.57): `fins`, `propeller`, `thrusters`, each (..., 6), for
+    those that the vehicle has.
 
     Raises `DataError` when the vehicle has an actuator whose command is missing.
     """
     forces: dict[str, Array] = {}
     if vehicle.fins is not None:
         deflection = _given(control.fins_rad, "fin deflections")
-        forces["fins"] = fin_force(vehicle.fins, nu, deflection, water_density=vehicle.water_density)
+        forces["fins"] = fin_force(
+            vehicle.fins, nu, deflection, water_density=vehicle.water_density
+        )
     if vehicle.propeller is not None:
         n = _given(control.propeller_rev_s, "propeller speed")
-        forces["propeller"] = propeller_force(vehicle.propeller, nu, n, water_density=vehicle.water_density)
+        forces["propeller"] = propeller_force(
+            vehicle.propeller, nu, n, water_density=vehicle.water_density
+        )
     if vehicle.thrusters is not None:
         along_axis = control.thruster_force_N
         if along_axis is None:
-            along_axis = thruster_forces(vehicle.thrusters, _given(control.thruster_pwm_us, "thruster pulses"), control.voltage_v)
+            along_axis = thruster_forces(
+                vehicle.thrusters,
+                _given(control.thruster_pwm_us, "thruster pulses"),
+                control.voltage_v,
+            )
         forces["thrusters"] = thruster_force(vehicle.thrusters, along_axis)
     return forces
 
 
-def residual_force(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control) -> ForceComponents:
-    """The residual force (4.4), tau_bar = M nu_dot + C(nu) nu - tau_G - tau_U, with all its components.
+def residual_force(
+    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control
+) -> ForceComponents:
+    """The residual force (4.4), tau_bar = M nu_dot + C(nu) nu - tau_G - tau_U, with all
+    its components.
 
-    eta, nu, nu_dot (..., 6); it is the force that a viscous model has to explain. Errors as `actuator_force`.
+    eta, nu, nu_dot (..., 6); it is the force that a viscous model has to explain.
+    Errors as `actuator_force`.
     """
     nu, nu_dot = np.asarray(nu, dtype=np.float64), np.asarray(nu_dot, dtype=np.float64)
     motion = {
@@ -113,37 +133,57 @@ def residual_force(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: Arra
     )
 
 
-def inverse_dynamics(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control) -> Array:
-    """tau_bar (..., 6) of (4.4) alone: the viscous force that gives `nu_dot`; the inverse of `forward_dynamics`."""
+def inverse_dynamics(
+    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control
+) -> Array:
+    """tau_bar (..., 6) of (4.4) alone: the viscous force that gives `nu_dot`; the
+    inverse of `forward_dynamics`.
+    """
     return residual_force(vehicle, eta, nu, nu_dot, control).tau_bar
 
 
-def forward_dynamics(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, control: Control, viscous_force: ArrayLike) -> Array:
-    """nu_dot (..., 6) of (2.60): M^-1 (-C(nu) nu + tau_G + tau_U + tau_nu); `viscous_force` tau_nu (..., 6) at this nu [N, N m].
+def forward_dynamics(
+    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, control: Control, viscous_force: ArrayLike
+) -> Array:
+    """nu_dot (..., 6) of (2.60): M^-1 (-C(nu) nu + tau_G + tau_U + tau_nu);
+    `viscous_force` tau_nu (..., 6) at this nu [N, N m].
 
     Errors as `actuator_force`.
     """
-    total = np.asarray(viscous_force, dtype=np.float64) + restoring_of(vehicle, eta) - coriolis_force(vehicle.mass_matrix, nu)
+    total = (
+        np.asarray(viscous_force, dtype=np.float64)
+        + restoring_of(vehicle, eta)
+        - coriolis_force(vehicle.mass_matrix, nu)
+    )
     for force in actuator_force(vehicle, nu, control).values():
         total = total + force
     return np.asarray(total @ vehicle.mass_matrix_inverse.T)
 
 
-def state_derivative(vehicle: Vehicle, state: ArrayLike, control: Control, viscous_force: ViscousForce) -> Array:
-    """Rate of the state [eta, nu] (..., 12) under `control`, with tau_nu = viscous_force(nu). nan at singular pitch."""
+def state_derivative(
+    vehicle: Vehicle, state: ArrayLike, control: Control, viscous_force: ViscousForce
+) -> Array:
+    """Rate of the state [eta, nu] (..., 12) under `control`, with tau_nu =
+    viscous_force(nu). nan at singular pitch.
+    """
     state = np.asarray(state, dtype=np.float64)
     eta, nu = state[..., :6], state[..., 6:]
-    return np.concatenate([eta_dot(eta, nu), forward_dynamics(vehicle, eta, nu, control, viscous_force(nu))], axis=-1)
+    return np.concatenate(
+        [eta_dot(eta, nu), forward_dynamics(vehicle, eta, nu, control, viscous_force(nu))], axis=-1
+    )
 
 
 def restoring_of(vehicle: Vehicle, eta: ArrayLike) -> Array:
     """tau_G (2.44) of the vehicle: (..., 6) -> (..., 6) [N, N m]."""
-    return restoring_force(eta, weight=vehicle.weight, buoyancy=vehicle.buoyancy, r_G=vehicle.r_G, r_B=vehicle.r_B)
+    return restoring_force(
+        eta, weight=vehicle.weight, buoyancy=vehicle.buoyancy, r_G=vehicle.r_G, r_B=vehicle.r_B
+    )
 
 
 def _given(command: ArrayLike | None, what: str) -> ArrayLike:
     if command is None:
         raise DataError(
-            f"the vehicle needs {what}, but the data have none", remedy="Name the columns in the log, or correct the vehicle file."
+            f"the vehicle needs {what}, but the data have none",
+            remedy="Name the columns in the log, or correct the vehicle file.",
         )
     return command

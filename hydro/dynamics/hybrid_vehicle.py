@@ -1,7 +1,9 @@
-"""The hybrid vehicle of Al Makdah 2016, thrust or glide: its equations of motion (2.59)-(2.64), (3.1) on the common ones.
+"""The hybrid vehicle of Al Makdah 2016, thrust or glide: its equations of motion
+(2.59)-(2.64), (3.1) on the common ones.
 
-State chi = [nu, eta] (12), input U = [X_thrust, delta_r, delta_s_right, delta_s_left] in N and rad; the mass of the buoyancy engine and
-x_G are inputs too. Leading dimensions are the batch; parameters may differ from member to member.
+State chi = [nu, eta] (12), input U = [X_thrust, delta_r, delta_s_right, delta_s_left]
+in N and rad; the mass of the buoyancy engine and x_G are inputs too. Leading dimensions
+are the batch; parameters may differ from member to member.
 """
 
 from __future__ import annotations
@@ -12,9 +14,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import Array, cross, matrix_product, read_only
-from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine, buoyancy_engine_from_document
+from auvid.hydro.dynamics.actuators.buoyancy_engine import (
+    BuoyancyEngine,
+    buoyancy_engine_from_document,
+)
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
@@ -22,9 +29,15 @@ from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis
-from auvid.hydro.dynamics.viscous.coefficients import Coefficient, added_mass_matrix, control_matrix, term_of, unit_of, viscous_terms
+from auvid.hydro.dynamics.viscous.coefficients import (
+    Coefficient,
+    added_mass_matrix,
+    control_matrix,
+    term_of,
+    unit_of,
+    viscous_terms,
+)
 from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
-from numpy.typing import ArrayLike
 
 STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 INPUTS = ("X_thrust", "delta_r", "delta_s_right", "delta_s_left")
@@ -33,8 +46,10 @@ PARAMETER_SETS = ("as_printed", "as_simulated", "corrected")
 
 @dataclass(frozen=True)
 class HybridVehicle:
-    """Constants of the motion. `added_mass` (..., 6, 6) McCarter's sign; `viscous` (..., 6, n) for the basis terms `terms`;
-    `fins` (..., 6, 3): force per u^2 and rad of delta_r, delta_s_right, delta_s_left. The leading dimensions, if any, are members.
+    """Constants of the motion. `added_mass` (..., 6, 6) McCarter's sign; `viscous`
+    (..., 6, n) for the basis terms `terms`; `fins` (..., 6, 3): force per u^2 and rad
+    of delta_r, delta_s_right, delta_s_left. The leading dimensions, if any, are
+    members.
     """
 
     vehicle: Vehicle
@@ -55,10 +70,15 @@ class HybridVehicle:
     def r_G(self, x_G_m: ArrayLike) -> Array:
         """Centre of gravity (..., 3) [m] with the engine's x_G (...)."""
         x = np.asarray(x_G_m, dtype=np.float64)
-        return np.stack([x, np.full(x.shape, self.vehicle.r_G[1]), np.full(x.shape, self.vehicle.r_G[2])], axis=-1)
+        return np.stack(
+            [x, np.full(x.shape, self.vehicle.r_G[1]), np.full(x.shape, self.vehicle.r_G[2])],
+            axis=-1,
+        )
 
     def rigid_body(self, mass_kg: ArrayLike, x_G_m: ArrayLike) -> Array:
-        """M_RB (..., 6, 6) at this mass; the moments of inertia stay those of Table 2.5, as in the thesis."""
+        """M_RB (..., 6, 6) at this mass; the moments of inertia stay those of Table
+        2.5, as in the thesis.
+        """
         return rigid_body_matrix(mass_kg, self.r_G(x_G_m), self.vehicle.inertia)
 
     def mass_matrix(self, mass_kg: ArrayLike, x_G_m: ArrayLike) -> Array:
@@ -66,23 +86,31 @@ class HybridVehicle:
         return np.asarray(self.rigid_body(mass_kg, x_G_m) - self.added_mass)
 
     def with_viscous(self, coefficients: Coefficients, *, name: str) -> HybridVehicle:
-        """The same vehicle with another viscous model, for example an identified one: axis -> term -> coefficient."""
+        """The same vehicle with another viscous model, for example an identified one:
+        axis -> term -> coefficient.
+        """
         model = IdentifiedModel(name, coefficients)
         return replace(self, terms=model.terms, viscous=model.matrix, parameter_set=name)
 
 
-def hybrid_vehicle(document: Mapping[str, Any], parameter_set: str = "as_simulated") -> HybridVehicle:
-    """The vehicle of a document with `geometry`, `buoyancy_engine` and `propulsion`, under one of the PARAMETER_SETS.
+def hybrid_vehicle(
+    document: Mapping[str, Any], parameter_set: str = "as_simulated"
+) -> HybridVehicle:
+    """The vehicle of a document with `geometry`, `buoyancy_engine` and `propulsion`,
+    under one of the PARAMETER_SETS.
 
-    `as_printed`: published coefficients, lift by the printed formulas. `as_simulated`: the same with the values that the source's own
-    simulations need. `corrected`: strip theory with the errata applied. Raises `CampaignError` for other names, for missing blocks, and
-    for a mass of the vehicle that its engine cannot hold.
+    `as_printed`: published coefficients, lift by the printed formulas. `as_simulated`:
+    the same with the values that the source's own simulations need. `corrected`: strip
+    theory with the errata applied. Raises `CampaignError` for other names, for missing
+    blocks, and for a mass of the vehicle that its engine cannot hold.
     """
     vehicle = vehicle_from_document(document)
     chosen = parameter_coefficients(document, parameter_set)
     model = IdentifiedModel(parameter_set, viscous_terms(chosen))
     if vehicle.thrusters is None or vehicle.thrusters.curve.force_N[-1] <= 0.0:
-        raise CampaignError("a hybrid vehicle needs a thruster", field="actuators.thrusters", value=vehicle.name)
+        raise CampaignError(
+            "a hybrid vehicle needs a thruster", field="actuators.thrusters", value=vehicle.name
+        )
     engine = buoyancy_engine_from_document(document)
     engine.check(vehicle.mass_kg, field="rigid_body.mass")
     return HybridVehicle(
@@ -94,14 +122,20 @@ def hybrid_vehicle(document: Mapping[str, Any], parameter_set: str = "as_simulat
         viscous=read_only(model.matrix),
         fins=read_only(control_matrix(chosen)),
         maximum_thrust_N=float(vehicle.thrusters.curve.force_N[-1]),
-        propeller_roll_moment_Nm=Quantities(document).part("propulsion").number("roll_moment", "N*m"),
+        propeller_roll_moment_Nm=Quantities(document)
+        .part("propulsion")
+        .number("roll_moment", "N*m"),
     )
 
 
-def parameter_coefficients(document: Mapping[str, Any], parameter_set: str) -> tuple[Coefficient, ...]:
-    """All coefficients of a vehicle under a parameter set, published ones in place of those of strip theory where the set says so.
+def parameter_coefficients(
+    document: Mapping[str, Any], parameter_set: str
+) -> tuple[Coefficient, ...]:
+    """All coefficients of a vehicle under a parameter set, published ones in place of
+    those of strip theory where the set says so.
 
-    Raises `CampaignError` for an unknown set, a document without geometry, or a published name that is no coefficient.
+    Raises `CampaignError` for an unknown set, a document without geometry, or a
+    published name that is no coefficient.
     """
     if parameter_set not in PARAMETER_SETS:
         raise CampaignError(
@@ -124,19 +158,29 @@ def parameter_coefficients(document: Mapping[str, Any], parameter_set: str) -> t
     given = dict(published_coefficients(document, "published"))
     if parameter_set == "as_simulated":
         given |= published_coefficients(document, "as_simulated")
-    kept = tuple(item for item in computed if item.name not in given or item.kind in ("body_lift", "surface_lift"))
+    kept = tuple(
+        item
+        for item in computed
+        if item.name not in given or item.kind in ("body_lift", "surface_lift")
+    )
     return (*kept, *given.values())
 
 
-def published_coefficients(document: Mapping[str, Any], key: str = "published") -> dict[str, Coefficient]:
-    """The coefficients that a vehicle document lists under `key`, by name; empty if there are none."""
+def published_coefficients(
+    document: Mapping[str, Any], key: str = "published"
+) -> dict[str, Coefficient]:
+    """The coefficients that a vehicle document lists under `key`, by name; empty if
+    there are none.
+    """
     read = Quantities(document).part(key)
     found: dict[str, Coefficient] = {}
     for name, entry in (document.get(key) or {}).items():
         term = term_of(name)
         kind = "added_mass" if term.endswith("dot") else "control" if "delta" in term else "drag"
         value = read.number(name, unit_of(name))
-        found[name] = Coefficient(name, value, unit_of(name), kind, "", str(entry.get("source", "")))
+        found[name] = Coefficient(
+            name, value, unit_of(name), kind, "", str(entry.get("source", ""))
+        )
     return found
 
 
@@ -150,11 +194,14 @@ def nu_dot(
     force_ned_N: ArrayLike | None = None,
     current_ned_m_s: ArrayLike | None = None,
 ) -> Array:
-    """Acceleration (..., 6) of (2.59)-(2.64): chi (..., 12), U (..., 4), mass (...) [kg], x_G (...) [m].
+    """Acceleration (..., 6) of (2.59)-(2.64): chi (..., 12), U (..., 4), mass (...)
+    [kg], x_G (...) [m].
 
-    Default mass: neutral; default x_G: (3.12) of the mass. `force_ned_N` (..., 3): force field at the centre of gravity (2.55)-(2.58).
-    `current_ned_m_s` (..., 3): steady water current; forces then follow the velocity through the water, and chi keeps that over ground.
-    The propeller's roll moment acts while X_thrust > 0 (section 2.4.5). Fins work ahead only: the lift goes with u^2.
+    Default mass: neutral; default x_G: (3.12) of the mass. `force_ned_N` (..., 3):
+    force field at the centre of gravity (2.55)-(2.58). `current_ned_m_s` (..., 3):
+    steady water current; forces then follow the velocity through the water, and chi
+    keeps that over ground. The propeller's roll moment acts while X_thrust > 0 (section
+    2.4.5). Fins work ahead only: the lift goes with u^2.
     """
     chi, U = np.asarray(chi, dtype=np.float64), np.asarray(U, dtype=np.float64)
     nu, eta = chi[..., :6], chi[..., 6:]
@@ -167,8 +214,12 @@ def nu_dot(
     r_G = hybrid.r_G(x_G)
     M = rigid_body_matrix(mass, r_G, hybrid.vehicle.inertia) - hybrid.added_mass
     weight = mass * hybrid.vehicle.gravity
-    tau = restoring_force(eta, weight=weight, buoyancy=hybrid.buoyancy, r_G=r_G, r_B=hybrid.vehicle.r_B)
-    tau = tau - coriolis_force(M, nu) + matrix_product(hybrid.viscous, basis(nu, None, hybrid.terms))
+    tau = restoring_force(
+        eta, weight=weight, buoyancy=hybrid.buoyancy, r_G=r_G, r_B=hybrid.vehicle.r_B
+    )
+    tau = (
+        tau - coriolis_force(M, nu) + matrix_product(hybrid.viscous, basis(nu, None, hybrid.terms))
+    )
     tau = tau + np.square(nu[..., :1]) * matrix_product(hybrid.fins, U[..., 1:])
     tau[..., 0] += U[..., 0]
     tau[..., 3] += np.where(U[..., 0] > 0.0, hybrid.propeller_roll_moment_Nm, 0.0)
@@ -178,7 +229,8 @@ def nu_dot(
         tau[..., 3:] += cross(np.broadcast_to(r_G, push.shape), push)
     rate = tau @ np.linalg.inv(M).T if M.ndim == 2 else np.linalg.solve(M, tau[..., None])[..., 0]
     if drift is not None:
-        # In a steady current the body components of the water's velocity turn with the vehicle: d/dt = -omega x v_c.
+        # In a steady current the body components of the water's velocity turn with the
+        # vehicle: d/dt = -omega x v_c.
         rate[..., :3] -= cross(nu[..., 3:], drift)
     return np.asarray(rate)
 
@@ -193,13 +245,25 @@ def chi_dot(
     force_ned_N: ArrayLike | None = None,
     current_ned_m_s: ArrayLike | None = None,
 ) -> Array:
-    """F(chi, U, m) + Delta d of (3.1): (..., 12), arguments as `nu_dot`. nan at singular pitch."""
+    """F(chi, U, m) + Delta d of (3.1): (..., 12), arguments as `nu_dot`. nan at
+    singular pitch.
+    """
     chi = np.asarray(chi, dtype=np.float64)
-    rate = nu_dot(hybrid, chi, U, mass_kg=mass_kg, x_G_m=x_G_m, force_ned_N=force_ned_N, current_ned_m_s=current_ned_m_s)
+    rate = nu_dot(
+        hybrid,
+        chi,
+        U,
+        mass_kg=mass_kg,
+        x_G_m=x_G_m,
+        force_ned_N=force_ned_N,
+        current_ned_m_s=current_ned_m_s,
+    )
     return np.concatenate([rate, eta_dot(chi[..., 6:], chi[..., :6])], axis=-1)
 
 
 def _to_body(eta: Array, vector_ned: ArrayLike) -> Array:
     """J_1^-1 times a vector of the inertial frame (2.56)."""
     rotation = rotation_body_to_ned(eta[..., 3:])
-    return np.asarray(np.einsum("...ji,...j->...i", rotation, np.asarray(vector_ned, dtype=np.float64)))
+    return np.asarray(
+        np.einsum("...ji,...j->...i", rotation, np.asarray(vector_ned, dtype=np.float64))
+    )

@@ -1,7 +1,9 @@
-"""Partial derivatives of the parts of the equations of motion, for linearisation about a motion.
+"""Partial derivatives of the parts of the equations of motion, for linearisation about
+a motion.
 
-They are analytic because the moduli in drag make complex steps wrong; at the kink of a modulus the derivative is that of its middle, 0.
-All functions take leading batch dimensions.
+They are analytic because the moduli in drag make complex steps wrong; at the kink of a
+modulus the derivative is that of its middle, 0. All functions take leading batch
+dimensions.
 """
 
 from __future__ import annotations
@@ -9,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned, skew
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, MODULI, PROPULSION
-from numpy.typing import ArrayLike
 
 
 def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:
@@ -30,25 +33,48 @@ def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:
     return out
 
 
-def restoring_jacobian(eta: ArrayLike, *, weight: ArrayLike, buoyancy: ArrayLike, r_G: ArrayLike, r_B: ArrayLike) -> Array:
-    """d(tau_G)/d(eta) of (2.44): (..., 6) -> (..., 6, 6); only the columns of phi and theta are not 0."""
+def restoring_jacobian(
+    eta: ArrayLike, *, weight: ArrayLike, buoyancy: ArrayLike, r_G: ArrayLike, r_B: ArrayLike
+) -> Array:
+    """d(tau_G)/d(eta) of (2.44): (..., 6) -> (..., 6, 6); only the columns of phi and
+    theta are not 0.
+    """
     attitude = np.asarray(eta, dtype=np.float64)[..., 3:]
     heavy, lift = np.asarray(weight, dtype=np.float64), np.asarray(buoyancy, dtype=np.float64)
     net = heavy - lift
-    moment = np.asarray(r_G, dtype=np.float64) * heavy[..., None] - np.asarray(r_B, dtype=np.float64) * lift[..., None]
+    moment = (
+        np.asarray(r_G, dtype=np.float64) * heavy[..., None]
+        - np.asarray(r_B, dtype=np.float64) * lift[..., None]
+    )
     x, y, z = moment[..., 0], moment[..., 1], moment[..., 2]
     sf, cf = np.sin(attitude[..., 0]), np.cos(attitude[..., 0])
     st, ct = np.sin(attitude[..., 1]), np.cos(attitude[..., 1])
     out = np.zeros((*np.broadcast_shapes(sf.shape, net.shape), 6, 6))
-    by_roll = (np.zeros_like(sf), net * ct * cf, -net * ct * sf, -y * ct * sf - z * ct * cf, x * ct * sf, x * ct * cf)
-    by_pitch = (-net * ct, -net * st * sf, -net * st * cf, -y * st * cf + z * st * sf, -z * ct + x * st * cf, -x * st * sf + y * ct)
+    by_roll = (
+        np.zeros_like(sf),
+        net * ct * cf,
+        -net * ct * sf,
+        -y * ct * sf - z * ct * cf,
+        x * ct * sf,
+        x * ct * cf,
+    )
+    by_pitch = (
+        -net * ct,
+        -net * st * sf,
+        -net * st * cf,
+        -y * st * cf + z * st * sf,
+        -z * ct + x * st * cf,
+        -x * st * sf + y * ct,
+    )
     for row in range(6):
         out[..., row, 3], out[..., row, 4] = by_roll[row], by_pitch[row]
     return out
 
 
 def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
-    """d(eta_dot)/d(nu) and d(eta_dot)/d(eta) of (2.11): (..., 6), (..., 6) -> (..., 6, 6) each. nan at singular pitch."""
+    """d(eta_dot)/d(nu) and d(eta_dot)/d(eta) of (2.11): (..., 6), (..., 6) -> (..., 6,
+    6) each. nan at singular pitch.
+    """
     eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
     attitude, v, omega = eta[..., 3:], nu[..., :3], nu[..., 3:]
     turn, rates = rotation_body_to_ned(attitude), euler_rate_matrix(attitude)
@@ -71,10 +97,17 @@ def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
     return by_nu, by_eta
 
 
-def basis_jacobian(nu: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | None = None, minimum_speed: float = 0.05) -> Array:
+def basis_jacobian(
+    nu: ArrayLike,
+    terms: Sequence[str],
+    *,
+    ratio: ArrayLike | None = None,
+    minimum_speed: float = 0.05,
+) -> Array:
     """d(xi)/d(nu) of the basis terms: nu (..., 6) -> (..., n_terms, 6).
 
-    `ratio` (...) is the propulsion ratio eta = u_c / U of `viscous_basis.eta_ratio`, which falls with U above `minimum_speed`.
+    `ratio` (...) is the propulsion ratio eta = u_c / U of `viscous_basis.eta_ratio`,
+    which falls with U above `minimum_speed`.
     """
     nu = np.asarray(nu, dtype=np.float64)
     value, slope = _factors(nu, ratio, minimum_speed)
@@ -90,14 +123,19 @@ def basis_jacobian(nu: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | No
     return out
 
 
-def _factors(nu: Array, ratio: ArrayLike | None, minimum_speed: float) -> tuple[dict[str, Array], dict[str, Array]]:
+def _factors(
+    nu: Array, ratio: ArrayLike | None, minimum_speed: float
+) -> tuple[dict[str, Array], dict[str, Array]]:
     value: dict[str, Array] = {}
     slope: dict[str, Array] = {}
     for index, (name, modulus) in enumerate(zip(VELOCITIES, MODULI, strict=True)):
         unit = np.zeros(6)
         unit[index] = 1.0
         value[name], slope[name] = nu[..., index], np.broadcast_to(unit, nu.shape)
-        value[modulus], slope[modulus] = np.abs(nu[..., index]), np.sign(nu[..., index])[..., None] * unit
+        value[modulus], slope[modulus] = (
+            np.abs(nu[..., index]),
+            np.sign(nu[..., index])[..., None] * unit,
+        )
     across = np.hypot(nu[..., 1], nu[..., 2])
     slope_V = np.zeros(nu.shape)
     slope_V[..., 1:3] = nu[..., 1:3] / np.where(across > 0.0, across, 1.0)[..., None]
@@ -108,7 +146,9 @@ def _factors(nu: Array, ratio: ArrayLike | None, minimum_speed: float) -> tuple[
     if ratio is not None:
         eta = np.asarray(ratio, dtype=np.float64)
         square = np.sum(nu[..., :3] ** 2, axis=-1)
-        falls = np.where(square > minimum_speed**2, -eta / np.maximum(square, minimum_speed**2), 0.0)
+        falls = np.where(
+            square > minimum_speed**2, -eta / np.maximum(square, minimum_speed**2), 0.0
+        )
         by_nu = np.zeros(nu.shape)
         by_nu[..., :3] = falls[..., None] * nu[..., :3]
         value[PROPULSION], slope[PROPULSION] = eta - 1.0, by_nu

@@ -1,9 +1,12 @@
-"""The simplified model of THAUS and REMUS: Alberti 2015 (18)-(26), with its print errors corrected.
+"""The simplified model of THAUS and REMUS: Alberti 2015 (18)-(26), with its print
+errors corrected.
 
-Assumptions of the text: r_G = [0, 0, z_G], r_B = [0, 0, z_B], W = B, no products of inertia, diagonal added mass and diagonal damping.
-(26) drops all inertia terms with z_G without a word, though (21) and (22) keep them; both forms are here. Corrected against the print:
-K, M and N of (26), and the sign of F_BK in (20), (26) and (63), with which roll would be unstable for z_G below z_B.
-Added mass has the sign of the derivatives, X_udot <= 0.
+Assumptions of the text: r_G = [0, 0, z_G], r_B = [0, 0, z_B], W = B, no products of
+inertia, diagonal added mass and diagonal damping. (26) drops all inertia terms with z_G
+without a word, though (21) and (22) keep them; both forms are here. Corrected against
+the print: K, M and N of (26), and the sign of F_BK in (20), (26) and (63), with which
+roll would be unstable for z_G below z_B. Added mass has the sign of the derivatives,
+X_udot <= 0.
 """
 
 from __future__ import annotations
@@ -12,19 +15,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
 class SimplifiedModel:
-    """Numbers of (26) in SI: `inertia` (3,) I_x I_y I_z about the origin, `added_mass`, `linear` and `quadratic` (6,), all <= 0.
+    """Numbers of (26) in SI: `inertia` (3,) I_x I_y I_z about the origin, `added_mass`,
+    `linear` and `quadratic` (6,), all <= 0.
 
-    `linear` and `quadratic` are X_u ... N_r and X_u|u| ... N_r|r|; `buoyancy` [N] is also the weight. `keep_z_G`: with the inertia terms
-    in z_G.
+    `linear` and `quadratic` are X_u ... N_r and X_u|u| ... N_r|r|; `buoyancy` [N] is
+    also the weight. `keep_z_G`: with the inertia terms in z_G.
     """
 
     mass: float
@@ -39,7 +44,9 @@ class SimplifiedModel:
 
     @cached_property
     def mass_matrix(self) -> Array:
-        """M of (19)-(26), (6, 6): mass and inertia less added mass, with m z_G off the diagonal where it is kept."""
+        """M of (19)-(26), (6, 6): mass and inertia less added mass, with m z_G off the
+        diagonal where it is kept.
+        """
         matrix = np.diag(np.concatenate([np.full(3, self.mass), self.inertia]) - self.added_mass)
         if self.keep_z_G:
             coupling = self.mass * self.z_G
@@ -53,10 +60,14 @@ class SimplifiedModel:
         return read_only(np.linalg.inv(self.mass_matrix))
 
 
-def simplified_of(vehicle: Vehicle, *, linear: ArrayLike, quadratic: ArrayLike, keep_z_G: bool = False) -> SimplifiedModel:
-    """(26) with the numbers of a vehicle and damping (6,) each; buoyancy is its weight, as the text assumes.
+def simplified_of(
+    vehicle: Vehicle, *, linear: ArrayLike, quadratic: ArrayLike, keep_z_G: bool = False
+) -> SimplifiedModel:
+    """(26) with the numbers of a vehicle and damping (6,) each; buoyancy is its weight,
+    as the text assumes.
 
-    Raises `CampaignError` for a vehicle outside of the assumptions: centres off the z axis, or coupled inertia or added mass.
+    Raises `CampaignError` for a vehicle outside of the assumptions: centres off the z
+    axis, or coupled inertia or added mass.
     """
     off = {
         "rigid_body.centre_of_gravity.value": vehicle.r_G[:2],
@@ -66,8 +77,16 @@ def simplified_of(vehicle: Vehicle, *, linear: ArrayLike, quadratic: ArrayLike, 
     }
     for field, values in off.items():
         if np.any(values != 0.0):
-            remedy = "The simplified model has its centres on the z axis, and no coupling by inertia or added mass."
-            raise CampaignError("the simplified model does not hold for this vehicle", field=field, value=values.tolist(), remedy=remedy)
+            remedy = (
+                "The simplified model has its centres on the z axis, and no coupling by inertia or"
+                " added mass."
+            )
+            raise CampaignError(
+                "the simplified model does not hold for this vehicle",
+                field=field,
+                value=values.tolist(),
+                remedy=remedy,
+            )
     return SimplifiedModel(
         mass=vehicle.mass_kg,
         inertia=read_only(np.diag(vehicle.inertia)),
@@ -96,7 +115,14 @@ def coriolis_terms(model: SimplifiedModel, nu: ArrayLike) -> Array:
     ]
     if model.keep_z_G:
         low = m * model.z_G
-        extra = [low * p * r, low * q * r, -low * (p**2 + q**2), -low * (-w * p + u * r), low * (-v * r + w * q), 0.0 * r]
+        extra = [
+            low * p * r,
+            low * q * r,
+            -low * (p**2 + q**2),
+            -low * (-w * p + u * r),
+            low * (-v * r + w * q),
+            0.0 * r,
+        ]
         terms = [term + more for term, more in zip(terms, extra, strict=True)]
     return np.stack(terms, axis=-1)
 
@@ -108,7 +134,9 @@ def damping_force(model: SimplifiedModel, nu: ArrayLike) -> Array:
 
 
 def restoring_terms(model: SimplifiedModel, eta: ArrayLike) -> Array:
-    """g(eta) of (18) with W = B: F_BK = B (z_G - z_B) cos theta sin phi in K, F_BM = B (z_G - z_B) sin theta in M, (..., 6) [N, N m]."""
+    """g(eta) of (18) with W = B: F_BK = B (z_G - z_B) cos theta sin phi in K, F_BM = B
+    (z_G - z_B) sin theta in M, (..., 6) [N, N m].
+    """
     eta = np.asarray(eta, dtype=np.float64)
     phi, theta = eta[..., 3], eta[..., 4]
     lever = model.buoyancy * (model.z_G - model.z_B)
@@ -119,14 +147,25 @@ def restoring_terms(model: SimplifiedModel, eta: ArrayLike) -> Array:
 
 
 def propulsion(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike) -> Array:
-    """The left sides X_prop ... N_prop of (26) that this motion needs, (..., 6) each -> (..., 6) [N, N m]."""
+    """The left sides X_prop ... N_prop of (26) that this motion needs, (..., 6) each ->
+    (..., 6) [N, N m].
+    """
     inertia = np.asarray(nu_dot, dtype=np.float64) @ model.mass_matrix
-    return np.asarray(inertia + coriolis_terms(model, nu) - damping_force(model, nu) + restoring_terms(model, eta))
+    return np.asarray(
+        inertia + coriolis_terms(model, nu) - damping_force(model, nu) + restoring_terms(model, eta)
+    )
 
 
 def acceleration(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, tau: ArrayLike) -> Array:
-    """nu_dot (..., 6) of (18) and (26) under propulsion `tau` (..., 6) [N, N m]: the inverse of `propulsion`."""
-    total = np.asarray(tau, dtype=np.float64) - coriolis_terms(model, nu) + damping_force(model, nu) - restoring_terms(model, eta)
+    """nu_dot (..., 6) of (18) and (26) under propulsion `tau` (..., 6) [N, N m]: the
+    inverse of `propulsion`.
+    """
+    total = (
+        np.asarray(tau, dtype=np.float64)
+        - coriolis_terms(model, nu)
+        + damping_force(model, nu)
+        - restoring_terms(model, eta)
+    )
     return np.asarray(total @ model.mass_matrix_inverse.T)
 
 
@@ -137,9 +176,13 @@ def state_rate(model: SimplifiedModel, state: ArrayLike, tau: ArrayLike) -> Arra
     return np.concatenate([eta_dot(eta, nu), acceleration(model, eta, nu, tau)], axis=-1)
 
 
-DERIVATIVES = tuple(f"{axis}_{velocity}dot" for axis, velocity in zip(AXES, VELOCITIES, strict=True))
+DERIVATIVES = tuple(
+    f"{axis}_{velocity}dot" for axis, velocity in zip(AXES, VELOCITIES, strict=True)
+)
 LINEAR = tuple(f"{axis}_{velocity}" for axis, velocity in zip(AXES, VELOCITIES, strict=True))
-QUADRATIC = tuple(f"{axis}_{velocity}|{velocity}|" for axis, velocity in zip(AXES, VELOCITIES, strict=True))
+QUADRATIC = tuple(
+    f"{axis}_{velocity}|{velocity}|" for axis, velocity in zip(AXES, VELOCITIES, strict=True)
+)
 INERTIAS = ("I_x", "I_y", "I_z")
 """Names of the numbers of (26), in the order of the axes."""
 

@@ -1,1 +1,3 @@
-"""Identification: signals to a common clock, sensor biases, least squares in one pass, and what the data determine."""
+"""Identification: signals to a common clock, sensor biases, least squares in one pass,
+and what the data determine.
+"""

@@ -1,4 +1,6 @@
-"""Load a campaign: the manifest checked against its schema and in itself, its vehicle, and where its logs lie."""
+"""Load a campaign: the manifest checked against its schema and in itself, its vehicle,
+and where its logs lie.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, PipelineError, SchemaError, nearest, raise_faults
+from auvid.data_schemas.errors import (
+    CampaignError,
+    PipelineError,
+    SchemaError,
+    nearest,
+    raise_faults,
+)
 from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
@@ -24,13 +32,17 @@ DOCUMENTS = {
     "control_cases": ("cases", "control"),
     "model_card": ("model", "control"),
 }
-"""Documents beside a manifest: schema -> the key that names the file, and the stage whose optional port it feeds."""
+"""Documents beside a manifest: schema -> the key that names the file, and the stage
+whose optional port it feeds.
+"""
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
 @dataclass(frozen=True)
 class LogFile:
-    """One file of a log: its name as the manifest writes it, where it lies, and its checked column map."""
+    """One file of a log: its name as the manifest writes it, where it lies, and its
+    checked column map.
+    """
 
     name: str
     path: Path
@@ -39,7 +51,9 @@ class LogFile:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A loaded campaign; in the order of the manifest. `twin`: the document of schema `twin`, where logs are simulated."""
+    """A loaded campaign; in the order of the manifest. `twin`: the document of schema
+    `twin`, where logs are simulated.
+    """
 
     name: str
     folder: Path
@@ -65,7 +79,9 @@ class Campaign:
         return {leg["id"]: leg for leg in self.document.get("legs", ())}
 
     def log_files(self, log: str) -> tuple[LogFile, ...]:
-        """The files of a log. Raises `CampaignError` or `PipelineError` for what is missing, unreadable or outside the folder."""
+        """The files of a log. Raises `CampaignError` or `PipelineError` for what is
+        missing, unreadable or outside the folder.
+        """
         entry = self.logs[log]
         files = entry.get("files") or [entry]
         return tuple(self._log_file(item, log) for item in files)
@@ -74,25 +90,37 @@ class Campaign:
         columns = None
         if item.get("columns"):
             found = load_yaml(
-                inside(self.folder, item["columns"], self.file.path), named_in=self.file.path, what=f"column map of log '{log}'"
+                inside(self.folder, item["columns"], self.file.path),
+                named_in=self.file.path,
+                what=f"column map of log '{log}'",
             )
             found.check("column_map")
             columns = found.value
         return LogFile(item["file"], inside(self.folder, item["file"], self.file.path), columns)
 
     def seen_by(self, log: str | None = None, leg: str | None = None) -> Mapping[str, Any]:
-        """The manifest as an item sees it: an item smaller than the campaign gets only the entries that concern it.
+        """The manifest as an item sees it: an item smaller than the campaign gets only
+        the entries that concern it.
 
-        So a changed leg or parameter does not rerun the logs that it has nothing to do with.
+        So a changed leg or parameter does not rerun the logs that it has nothing to do
+        with.
         """
         if log is None:
             return self.document
         legs = [self.legs[leg]] if leg is not None else []
-        return {"kind": self.document["kind"], "vehicle": self.document["vehicle"], "logs": [self.logs[log]], "legs": legs}
+        return {
+            "kind": self.document["kind"],
+            "vehicle": self.document["vehicle"],
+            "logs": [self.logs[log]],
+            "legs": legs,
+        }
 
 
-def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicles: Mapping[str, Path]) -> Campaign:
-    """The campaign in a folder. `kinds`: stage names per kind; `vehicles`: vehicle files by name.
+def load_campaign(
+    folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicles: Mapping[str, Path]
+) -> Campaign:
+    """The campaign in a folder. `kinds`: stage names per kind; `vehicles`: vehicle
+    files by name.
 
     Raises `CampaignError` (all faults of the manifest together) or `SchemaError`.
     """
@@ -105,8 +133,17 @@ def load_campaign(folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicle
     twin = None
     if SIMULATE in kinds[file.value["kind"]]:
         plan = inside(folder, file.value[SIMULATE]["plan"], file.path)
-        twin = load_twin(file.value[SIMULATE], vehicle.value, plan=plan, vehicle_file=vehicle_file, folder=folder, file=file.path)
-    return Campaign(folder.name, folder, file, vehicle_file, vehicle.value, twin, _documents(file, folder))
+        twin = load_twin(
+            file.value[SIMULATE],
+            vehicle.value,
+            plan=plan,
+            vehicle_file=vehicle_file,
+            folder=folder,
+            file=file.path,
+        )
+    return Campaign(
+        folder.name, folder, file, vehicle_file, vehicle.value, twin, _documents(file, folder)
+    )
 
 
 def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
@@ -114,14 +151,18 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
     found = {}
     for name, (key, _) in DOCUMENTS.items():
         if key in file.value:
-            document = load_yaml(inside(folder, file.value[key], file.path), named_in=file.path, what=key)  # JSON is YAML
+            document = load_yaml(
+                inside(folder, file.value[key], file.path), named_in=file.path, what=key
+            )  # JSON is YAML
             document.check(name)
             found[name] = document.value
     return found
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
-    """Check the manifest against its schema; the logs and legs of a twin, and of a campaign without logs, are not in it."""
+    """Check the manifest against its schema; the logs and legs of a twin, and of a
+    campaign without logs, are not in it.
+    """
     value = file.value
     stages = kinds.get(str(value.get("kind")), ()) if isinstance(value, Mapping) else ()
     if SIMULATE in stages or CONTROL in stages:
@@ -132,7 +173,8 @@ def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
 def inside(folder: Path, name: str, file: object) -> Path:
     """The path that a manifest names; relative ones may not leave the campaign folder.
 
-    Links within the folder may point elsewhere: who keeps big logs on another disk, or in a DVC cache, puts them there.
+    Links within the folder may point elsewhere: who keeps big logs on another disk, or
+    in a DVC cache, puts them there.
     """
     path = Path(name)
     if path.is_absolute():
@@ -147,34 +189,54 @@ def inside(folder: Path, name: str, file: object) -> Path:
 def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[PipelineError]:
     manifest, path = file.value, file.path
     if manifest["kind"] not in kinds:
-        yield CampaignError("unknown kind", file=path, field="kind", value=manifest["kind"], allowed=kinds)
+        yield CampaignError(
+            "unknown kind", file=path, field="kind", value=manifest["kind"], allowed=kinds
+        )
         return
     stages = kinds[manifest["kind"]]
     for key, stage in DOCUMENTS.values():
         if key in manifest and stage not in stages:
             having = [kind for kind, names in kinds.items() if stage in names]
             yield CampaignError(
-                f"no stage of kind '{manifest['kind']}' reads this", file=path, field=key, allowed=f"kinds {', '.join(having)}"
+                f"no stage of kind '{manifest['kind']}' reads this",
+                file=path,
+                field=key,
+                allowed=f"kinds {', '.join(having)}",
             )
     if SIMULATE in stages or CONTROL in stages:
-        reason = "a twin has these from its plan" if SIMULATE in stages else "this kind of campaign has none"
+        reason = (
+            "a twin has these from its plan"
+            if SIMULATE in stages
+            else "this kind of campaign has none"
+        )
         for part in ("logs", "legs"):
             if part in manifest:
-                yield CampaignError(reason, file=path, field=part, remedy="Leave them out of the manifest.")
+                yield CampaignError(
+                    reason, file=path, field=part, remedy="Leave them out of the manifest."
+                )
     if SIMULATE in stages:
         if SIMULATE not in manifest:
-            yield SchemaError("missing key", file=path, field=SIMULATE, remedy="A twin needs the plan that it flies.")
+            yield SchemaError(
+                "missing key",
+                file=path,
+                field=SIMULATE,
+                remedy="A twin needs the plan that it flies.",
+            )
         yield from _stage_faults(manifest, kinds, path)
         return
     if SIMULATE in manifest:
         simulated = " or ".join(f"'{kind}'" for kind, names in kinds.items() if SIMULATE in names)
-        yield CampaignError(f"only a campaign of kind {simulated} is simulated", file=path, field=SIMULATE)
+        yield CampaignError(
+            f"only a campaign of kind {simulated} is simulated", file=path, field=SIMULATE
+        )
     if CONTROL in stages:
         yield from _stage_faults(manifest, kinds, path)
         return
     for part in ("logs", "legs"):
         if not manifest[part]:
-            yield CampaignError("the list is empty", file=path, field=part, remedy="A campaign needs at least one.")
+            yield CampaignError(
+                "the list is empty", file=path, field=part, remedy="A campaign needs at least one."
+            )
         yield from _id_faults(manifest[part], part, path)
     for index, log in enumerate(manifest["logs"]):
         yield from _log_faults(log, f"logs[{index}]", path)
@@ -183,21 +245,38 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
         at = f"legs[{index}]"
         if leg["log"] not in known:
             yield CampaignError(
-                "no such log", file=path, field=f"{at}.log", value=leg["log"], allowed=known, remedy=nearest(leg["log"], known)
+                "no such log",
+                file=path,
+                field=f"{at}.log",
+                value=leg["log"],
+                allowed=known,
+                remedy=nearest(leg["log"], known),
             )
         start, end = leg.get("start_s"), leg.get("end_s")
         if end is not None and (start or 0) >= end:
             yield CampaignError(
-                "the leg ends before it starts", file=path, field=f"{at}.end_s", value=end, allowed=f"more than start_s = {start or 0}"
+                "the leg ends before it starts",
+                file=path,
+                field=f"{at}.end_s",
+                value=end,
+                allowed=f"more than start_s = {start or 0}",
             )
     yield from _stage_faults(manifest, kinds, path)
 
 
-def _stage_faults(manifest: Mapping[str, Any], kinds: Mapping[str, tuple[str, ...]], path: Path) -> Iterator[PipelineError]:
+def _stage_faults(
+    manifest: Mapping[str, Any], kinds: Mapping[str, tuple[str, ...]], path: Path
+) -> Iterator[PipelineError]:
     for name in manifest.get("stages") or {}:
         allowed = kinds[manifest["kind"]]
         if name not in allowed:
-            yield CampaignError("unknown stage", file=path, field=f"stages.{name}", allowed=allowed, remedy=nearest(name, allowed))
+            yield CampaignError(
+                "unknown stage",
+                file=path,
+                field=f"stages.{name}",
+                allowed=allowed,
+                remedy=nearest(name, allowed),
+            )
 
 
 def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Iterator[PipelineError]:
@@ -206,10 +285,19 @@ def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Itera
         name = entry["id"]
         if not ID.fullmatch(name):
             yield CampaignError(
-                "not a name", file=path, field=f"{part}[{index}].id", value=name, allowed="letters, digits, _ and -, not starting with -"
+                "not a name",
+                file=path,
+                field=f"{part}[{index}].id",
+                value=name,
+                allowed="letters, digits, _ and -, not starting with -",
             )
         if name.lower() in seen:
-            yield CampaignError(f"the same name as {part}[{seen[name.lower()]}]", file=path, field=f"{part}[{index}].id", value=name)
+            yield CampaignError(
+                f"the same name as {part}[{seen[name.lower()]}]",
+                file=path,
+                field=f"{part}[{index}].id",
+                value=name,
+            )
         seen.setdefault(name.lower(), index)
 
 
@@ -217,9 +305,19 @@ def _log_faults(log: Mapping[str, Any], at: str, path: Path) -> Iterator[Pipelin
     single, several = "file" in log, bool(log.get("files"))
     if single == several:
         found = "both" if single else "neither"
-        yield CampaignError(f"a log needs either file or files, this one has {found}", file=path, field=f"{at}.id", value=log["id"])
+        yield CampaignError(
+            f"a log needs either file or files, this one has {found}",
+            file=path,
+            field=f"{at}.id",
+            value=log["id"],
+        )
     if several and "columns" in log:
-        yield CampaignError("a column map goes with each entry of files", file=path, field=f"{at}.columns", value=log["columns"])
+        yield CampaignError(
+            "a column map goes with each entry of files",
+            file=path,
+            field=f"{at}.columns",
+            value=log["columns"],
+        )
     for index, item in enumerate(log.get("files") or [log] if single or several else []):
         where = f"{at}.files[{index}]" if several else at
         for key in ("file", "columns"):
@@ -239,6 +337,11 @@ def _vehicle_path(file: YamlFile, folder: Path, vehicles: Mapping[str, Path]) ->
         return inside(folder, name, file.path)
     raise file.located(
         CampaignError(
-            "no such vehicle", file=file.path, field="vehicle", value=name, allowed=vehicles or "none", remedy=nearest(name, vehicles)
+            "no such vehicle",
+            file=file.path,
+            field="vehicle",
+            value=name,
+            allowed=vehicles or "none",
+            remedy=nearest(name, vehicles),
         )
     )

@@ -1,4 +1,6 @@
-"""What a twin campaign needs from its files: the plan, the viscous truth, and the logs and legs that follow from the plan."""
+"""What a twin campaign needs from its files: the plan, the viscous truth, and the logs
+and legs that follow from the plan.
+"""
 
 from __future__ import annotations
 
@@ -20,20 +22,34 @@ REFIT = "refit:"
 
 
 def load_twin(
-    entry: Mapping[str, Any], vehicle: Mapping[str, Any], *, plan: Path, vehicle_file: Path, folder: Path, file: object
+    entry: Mapping[str, Any],
+    vehicle: Mapping[str, Any],
+    *,
+    plan: Path,
+    vehicle_file: Path,
+    folder: Path,
+    file: object,
 ) -> dict[str, Any]:
-    """The document of schema `twin` for the key `simulate` of a manifest, its plan and its truth read and checked.
+    """The document of schema `twin` for the key `simulate` of a manifest, its plan and
+    its truth read and checked.
 
-    `plan` is the path of the plan, `file` the manifest (or command) that names it. Raises `CampaignError` or `SchemaError`.
+    `plan` is the path of the plan, `file` the manifest (or command) that names it.
+    Raises `CampaignError` or `SchemaError`.
     """
     accelerometer, format = entry.get("accelerometer", "specific_force"), entry.get("format", "bin")
     if accelerometer != "specific_force" and format != "csv":
         remedy = "Write CSV, or leave accelerometer out."
         raise CampaignError(
-            f"logs of format {format} hold specific force", file=file, field="simulate.accelerometer", value=accelerometer, remedy=remedy
+            f"logs of format {format} hold specific force",
+            file=file,
+            field="simulate.accelerometer",
+            value=accelerometer,
+            remedy=remedy,
         )
     found = load_plan(plan, vehicle, file=file)
-    truth = load_truth(str(entry.get("truth", PHYSICS)), vehicle_file=vehicle_file, folder=folder, file=file)
+    truth = load_truth(
+        str(entry.get("truth", PHYSICS)), vehicle_file=vehicle_file, folder=folder, file=file
+    )
     return {
         "plan": found.value,
         "truth": truth,
@@ -58,11 +74,16 @@ def load_plan(path: Path, vehicle: Mapping[str, Any], *, file: object) -> YamlFi
 def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> dict[str, Any]:
     """The truth that a manifest names (part `truth` of schema `twin`).
 
-    `physics`; the name of a model for its published coefficients beside the vehicle file; `refit:MODEL` for a model refitted to the
-    physics; or a path ending in .json for a model card.
+    `physics`; the name of a model for its published coefficients beside the vehicle
+    file; `refit:MODEL` for a model refitted to the physics; or a path ending in .json
+    for a model card.
     """
     if text == PHYSICS:
-        return {"kind": "physics", "name": PHYSICS, "source": "flow physics, hydro/dynamics/physical_viscous.py"}
+        return {
+            "kind": "physics",
+            "name": PHYSICS,
+            "source": "flow physics, hydro/dynamics/physical_viscous.py",
+        }
     published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]
     if text.startswith(REFIT):
@@ -82,7 +103,12 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
         return _of_card(Path(text) if Path(text).is_absolute() else folder / text, file)
     if text not in published:
         raise CampaignError(
-            "no such truth", file=file, field="simulate.truth", value=text, allowed=allowed, remedy=nearest(text, published)
+            "no such truth",
+            file=file,
+            field="simulate.truth",
+            value=text,
+            allowed=allowed,
+            remedy=nearest(text, published),
         )
     return {
         "kind": "coefficients",
@@ -94,11 +120,15 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
 
 def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
     """The files of published coefficients beside a vehicle file, by model."""
-    return {path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))}
+    return {
+        path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))
+    }
 
 
 def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
-    """Coefficients of a CSV file with columns axis, term, value: axis -> term -> value. Raises `CampaignError`."""
+    """Coefficients of a CSV file with columns axis, term, value: axis -> term -> value.
+    Raises `CampaignError`.
+    """
     with readable(path, file=path, what="coefficients"):
         text = path.read_text(encoding="utf-8")
     coefficients: dict[str, dict[str, float]] = {}
@@ -106,14 +136,25 @@ def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
         try:
             coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
         except (KeyError, TypeError, ValueError):
-            raise CampaignError("not a coefficient", file=path, row=number, value=row, allowed="columns axis, term, value") from None
+            raise CampaignError(
+                "not a coefficient",
+                file=path,
+                row=number,
+                value=row,
+                allowed="columns axis, term, value",
+            ) from None
     return coefficients
 
 
 def _of_card(path: Path, file: object) -> dict[str, Any]:
     card = load_yaml(path, named_in=file, what="model card")  # JSON is YAML
     card.check("model_card")
-    return {"kind": "coefficients", "name": card.value["name"], "source": path.name, "coefficients": card.value["solution"]}
+    return {
+        "kind": "coefficients",
+        "name": card.value["name"],
+        "source": path.name,
+        "coefficients": card.value["solution"],
+    }
 
 
 def with_logs_of_plan(manifest: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:

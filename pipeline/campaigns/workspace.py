@@ -1,4 +1,6 @@
-"""The workspace: the folder that holds params.yaml, campaigns/, vehicles/ and runs/, and the stage parameters that it sets."""
+"""The workspace: the folder that holds params.yaml, campaigns/, vehicles/ and runs/,
+and the stage parameters that it sets.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ class Workspace:
         return self.runs / ".code"
 
     def campaign_folder(self, name: str) -> Path:
-        """The folder of a campaign given by name or by a path to its folder or manifest."""
+        """The folder of a campaign given by name or by a path to its folder or
+        manifest.
+        """
         given = Path(name).expanduser()
         if given.name == "campaign.yaml":
             return given.resolve().parent
@@ -49,7 +53,8 @@ class Workspace:
             "no such campaign",
             value=name,
             allowed=known or "none yet",
-            remedy=nearest(name, known) or f"Campaigns live in {self.campaigns}, one folder with a campaign.yaml each.",
+            remedy=nearest(name, known)
+            or f"Campaigns live in {self.campaigns}, one folder with a campaign.yaml each.",
         )
 
     def campaign_names(self) -> list[str]:
@@ -69,13 +74,18 @@ def find_workspace(start: Path) -> Workspace:
     for folder in (start.resolve(), *start.resolve().parents):
         if (folder / PARAMS_FILE).is_file():
             return Workspace(folder)
-    raise PipelineError(f"no {PARAMS_FILE} here or above", value=str(start), remedy="Go to a workspace, or make one: auvid new DIR.")
+    raise PipelineError(
+        f"no {PARAMS_FILE} here or above",
+        value=str(start),
+        remedy="Go to a workspace, or make one: auvid new DIR.",
+    )
 
 
 def workspace_of(campaign: str) -> Workspace:
     """The workspace around the current folder, or around a campaign given by path.
 
-    A campaign folder outside any workspace is its own: every stage parameter has its default, and runs/ stands in that folder.
+    A campaign folder outside any workspace is its own: every stage parameter has its
+    default, and runs/ stands in that folder.
     """
     given = Path(campaign).expanduser()
     try:
@@ -93,7 +103,9 @@ def workspace_of(campaign: str) -> Workspace:
 
 
 def vehicle_file_of(name: str) -> Path:
-    """The file of a vehicle given by name, in the workspace here or among those that come with auvid, or by a path to its file."""
+    """The file of a vehicle given by name, in the workspace here or among those that
+    come with auvid, or by a path to its file.
+    """
     if name.endswith(".yaml"):
         return Path(name).expanduser()
     try:
@@ -101,12 +113,15 @@ def vehicle_file_of(name: str) -> Path:
     except PipelineError:
         known = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
     if name not in known:
-        raise CampaignError("no such vehicle", value=name, allowed=known, remedy=nearest(name, known))
+        raise CampaignError(
+            "no such vehicle", value=name, allowed=known, remedy=nearest(name, known)
+        )
     return known[name]
 
 
 def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
-    """params.yaml, its sections checked against the stages; empty for a campaign outside any workspace.
+    """params.yaml, its sections checked against the stages; empty for a campaign
+    outside any workspace.
 
     Raises `CampaignError` for unknown sections or parameters.
     """
@@ -120,11 +135,21 @@ def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) 
         if name == "campaigns":
             continue
         if name not in known:
-            raise file.located(CampaignError("unknown stage", file=file.path, field=str(name), remedy=nearest(name, known)))
+            raise file.located(
+                CampaignError(
+                    "unknown stage", file=file.path, field=str(name), remedy=nearest(name, known)
+                )
+            )
         if not isinstance(section, Mapping):
-            raise file.located(CampaignError("not a mapping of parameters", file=file.path, field=str(name), value=section))
+            raise file.located(
+                CampaignError(
+                    "not a mapping of parameters", file=file.path, field=str(name), value=section
+                )
+            )
     for stage in stages:
-        make_params(stage.params, file.value.get(stage.name) or {}, stage=stage.name, file=file.path)
+        make_params(
+            stage.params, file.value.get(stage.name) or {}, stage=stage.name, file=file.path
+        )
     return file
 
 
@@ -132,6 +157,11 @@ def stage_params(stage: Stage[Any, Any, Any], defaults: YamlFile, campaign: Camp
     """The parameters of a stage: params.yaml, and what the campaign sets on top."""
     own = (campaign.document.get("stages") or {}).get(stage.name) or {}
     try:
-        return make_params(stage.params, {**(defaults.value.get(stage.name) or {}), **own}, stage=stage.name, file=campaign.file.path)
+        return make_params(
+            stage.params,
+            {**(defaults.value.get(stage.name) or {}), **own},
+            stage=stage.name,
+            file=campaign.file.path,
+        )
     except PipelineError as fault:
         raise campaign.file.located(fault) from None

@@ -1,4 +1,6 @@
-"""YAML that a user writes: loaded safely, duplicate keys refused, with the line of every key for error messages."""
+"""YAML that a user writes: loaded safely, duplicate keys refused, with the line of
+every key for error messages.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.pipeline.store.atomic_files import readable
@@ -15,7 +18,9 @@ from auvid.pipeline.store.atomic_files import readable
 
 @dataclass(frozen=True)
 class YamlFile:
-    """A loaded file: its path, its value, and the line (from 1) of every key by its dotted path."""
+    """A loaded file: its path, its value, and the line (from 1) of every key by its
+    dotted path.
+    """
 
     path: Path
     value: Any
@@ -45,9 +50,11 @@ class YamlFile:
 
 
 def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> YamlFile:
-    """Load a YAML file. `named_in` and `what` say which entry of which file asked for it.
+    """Load a YAML file. `named_in` and `what` say which entry of which file asked for
+    it.
 
-    Raises `CampaignError` for text that is no YAML or holds a key twice, `PipelineError` for a file that cannot be read.
+    Raises `CampaignError` for text that is no YAML or holds a key twice,
+    `PipelineError` for a file that cannot be read.
     """
     with readable(path, file=named_in if named_in is not None else path, what=what):
         content = path.read_bytes()
@@ -58,17 +65,23 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
         _walk(node, "", lines, path, set())
         value = yaml.safe_load(text)
     except UnicodeDecodeError as fault:
-        raise CampaignError("not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1) from None
+        raise CampaignError(
+            "not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1
+        ) from None
     except (yaml.MarkedYAMLError, yaml.reader.ReaderError) as fault:
         mark = getattr(fault, "problem_mark", None)
         problem = getattr(fault, "problem", None) or str(fault).splitlines()[0]
-        raise CampaignError(f"not valid YAML: {problem}", file=path, row=mark.line + 1 if mark else None) from None
+        raise CampaignError(
+            f"not valid YAML: {problem}", file=path, row=mark.line + 1 if mark else None
+        ) from None
     except (ValueError, TypeError, RecursionError) as fault:
         raise CampaignError(f"not valid YAML: {fault}", file=path) from None
     return YamlFile(path, {} if value is None else value, lines)
 
 
-def _walk(node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, seen: set[int]) -> None:
+def _walk(
+    node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, seen: set[int]
+) -> None:
     if node is None or id(node) in seen:
         return
     seen.add(id(node))
@@ -82,7 +95,10 @@ def _walk(node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, 
             name = key.value if isinstance(key, yaml.ScalarNode) else str(key)
             if name in keys and name != "<<":
                 raise CampaignError(
-                    "this key stands twice", file=file, row=key.start_mark.line + 1, field=f"{path}.{name}" if path else name
+                    "this key stands twice",
+                    file=file,
+                    row=key.start_mark.line + 1,
+                    field=f"{path}.{name}" if path else name,
                 )
             keys.add(name)
             inner = f"{path}.{name}" if path else name

@@ -1,4 +1,6 @@
-"""The command `auvid coefficients`: what strip theory gives for a vehicle's geometry, beside what is published, with formula and source."""
+"""The command `auvid coefficients`: what strip theory gives for a vehicle's geometry,
+beside what is published, with formula and source.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
-from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, parameter_coefficients, published_coefficients
+from auvid.hydro.dynamics.hybrid_vehicle import (
+    PARAMETER_SETS,
+    parameter_coefficients,
+    published_coefficients,
+)
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient, viscous_terms
@@ -21,16 +27,23 @@ KINDS = {
     "drag": "Drag",
     "body_lift": "Lift of the hull",
     "surface_lift": "Lift of fins and wings",
-    "control": "Control, times u^2 delta: both fins of a pair together, for K the right one by delta and the left by -delta",
+    "control": (
+        "Control, times u^2 delta: both fins of a pair together, for K the right one by delta and"
+        " the left by -delta"
+    ),
 }
 
 
-def coefficients_of(vehicle: str, *, parameter_set: str = "corrected", model: str | None = None) -> dict[str, Any]:
-    """Strip theory of a vehicle (name or file) beside its published coefficients, as a document.
+def coefficients_of(
+    vehicle: str, *, parameter_set: str = "corrected", model: str | None = None
+) -> dict[str, Any]:
+    """Strip theory of a vehicle (name or file) beside its published coefficients, as a
+    document.
 
-    `published` of a row is what the vehicle file prints. `model` names one of the models whose published coefficients lie beside the
-    vehicle file; its terms that strip theory has too stand under `model`. Raises `PipelineError` for unknown names, a vehicle without
-    geometry, and geometry that cannot be.
+    `published` of a row is what the vehicle file prints. `model` names one of the
+    models whose published coefficients lie beside the vehicle file; its terms that
+    strip theory has too stand under `model`. Raises `PipelineError` for unknown names,
+    a vehicle without geometry, and geometry that cannot be.
     """
     path = vehicle_file_of(vehicle)
     document = load_vehicle(path)
@@ -43,7 +56,11 @@ def coefficients_of(vehicle: str, *, parameter_set: str = "corrected", model: st
     files = coefficient_files(path)
     if model is not None and model not in files:
         raise CampaignError(
-            "no published coefficients of this model", file=path, value=model, allowed=list(files), remedy=nearest(model, files)
+            "no published coefficients of this model",
+            file=path,
+            value=model,
+            allowed=list(files),
+            remedy=nearest(model, files),
         )
     terms = viscous_terms(used)
     compared = [] if model is None else _beside(terms, read_coefficients(files[model]))
@@ -58,7 +75,9 @@ def coefficients_of(vehicle: str, *, parameter_set: str = "corrected", model: st
     }
 
 
-def print_coefficients(vehicle: str, *, parameter_set: str, model: str | None, as_json: bool) -> None:
+def print_coefficients(
+    vehicle: str, *, parameter_set: str, model: str | None, as_json: bool
+) -> None:
     """Print `coefficients_of` as text, or as JSON."""
     found = coefficients_of(vehicle, parameter_set=parameter_set, model=model)
     print(json.dumps(found, indent=2) if as_json else _text(found))
@@ -72,11 +91,17 @@ def _in_file(fault: PipelineError, path: object) -> PipelineError:
 
 
 def _used(document: Mapping[str, Any], parameter_set: str) -> tuple[Coefficient, ...]:
-    """What the set gives: formulas for `as_printed` and `corrected`; `as_simulated` is the published set with its replacements."""
+    """What the set gives: formulas for `as_printed` and `corrected`; `as_simulated` is
+    the published set with its replacements.
+    """
     if parameter_set in PARAMETER_SETS and parameter_set != "as_simulated":
         return strip_theory_of(document, corrected=parameter_set == "corrected")
     order = list(KINDS)
-    return tuple(sorted(parameter_coefficients(document, parameter_set), key=lambda item: order.index(item.kind)))
+    return tuple(
+        sorted(
+            parameter_coefficients(document, parameter_set), key=lambda item: order.index(item.kind)
+        )
+    )
 
 
 def _row(item: Coefficient, published: Coefficient | None) -> dict[str, Any]:
@@ -94,10 +119,25 @@ def _row(item: Coefficient, published: Coefficient | None) -> dict[str, Any]:
     return row
 
 
-def _beside(ours: Mapping[str, Mapping[str, float]], theirs: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
+def _beside(
+    ours: Mapping[str, Mapping[str, float]], theirs: Mapping[str, Mapping[str, float]]
+) -> list[dict[str, Any]]:
     """Terms that both have: strip theory first, then the published value."""
-    shared = ((axis, term) for axis, terms in ours.items() for term in terms if term in theirs.get(axis, {}))
-    return [{"axis": axis, "term": term, "strip_theory": ours[axis][term], "published": theirs[axis][term]} for axis, term in shared]
+    shared = (
+        (axis, term)
+        for axis, terms in ours.items()
+        for term in terms
+        if term in theirs.get(axis, {})
+    )
+    return [
+        {
+            "axis": axis,
+            "term": term,
+            "strip_theory": ours[axis][term],
+            "published": theirs[axis][term],
+        }
+        for axis, term in shared
+    ]
 
 
 def _text(found: Mapping[str, Any]) -> str:
@@ -107,9 +147,17 @@ def _text(found: Mapping[str, Any]) -> str:
         if rows:
             lines += ["", title]
         for row in rows:
-            beside = f"   published {row['published']:g} ({row['published_source']})" if "published" in row else ""
+            beside = (
+                f"   published {row['published']:g} ({row['published_source']})"
+                if "published" in row
+                else ""
+            )
             lines.append(f"  {row['name']:<11}{row['value']:>12.5g} {row['unit']:<7}{beside}")
-            lines.append(f"      {row['formula']}   [{row['source']}]" if row["formula"] else f"      [{row['source']}]")
+            lines.append(
+                f"      {row['formula']}   [{row['source']}]"
+                if row["formula"]
+                else f"      [{row['source']}]"
+            )
             if row["note"]:
                 lines.append(f"      {row['note']}")
     lines += ["", "Viscous model (drag and lift together), by axis and basis term"]
@@ -117,6 +165,13 @@ def _text(found: Mapping[str, Any]) -> str:
         named = (f"{BASIS_TERMS[term].name} {value:.5g}" for term, value in terms.items())
         lines.append(f"  {axis}  " + ", ".join(named))
     if found["model"]:
-        lines += ["", f"Beside the published model {found['model']['name']}", f"  {'':<4}{'term':<8}{'strip theory':>14}{'published':>12}"]
-        lines += [f"  {r['axis']:<4}{r['term']:<8}{r['strip_theory']:>14.5g}{r['published']:>12.5g}" for r in found["model"]["terms"]]
+        lines += [
+            "",
+            f"Beside the published model {found['model']['name']}",
+            f"  {'':<4}{'term':<8}{'strip theory':>14}{'published':>12}",
+        ]
+        lines += [
+            f"  {r['axis']:<4}{r['term']:<8}{r['strip_theory']:>14.5g}{r['published']:>12.5g}"
+            for r in found["model"]["terms"]
+        ]
     return "\n".join(lines)

@@ -1,4 +1,6 @@
-"""Print what there is, from the declarations: stages with ports and parameters, viscous models, vehicles."""
+"""Print what there is, from the declarations: stages with ports and parameters, viscous
+models, vehicles.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,10 @@ from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from auvid.data_schemas.errors import PipelineError, nearest
 from auvid.data_schemas.schemas import schema
@@ -18,9 +24,6 @@ from auvid.pipeline.execution.generate_dvc import bounds, default_of
 from auvid.pipeline.graph import AnyStage
 from auvid.stages import STAGES
 from auvid.stages.base import ports
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 NOT_SCHEMAS = {
     "raw_log": "the log's files, memory-mapped",
@@ -45,16 +48,34 @@ def _print_stage(stage: AnyStage, console: Console) -> None:
     console.print(f"[bold]{stage.name}[/bold]  {escape(stage.summary)}")
     console.print(f"  for {each}" + (f", giving {stage.yields}s" if stage.yields else ""))
     for title, kind in (("inputs", stage.inputs), ("outputs", stage.outputs)):
-        table = Table("name", "meaning", title=title, title_justify="left", box=None, padding=(0, 2))
+        table = Table(
+            "name", "meaning", title=title, title_justify="left", box=None, padding=(0, 2)
+        )
         for port, spec in ports(kind).items():
             table.add_row(port + _mark(spec), escape(_meaning(spec["port"])))
         console.print(table)
     parameters = fields(stage.params)
     if parameters:
-        table = Table("name", "unit", "default", "allowed", "meaning", title="parameters", title_justify="left", box=None, padding=(0, 2))
+        table = Table(
+            "name",
+            "unit",
+            "default",
+            "allowed",
+            "meaning",
+            title="parameters",
+            title_justify="left",
+            box=None,
+            padding=(0, 2),
+        )
         for item in parameters:
             meta = item.metadata
-            table.add_row(item.name, meta["unit"], escape(str(default_of(item))), escape(bounds(meta)), escape(meta["meaning"]))
+            table.add_row(
+                item.name,
+                meta["unit"],
+                escape(str(default_of(item))),
+                escape(bounds(meta)),
+                escape(meta["meaning"]),
+            )
         console.print(table)
     console.print()
 
@@ -78,7 +99,10 @@ def print_models(name: str | None = None) -> None:
         console.print(table)
         return
     model = model_named(name)
-    console.print(f"[bold]{model.name}[/bold]  {escape(model.title)}, {model.n_bar} terms. {escape(model.source)}")
+    console.print(
+        f"[bold]{model.name}[/bold]  {escape(model.title)}, {model.n_bar} terms."
+        f" {escape(model.source)}"
+    )
     for axis, terms in model.terms.items():
         console.print(f"\n[bold]{axis}[/bold]" + ("" if terms else "  -"))
         of_unit: dict[str, list[str]] = {}
@@ -89,7 +113,9 @@ def print_models(name: str | None = None) -> None:
 
 
 def print_vehicles() -> None:
-    """The vehicles of the workspace around the current folder and those that come with auvid."""
+    """The vehicles of the workspace around the current folder and those that come with
+    auvid.
+    """
     workspace = workspace_here() or Workspace(Path.cwd())
     table = Table("name", "title", "file", box=None, padding=(0, 2))
     for name, path in workspace.vehicle_files().items():

@@ -1,4 +1,6 @@
-"""`auvid reproduce` for a campaign that names printed values: what its run found, beside them, on the terminal."""
+"""`auvid reproduce` for a campaign that names printed values: what its run found,
+beside them, on the terminal.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ LIMITS = (("least", ">="), ("most", "<="))
 
 
 def open_comparison(name: str) -> Run | None:
-    """The run of a campaign that names printed values and has no document of variants; None for any other."""
+    """The run of a campaign that names printed values and has no document of variants;
+    None for any other.
+    """
     run = session.open_run(name)
     if PUBLISHED not in run.campaign.documents or (run.campaign.folder / FILE).is_file():
         return None
@@ -20,22 +24,35 @@ def open_comparison(name: str) -> Run | None:
 
 
 def print_comparison(run: Run) -> bool:
-    """Print every printed value beside ours, and the bounds; returns whether all that is asked is met."""
+    """Print every printed value beside ours, and the bounds; returns whether all that
+    is asked is met.
+    """
     rows = comparison_rows(run)
     table = None
     width = max([len(row["quantity"]) for row in rows], default=0) + 2
-    print(f"{'':<{width + 2}}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}")
+    print(
+        f"{'':<{width + 2}}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}"
+    )
     for row in rows:
         if row["table"] != table:
             table = row["table"]
             print(f"\n{table}")
         values = f"{_cell(row['printed']):>12}{_cell(row['truth']):>13}{_cell(row['ours']):>12}"
         errors = f"{_percent(row['printed_error']):>13}{_percent(row['our_error']):>11}"
-        limits = " and ".join(f"{word} {row[key]:g}" for key, word in LIMITS if row[key] is not None)
-        told = "  ".join(
-            part for part in (f"  asked {limits}" if limits else "", f"  {row['verdict']}" if row["asked_verdict"] else "") if part
+        limits = " and ".join(
+            f"{word} {row[key]:g}" for key, word in LIMITS if row[key] is not None
         )
-        print(f"  {row['quantity']:<{width}}{values}{errors}{told}{'  MISSED' if row['met'] is False else ''}")
+        told = "  ".join(
+            part
+            for part in (
+                f"  asked {limits}" if limits else "",
+                f"  {row['verdict']}" if row["asked_verdict"] else "",
+            )
+            if part
+        )
+        print(
+            f"  {row['quantity']:<{width}}{values}{errors}{told}{'  MISSED' if row['met'] is False else ''}"
+        )
     asked_of = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked_of if not row["met"]]
     print(f"\nbounds: {len(asked_of) - len(missed)} of {len(asked_of)} met")

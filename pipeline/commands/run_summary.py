@@ -1,4 +1,6 @@
-"""What a user sees when a run is over: where the results are, the errors in short, what was lost, and the warnings."""
+"""What a user sees when a run is over: where the results are, the errors in short, what
+was lost, and the warnings.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ SHOWN = 20
 
 
 def places(run: Run) -> dict[str, Path]:
-    """Where the results of the campaign are: what they are -> file, or folder for several."""
+    """Where the results of the campaign are: what they are -> file, or folder for
+    several.
+    """
     found: dict[str, Path] = {}
     for schema_name, words in PLACES.items():
         for port in run.graph.producers(schema_name):
@@ -33,63 +37,101 @@ def places(run: Run) -> dict[str, Path]:
 
 
 def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
-    """Model, rank, and J/J0 on training and validation, over all axes and legs; models in the order of the table."""
+    """Model, rank, and J/J0 on training and validation, over all axes and legs; models
+    in the order of the table.
+    """
     rows: dict[str, dict[str, Any]] = {}
     for artefact in _of_schema(run, "error_table"):
         for row in artefact.to_pylist():
             if row["axis"] == row["leg"] == "all":
                 rows.setdefault(row["model"], {"rank": row["rank"]})[row["use"]] = row["ratio"]
-    return [(model, found["rank"], found.get("training"), found.get("validation")) for model, found in rows.items()]
+    return [
+        (model, found["rank"], found.get("training"), found.get("validation"))
+        for model, found in rows.items()
+    ]
 
 
 def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
-    """Of a twin: quantity, unit, and the RMS error against the truth per axis, over all legs; the models have their own table."""
+    """Of a twin: quantity, unit, and the RMS error against the truth per axis, over all
+    legs; the models have their own table.
+    """
     found: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for table in _of_schema(run, "truth_errors"):
         for row in table.to_pylist():
             if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
-                found.setdefault((row["quantity"], row["unit"]), []).append((row["axis"], row["rms_error"]))
+                found.setdefault((row["quantity"], row["unit"]), []).append(
+                    (row["axis"], row["rms_error"])
+                )
     return [(quantity, unit, parts) for (quantity, unit), parts in found.items()]
 
 
 def bounds(run: Run) -> list[dict[str, Any]]:
-    """The bounds that a twin campaign sets for its chain, beside what was measured (schema `trust_checks`)."""
+    """The bounds that a twin campaign sets for its chain, beside what was measured
+    (schema `trust_checks`).
+    """
     return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
 
 
 def comparison_rows(run: Run) -> list[dict[str, Any]]:
-    """Printed values beside those of the run, with what is asked of them (schema `comparison`)."""
+    """Printed values beside those of the run, with what is asked of them (schema
+    `comparison`).
+    """
     return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
 
 
 def losses(run: Run) -> list[str]:
-    """What of the logs did not reach the results, in words: damaged logs and rejected samples."""
+    """What of the logs did not reach the results, in words: damaged logs and rejected
+    samples.
+    """
     found = []
     for log, info in _per_item(run, "log_info"):
         if info["status"] != "complete":
-            skipped = sum(int(part.get("bytes") or 0) for file in info["files"] for part in file.get("skipped") or [])
+            skipped = sum(
+                int(part.get("bytes") or 0)
+                for file in info["files"]
+                for part in file.get("skipped") or []
+            )
             seconds = sum(float(file.get("seconds_lost") or 0.0) for file in info["files"])
-            found.append(f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost")
+            found.append(
+                f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost"
+            )
     for log, table in _per_item(run, "dropped"):
         counts: Counter[str] = Counter()
-        for row in (row for row in table.to_pylist() if row.get("bytes") is None):  # bytes are in the line above
+        for row in (
+            row for row in table.to_pylist() if row.get("bytes") is None
+        ):  # bytes are in the line above
             counts[f"{row['stream']}: {row['reason']}"] += row["count"]
-        found += [f"log '{log}': {count} rejected ({reason})" for reason, count in counts.items() if count]
+        found += [
+            f"log '{log}': {count} rejected ({reason})" for reason, count in counts.items() if count
+        ]
     return found
 
 
 def warnings(run: Run) -> list[str]:
-    """What a user should read: warnings of the report sections and of Python, notes on segments, legs without segment."""
+    """What a user should read: warnings of the report sections and of Python, notes on
+    segments, legs without segment.
+    """
     found: Counter[str] = Counter()
     for document in _of_schema(run, "section"):
-        found.update(block["text"] for block in document["blocks"] if block["kind"] == "remark" and block["level"] == "warning")
+        found.update(
+            block["text"]
+            for block in document["blocks"]
+            if block["kind"] == "remark" and block["level"] == "warning"
+        )
     segments = {str(document["id"]): document for document in _of_schema(run, "segment")}
-    found.update(f"{name}: {words}" for name, document in segments.items() for words in document["notes"])
+    found.update(
+        f"{name}: {words}" for name, document in segments.items() for words in document["notes"]
+    )
     found.update(shared_data(segments))
     for stage in run.graph.stages:
         manifest = run.manifests[stage.name]
         for item, record in manifest.records.items():
-            found.update({f"{stage.name}, {item}: {words}": count for words, count in record.warnings.items()})
+            found.update(
+                {
+                    f"{stage.name}, {item}: {words}": count
+                    for words, count in record.warnings.items()
+                }
+            )
             if stage.yields and not manifest.keys(item):
                 found[f"{stage.name}: leg '{item}' gave no segment"] += 1
     return [words if count == 1 else f"{words} ({count} times)" for words, count in found.items()]

@@ -1,4 +1,6 @@
-"""The command `auvid simulate`: fly a plan with a vehicle, and write its logs, the truth and a campaign that is ready to run."""
+"""The command `auvid simulate`: fly a plan with a vehicle, and write its logs, the
+truth and a campaign that is ready to run.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 
 import pyarrow.csv as pc
 import yaml
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.pipeline.campaigns.twin import PHYSICS, load_twin
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -30,24 +33,48 @@ def write_campaign(
     seed: int = 0,
     accelerometer: str = "specific_force",
 ) -> list[str]:
-    """Fly the plan and write `logs/`, `truth/` (Parquet and CSV), `columns/` for CSV logs and `campaign.yaml` into a new or empty folder.
+    """Fly the plan and write `logs/`, `truth/` (Parquet and CSV), `columns/` for CSV
+    logs and `campaign.yaml` into a new or empty folder.
 
-    Returns sentences about legs that the flight did not finish. Raises `PipelineError` for whatever is wrong with what the user gave.
+    Returns sentences about legs that the flight did not finish. Raises `PipelineError`
+    for whatever is wrong with what the user gave.
     """
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
-        raise PipelineError("there is something already, and nothing is overwritten", file=folder, remedy="Choose a new folder.")
+        raise PipelineError(
+            "there is something already, and nothing is overwritten",
+            file=folder,
+            remedy="Choose a new folder.",
+        )
     if seed < 0:
         raise CampaignError("not a seed", field="--seed", value=seed, allowed="0 or more")
-    for option, value, allowed in (("--format", format, FORMATS), ("--accelerometer", accelerometer, ACCELEROMETERS)):
+    for option, value, allowed in (
+        ("--format", format, FORMATS),
+        ("--accelerometer", accelerometer, ACCELEROMETERS),
+    ):
         if value not in allowed:
-            raise CampaignError("unknown value", field=option, value=value, allowed=allowed, remedy=nearest(value, allowed))
+            raise CampaignError(
+                "unknown value",
+                field=option,
+                value=value,
+                allowed=allowed,
+                remedy=nearest(value, allowed),
+            )
     vehicle_file = vehicle_file_of(vehicle)
     document = load_vehicle(vehicle_file)
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
-    twin = load_twin(entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan)
+    twin = load_twin(
+        entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
+    )
     if "bench" in twin["plan"]:
-        remedy = "Make a campaign of kind bench_twin that names the plan under simulate, and run it."
-        raise CampaignError("a bench plan needs the apparatus of a campaign", file=plan, field="bench", remedy=remedy)
+        remedy = (
+            "Make a campaign of kind bench_twin that names the plan under simulate, and run it."
+        )
+        raise CampaignError(
+            "a bench plan needs the apparatus of a campaign",
+            file=plan,
+            field="bench",
+            remedy=remedy,
+        )
     results = simulate.run(simulate.Inputs(document.value, twin), simulate.Params())
     for name, content in results.logs.items():
         write_atomically(folder / "logs" / name, content)
@@ -60,10 +87,17 @@ def write_campaign(
         sink = io.BytesIO()
         pc.write_csv(table, sink)
         write_atomically(folder / "truth" / f"{leg}.csv", sink.getvalue())
-    write_atomically(folder / "truth" / "simulation.json", encode(results.simulation, "simulation", file="simulation"))
+    write_atomically(
+        folder / "truth" / "simulation.json",
+        encode(results.simulation, "simulation", file="simulation"),
+    )
     write_atomically(folder / "vehicle.yaml", vehicle_file.read_bytes())
     write_atomically(folder / "campaign.yaml", _yaml(_manifest(results.simulation, twin)))
-    return [f"leg '{leg['id']}': {leg['stopped']}" for leg in results.simulation["legs"] if leg["stopped"]]
+    return [
+        f"leg '{leg['id']}': {leg['stopped']}"
+        for leg in results.simulation["legs"]
+        if leg["stopped"]
+    ]
 
 
 FORMATS = ("bin", "tlog", "csv")
@@ -71,13 +105,18 @@ ACCELEROMETERS = ("specific_force", "inertial")
 
 
 def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest of kind identification over the legs that were reached, each cut where its flight stopped."""
+    """A manifest of kind identification over the legs that were reached, each cut where
+    its flight stopped.
+    """
     ends = {leg["id"]: leg["end_s"] for leg in simulation["legs"] if leg["end_s"] is not None}
     logs, legs = manifest_entries(twin["plan"], format=twin["format"])
     for log in logs:
         for item in log.get("files", [log]):
             item["file"] = f"logs/{item['file']}"
-    notes = f"Simulated: truth {simulation['truth']}, seed {simulation['seed']}. The true motion and forces lie in truth/."
+    notes = (
+        f"Simulated: truth {simulation['truth']}, seed {simulation['seed']}. The true motion and"
+        " forces lie in truth/."
+    )
     return {
         "kind": "identification",
         "title": str(simulation["plan"]),

@@ -1,4 +1,6 @@
-"""Where work items run: one after the other in this process, or spread over processes. Results are the same."""
+"""Where work items run: one after the other in this process, or spread over processes.
+Results are the same.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,11 @@ class Serial:
 
 
 class Processes:
-    """A pool of fresh interpreters, started with the first stage that has work for more than one.
+    """A pool of fresh interpreters, started with the first stage that has work for more
+    than one.
 
-    Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no state of the parent.
+    Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no
+    state of the parent.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -51,7 +55,9 @@ class Processes:
             yield from map(execute, tasks)
             return
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+            self._pool = ProcessPoolExecutor(
+                self._jobs, mp_context=multiprocessing.get_context("spawn")
+            )
         with _interrupts_held_back():
             self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
         for future in as_completed(tuple(self._waiting)):
@@ -60,10 +66,14 @@ class Processes:
                 yield future.result()
             except BrokenProcessPool:
                 self._pool = None
-                yield Outcome(item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)")
+                yield Outcome(
+                    item, crash="a worker process died, perhaps for lack of memory (try --jobs 1)"
+                )
 
     def close(self) -> None:
-        """Stop the workers, at once if they are in the middle of something; what they had not finished is not in any manifest."""
+        """Stop the workers, at once if they are in the middle of something; what they
+        had not finished is not in any manifest.
+        """
         if self._pool is None:
             return
         if self._waiting:
@@ -75,7 +85,9 @@ class Processes:
 
 @contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while workers are started: they inherit that, and leave interruptions to the parent, which gets them afterwards."""
+    """Hold Ctrl-C back while workers are started: they inherit that, and leave
+    interruptions to the parent, which gets them afterwards.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
@@ -84,13 +96,22 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
-    """The engine of a name. `jobs` processes, as many as the machine has cores unless said; more than one means processes, named or not."""
+    """The engine of a name. `jobs` processes, as many as the machine has cores unless
+    said; more than one means processes, named or not.
+    """
     if name is None:
         name = "processes" if jobs is not None and jobs > 1 else "serial"
     if name not in ENGINES:
-        raise UsageError("unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES))
+        raise UsageError(
+            "unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES)
+        )
     if jobs is not None and (jobs < 1 or (name == "serial" and jobs > 1)):
-        raise UsageError("does not fit the engine", field="--jobs", value=jobs, allowed="1" if name == "serial" else "1 or more")
+        raise UsageError(
+            "does not fit the engine",
+            field="--jobs",
+            value=jobs,
+            allowed="1" if name == "serial" else "1 or more",
+        )
     if name == "serial":
         return Serial()
     return Processes(jobs if jobs is not None else (os.cpu_count() or 1))

@@ -1,4 +1,6 @@
-"""params.yaml and dvc.yaml as the stages declare them: made for a new workspace, and held against the repository's by a test."""
+"""params.yaml and dvc.yaml as the stages declare them: made for a new workspace, and
+held against the repository's by a test.
+"""
 
 from __future__ import annotations
 
@@ -31,46 +33,87 @@ def bounds(meta: Mapping[str, Any]) -> str:
     if low is None and high is None:
         return ""
     return (
-        f"{low:g} to {high:g}" if low is not None and high is not None else f"at least {low:g}" if low is not None else f"at most {high:g}"
+        f"{low:g} to {high:g}"
+        if low is not None and high is not None
+        else f"at least {low:g}"
+        if low is not None
+        else f"at most {high:g}"
     )
 
 
 def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
-    """params.yaml with every parameter of every stage at its default, with unit, bounds and meaning."""
+    """params.yaml with every parameter of every stage at its default, with unit, bounds
+    and meaning.
+    """
     lines = [
-        "# Defaults of every stage parameter, one section per stage. A campaign sets what differs under `stages:` in its manifest.",
+        (
+            "# Defaults of every stage parameter, one section per stage. A campaign sets what"
+            " differs under `stages:` in its manifest."
+        ),
         "# The comment gives unit, allowed values and meaning; `auvid stages` prints the same.",
         "",
         "campaigns:                                  # those that dvc repro runs",
         *(f"  - {name}" for name in campaigns),
     ]
     for stage in stages:
-        lines += ["", f"# {stage.summary}", f"{stage.name}:" if fields(stage.params) else f"{stage.name}: {{}}"]
+        lines += [
+            "",
+            f"# {stage.summary}",
+            f"{stage.name}:" if fields(stage.params) else f"{stage.name}: {{}}",
+        ]
         for item in fields(stage.params):
             unit, allowed = item.metadata["unit"], bounds(item.metadata)
-            notes = [*([f"[{unit}]"] if unit != "1" else []), item.metadata["meaning"], *([f"({allowed})"] if allowed else [])]
-            lines.append(f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT - 1) + f" # {' '.join(notes)}")
+            notes = [
+                *([f"[{unit}]"] if unit != "1" else []),
+                item.metadata["meaning"],
+                *([f"({allowed})"] if allowed else []),
+            ]
+            lines.append(
+                f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT - 1)
+                + f" # {' '.join(notes)}"
+            )
     return "\n".join(lines) + "\n"
 
 
 def _scalar(value: Any) -> str:
     """A YAML scalar or flow list; JSON is YAML except for words that need no quotes."""
-    if isinstance(value, str) and value.isidentifier() and value not in ("null", "true", "false", "yes", "no", "on", "off"):
+    if (
+        isinstance(value, str)
+        and value.isidentifier()
+        and value not in ("null", "true", "false", "yes", "no", "on", "off")
+    ):
         return value
     return json.dumps(value, ensure_ascii=False)
 
 
-def dvc_yaml(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]) -> str:
-    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage; `campaigns`: name -> kind.
+def dvc_yaml(
+    stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]
+) -> str:
+    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage;
+    `campaigns`: name -> kind.
 
-    Where a stage has other inputs in another kind of campaign, it has an entry of its own there, named `STAGE-KIND`.
+    Where a stage has other inputs in another kind of campaign, it has an entry of its
+    own there, named `STAGE-KIND`.
     """
-    used = tuple(stage for stage in stages if any(stage.name in kinds[kind] for kind in campaigns.values()))
-    graphs = {kind: Graph(stages_of_kind(stages, kinds, kind)) for kind in sorted(set(campaigns.values()))}
+    used = tuple(
+        stage for stage in stages if any(stage.name in kinds[kind] for kind in campaigns.values())
+    )
+    graphs = {
+        kind: Graph(stages_of_kind(stages, kinds, kind)) for kind in sorted(set(campaigns.values()))
+    }
     lines = [
-        "# One entry per stage, for each campaign that has it; STAGE-KIND where the stage has other inputs in that kind of campaign.",
-        "# `auvid run CAMPAIGN` does the same in one process; either may follow the other, for what is fresh is decided by the manifests",
-        "# under runs/. The hash of a stage's code (its own imports and schemas) stands in a small file that `code` brings up to date each",
+        (
+            "# One entry per stage, for each campaign that has it; STAGE-KIND where the stage has"
+            " other inputs in that kind of campaign."
+        ),
+        (
+            "# `auvid run CAMPAIGN` does the same in one process; either may follow the other, for"
+            " what is fresh is decided by the manifests"
+        ),
+        (
+            "# under runs/. The hash of a stage's code (its own imports and schemas) stands in a"
+            " small file that `code` brings up to date each"
+        ),
         "# time: an edited equation reruns what uses it.",
         "stages:",
         "  code:",
@@ -88,20 +131,31 @@ def dvc_yaml(stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], c
         for index, (body, of) in enumerate(bodies.items()):
             names = [name for name, kind in campaigns.items() if kind in of]
             each = "${campaigns}" if len(names) == len(campaigns) else f"[{', '.join(names)}]"
-            lines += ["", f"  {stage.name}:" if index == 0 else f"  {stage.name}-{of[0]}:", f"    foreach: {each}", *body]
+            lines += [
+                "",
+                f"  {stage.name}:" if index == 0 else f"  {stage.name}-{of[0]}:",
+                f"    foreach: {each}",
+                *body,
+            ]
     return "\n".join(lines) + "\n"
 
 
 def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     """What an entry does for each of its campaigns."""
     feeds = graph.feeds(stage)
-    manifest = {feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers}
+    manifest = {
+        feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers
+    }
     documents = {feed.schema for feed in feeds if not feed.producers} & set(DOCUMENTS)
     producers = {port.stage.name for feed in feeds for port in feed.producers}
     if stage.maps_over == "segment":
         producers |= {other.name for other in graph.stages if other.yields == "segment"}
     deps = [f"{CODE}/{stage.name}.txt"]
-    deps.append("campaigns/${item}" if documents or manifest & {"raw_log", "twin"} else "campaigns/${item}/campaign.yaml")
+    deps.append(
+        "campaigns/${item}"
+        if documents or manifest & {"raw_log", "twin"}
+        else "campaigns/${item}/campaign.yaml"
+    )
     deps += ["vehicles"] * ("vehicle" in manifest)
     deps += [path for other in graph.stages if other.name in producers for path, _ in _outs(other)]
     plain = [(path, notes) for path, notes in _outs(stage) if "metrics" not in notes]
@@ -116,20 +170,38 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     ]
     lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
     lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
-    lines += ["      metrics:", *(f"        - {path}: {{persist: true}}" for path in metrics)] if metrics else []
+    lines += (
+        ["      metrics:", *(f"        - {path}: {{persist: true}}" for path in metrics)]
+        if metrics
+        else []
+    )
     return lines
 
 
 def _outs(stage: AnyStage) -> list[tuple[str, str]]:
-    """Paths that a stage leaves: its folder, or, where a metric lies in it, each artefact by itself."""
+    """Paths that a stage leaves: its folder, or, where a metric lies in it, each
+    artefact by itself.
+    """
     folder = f"runs/${{item}}/{stage.name}"
     specs = ports(stage.outputs)
-    if not any(spec["port"].endswith("_metrics") for spec in specs.values()) or stage.maps_over != WHOLE:
+    if (
+        not any(spec["port"].endswith("_metrics") for spec in specs.values())
+        or stage.maps_over != WHOLE
+    ):
         return [(folder, "")]
     found = [(f"{folder}/manifest.json", "")]
     for name, spec in specs.items():
         note = "metrics" if spec["port"].endswith("_metrics") else ""
-        found.append((f"{folder}/{name}" if spec["many"] else f"{folder}/{name}{schema(spec['port']).suffix}", note))
+        found.append(
+            (
+                (
+                    f"{folder}/{name}"
+                    if spec["many"]
+                    else f"{folder}/{name}{schema(spec['port']).suffix}"
+                ),
+                note,
+            )
+        )
     return found
 
 
@@ -137,11 +209,16 @@ def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
     """The kind of each campaign, from its manifest."""
     from auvid.pipeline.campaigns.yaml_files import load_yaml
 
-    return {name: str(load_yaml(root / "campaigns" / name / "campaign.yaml").value["kind"]) for name in campaigns}
+    return {
+        name: str(load_yaml(root / "campaigns" / name / "campaign.yaml").value["kind"])
+        for name in campaigns
+    }
 
 
 def main() -> None:
-    """Write params.yaml and dvc.yaml of the current folder anew; the list of campaigns stays."""
+    """Write params.yaml and dvc.yaml of the current folder anew; the list of campaigns
+    stays.
+    """
     from auvid.pipeline.campaigns.yaml_files import load_yaml
     from auvid.pipeline.store.atomic_files import write_atomically
     from auvid.stages import KINDS, STAGES
@@ -153,7 +230,10 @@ def main() -> None:
         else [path.parent.name for path in Path("campaigns").glob("*/campaign.yaml")]
     )
     write_atomically(params, params_yaml(STAGES, sorted(campaigns)).encode())
-    write_atomically(Path("dvc.yaml"), dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), sorted(campaigns))).encode())
+    write_atomically(
+        Path("dvc.yaml"),
+        dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), sorted(campaigns))).encode(),
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""One run of a campaign at a time: a lock on its folder, held by the system as long as the process lives."""
+"""One run of a campaign at a time: a lock on its folder, held by the system as long as
+the process lives.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,16 @@ FILE = ".lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a run folder. Raises `PipelineError` while another live process holds it; a dead one's lock is free by itself."""
+    """Hold the lock of a run folder. Raises `PipelineError` while another live process
+    holds it; a dead one's lock is free by itself.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as fault:
-        raise PipelineError(f"the run folder cannot be used: {fault.strerror}", file=folder) from fault
+        raise PipelineError(
+            f"the run folder cannot be used: {fault.strerror}", file=folder
+        ) from fault
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -28,7 +34,10 @@ def locked(folder: Path) -> Iterator[None]:
             holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
             remedy = "Wait until it has finished."
             raise PipelineError(
-                "another run of this campaign is under way", file=folder, value=f"process {holder}", remedy=remedy
+                "another run of this campaign is under way",
+                file=folder,
+                value=f"process {holder}",
+                remedy=remedy,
             ) from None
         os.ftruncate(handle, 0)
         os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)

@@ -77,11 +77,18 @@ class Bars:
         self._bars.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self._bars.stop()
 
     def stage(self, name: str, *, todo: int, total: int, level: str) -> None:
-        self._now = self._bars.add_task(name, total=total, completed=total - todo, note="" if todo else "up to date")
+        self._now = self._bars.add_task(
+            name, total=total, completed=total - todo, note="" if todo else "up to date"
+        )
         if not todo:
             self._bars.stop_task(self._now)
 

@@ -1,7 +1,9 @@
-"""Run the stages of a campaign: find what is stale, run it, and vouch for the results in the manifests.
+"""Run the stages of a campaign: find what is stale, run it, and vouch for the results
+in the manifests.
 
-An item is fresh if its key (hash of inputs, parameters, schemas and code) is that of its record and its files still have the recorded
-hashes. Inputs count by content, so a stage that gives the same result again makes nothing after it stale.
+An item is fresh if its key (hash of inputs, parameters, schemas and code) is that of
+its record and its files still have the recorded hashes. Inputs count by content, so a
+stage that gives the same result again makes nothing after it stale.
 """
 
 from __future__ import annotations
@@ -20,10 +22,25 @@ from auvid.pipeline.execution.engines import Engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress, Silent
 from auvid.pipeline.execution.task import Outcome, Task
-from auvid.pipeline.execution.task_inputs import Artefact, Log, Many, Source, Value, log_source, simulated_log
+from auvid.pipeline.execution.task_inputs import (
+    Artefact,
+    Log,
+    Many,
+    Source,
+    Value,
+    log_source,
+    simulated_log,
+)
 from auvid.pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
 from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
-from auvid.pipeline.store.fingerprints import FileHashes, as_document, fingerprint_line, hash_value, package_versions, stage_code
+from auvid.pipeline.store.fingerprints import (
+    FileHashes,
+    as_document,
+    fingerprint_line,
+    hash_value,
+    package_versions,
+    stage_code,
+)
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import ports
 
@@ -33,7 +50,9 @@ class StageFault(PipelineError):
 
 
 class InternalFault(Exception):
-    """A fault of auvid itself; `trace` is the Python traceback of the process where it happened."""
+    """A fault of auvid itself; `trace` is the Python traceback of the process where it
+    happened.
+    """
 
     def __init__(self, message: str, trace: str) -> None:
         super().__init__(message)
@@ -51,7 +70,9 @@ class Place:
 
 @dataclass
 class Run:
-    """One campaign, its graph and the parameters of its stages, over a folder of artefacts."""
+    """One campaign, its graph and the parameters of its stages, over a folder of
+    artefacts.
+    """
 
     campaign: Campaign
     graph: Graph
@@ -61,17 +82,28 @@ class Run:
     hashes: FileHashes = field(init=False)
 
     def __post_init__(self) -> None:
-        self.manifests = {stage.name: Manifest(self.folder / stage.name) for stage in self.graph.stages}
+        self.manifests = {
+            stage.name: Manifest(self.folder / stage.name) for stage in self.graph.stages
+        }
         self.hashes = FileHashes(self.folder / ".hashes.json")
 
-    def execute(self, stages: Sequence[AnyStage], engine: Engine, progress: Progress | None = None, *, force: bool = False) -> int:
+    def execute(
+        self,
+        stages: Sequence[AnyStage],
+        engine: Engine,
+        progress: Progress | None = None,
+        *,
+        force: bool = False,
+    ) -> int:
         """Bring these stages up to date and return how many items had to run.
 
         Raises `StageFault` (all faults of a stage together), or `InternalFault`.
         """
         with locked(self.folder):
             try:
-                count = sum(self._stage(stage, engine, progress or Silent(), force) for stage in stages)
+                count = sum(
+                    self._stage(stage, engine, progress or Silent(), force) for stage in stages
+                )
                 if count and any(stage.name == "report" for stage in stages):
                     history.remember(self)
                 return count
@@ -96,20 +128,27 @@ class Run:
             if force or not self.is_fresh(task):
                 stale.append(task)
         again = {*outcomes, *(task.item for task in stale)}
-        manifest.write({item: record for item, record in manifest.records.items() if item not in again}, order)
+        manifest.write(
+            {item: record for item, record in manifest.records.items() if item not in again}, order
+        )
         progress.stage(stage.name, todo=len(again), total=len(places), level=stage.maps_over)
         for outcome in engine.map(stale):
             outcomes[outcome.item] = outcome
             if outcome.record is not None:
                 manifest.write({**manifest.records, outcome.item: outcome.record}, order)
             progress.item(outcome.item)
-        prune(manifest.folder, {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))})
+        prune(
+            manifest.folder,
+            {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))},
+        )
         progress.finish(failed=sum(outcome.record is None for outcome in outcomes.values()))
         _raise(stage, [outcomes[item] for item in order if item in outcomes])
         return len(stale)
 
     def places(self, level: str) -> list[Place]:
-        """The items of a level, in the order of the manifest; segments in the order of their legs."""
+        """The items of a level, in the order of the manifest; segments in the order of
+        their legs.
+        """
         legs = self.campaign.legs
         if level == WHOLE:
             return [Place(WHOLE)]
@@ -121,7 +160,11 @@ class Run:
         missing = [leg for leg in legs if leg not in manifest.records]
         if missing:
             raise self._not_run(self._divider)
-        return [Place(key, entry["log"], leg) for leg, entry in legs.items() for key in manifest.keys(leg)]
+        return [
+            Place(key, entry["log"], leg)
+            for leg, entry in legs.items()
+            for key in manifest.keys(leg)
+        ]
 
     @cached_property
     def _codes(self) -> dict[str, str]:
@@ -133,20 +176,38 @@ class Run:
         return next(stage for stage in self.graph.stages if stage.yields == "segment")
 
     def task(self, stage: AnyStage, place: Place) -> Task:
-        """The task of one item: its inputs found, its key formed. Raises `DataError` where an input has not been made yet."""
+        """The task of one item: its inputs found, its key formed. Raises `DataError`
+        where an input has not been made yet.
+        """
         sources = {feed.port: self._source(stage, feed, place) for feed in self.graph.feeds(stage)}
         params, code = self.params[stage.name], self._codes[stage.name]
         inputs = {name: source.fingerprint for name, source in sources.items()}
-        key = hash_value({"stage": stage.name, "item": place.item, "inputs": inputs, "params": params, "code": code})
+        key = hash_value(
+            {
+                "stage": stage.name,
+                "item": place.item,
+                "inputs": inputs,
+                "params": params,
+                "code": code,
+            }
+        )
         outputs = tuple(port for port in self.graph.outputs if port.stage is stage)
-        return Task(stage, place.item, params, sources, outputs, self.folder / stage.name, key, code)
+        return Task(
+            stage, place.item, params, sources, outputs, self.folder / stage.name, key, code
+        )
 
     def is_fresh(self, task: Task) -> bool:
-        """Whether the record of an item has this key and its files are what the record says."""
+        """Whether the record of an item has this key and its files are what the record
+        says.
+        """
         record = self.manifests[task.stage.name].records.get(task.item)
         if record is None or record.key != task.key:
             return False
-        return all(self._has(artefact) for port in task.outputs for artefact in self.artefacts_of(port, task.item).values())
+        return all(
+            self._has(artefact)
+            for port in task.outputs
+            for artefact in self.artefacts_of(port, task.item).values()
+        )
 
     def _has(self, artefact: Artefact) -> bool:
         try:
@@ -155,7 +216,9 @@ class Run:
             return False
 
     def artefacts(self, stage: AnyStage) -> Iterator[tuple[Port, str, str | None, Artefact]]:
-        """All artefacts of a stage: port, item, key (None for a port with a single one), artefact."""
+        """All artefacts of a stage: port, item, key (None for a port with a single
+        one), artefact.
+        """
         for port in self.graph.outputs:
             if port.stage is stage:
                 for item in self.manifests[stage.name].records:
@@ -163,14 +226,19 @@ class Run:
                         yield port, item, key, artefact
 
     def artefacts_of(self, port: Port, item: str) -> dict[str | None, Artefact]:
-        """What a port gave for an item, by key (None for a single one); empty if it gave none."""
+        """What a port gave for an item, by key (None for a single one); empty if it
+        gave none.
+        """
         manifest = self.manifests[port.stage.name]
         record = manifest.records.get(item)
         hashes = record.outputs.get(port.name) if record is not None else None
         if hashes is None:
             return {}
         named = [(None, hashes)] if isinstance(hashes, str) else hashes.items()
-        return {key: Artefact(manifest.folder / port.path(item, key), port.schema, value) for key, value in named}
+        return {
+            key: Artefact(manifest.folder / port.path(item, key), port.schema, value)
+            for key, value in named
+        }
 
     def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
         if feed.schema == "raw_log":
@@ -189,7 +257,9 @@ class Run:
         if feed.every:
             return Many(self._collected(feed))
         if not feed.producers:
-            many = ports(stage.inputs)[feed.port]["many"]  # the manifest names one document: no collection (report) takes it
+            many = ports(stage.inputs)[feed.port][
+                "many"
+            ]  # the manifest names one document: no collection (report) takes it
             return Value(None if many else self.campaign.documents.get(feed.schema))
         return self._produced(stage, feed, feed.producers[0], place)
 
@@ -203,13 +273,25 @@ class Run:
         return simulated_log(self.campaign.logs[log], self.campaign.twin, files)
 
     def provenance(self) -> dict[str, Any]:
-        """Where the results come from: content hashes of the logs and the vehicle, code and parameters of every stage, package versions."""
+        """Where the results come from: content hashes of the logs and the vehicle, code
+        and parameters of every stage, package versions.
+        """
         logs = {log: self._log(log).fingerprint["files"] for log in self.campaign.logs}
-        stages = {name: {"code": code, "parameters": as_document(self.params[name])} for name, code in self._codes.items()}
-        return {"logs": logs, "vehicle": hash_value(self.campaign.vehicle), "stages": stages, "packages": package_versions()}
+        stages = {
+            name: {"code": code, "parameters": as_document(self.params[name])}
+            for name, code in self._codes.items()
+        }
+        return {
+            "logs": logs,
+            "vehicle": hash_value(self.campaign.vehicle),
+            "stages": stages,
+            "packages": package_versions(),
+        }
 
     def _collected(self, feed: Feed) -> dict[str, Artefact]:
-        """Artefacts of a schema from all stages, keyed `stage/item`; tables `stage/item/port`, several of a port `stage/item/port/key`."""
+        """Artefacts of a schema from all stages, keyed `stage/item`; tables
+        `stage/item/port`, several of a port `stage/item/port/key`.
+        """
         entries: dict[str, Artefact] = {}
         for producer in feed.producers:
             for item in self._items(producer.stage):
@@ -218,13 +300,19 @@ class Run:
         return entries
 
     def _label(self, feed: Feed, producer: Port, item: str, key: str | None) -> str:
-        parts = [producer.stage.name] if producer.level == WHOLE else [producer.stage.name, producer.owner(item, key)]
+        parts = (
+            [producer.stage.name]
+            if producer.level == WHOLE
+            else [producer.stage.name, producer.owner(item, key)]
+        )
         if feed.schema == "table" or producer.keyed:
             parts.append(producer.name)
         return "/".join([*parts, *([str(key)] if producer.keyed else [])])
 
     def _produced(self, stage: AnyStage, feed: Feed, producer: Port, place: Place) -> Source:
-        """What a port delivers: the artefact of the item or of what it belongs to, or all of them for a campaign stage."""
+        """What a port delivers: the artefact of the item or of what it belongs to, or
+        all of them for a campaign stage.
+        """
         items = self._items(producer.stage)
         if stage.maps_over == WHOLE and producer.level != WHOLE:
             found = {
@@ -233,7 +321,9 @@ class Run:
                 for key, artefact in self.artefacts_of(producer, item).items()
             }
             return Many(found)
-        item = {"log": place.log, "leg": place.leg, "segment": place.item, WHOLE: WHOLE}[producer.stage.maps_over]
+        item = {"log": place.log, "leg": place.leg, "segment": place.item, WHOLE: WHOLE}[
+            producer.stage.maps_over
+        ]
         if item not in items:
             raise self._not_run(producer.stage)
         given = self.artefacts_of(producer, item)
@@ -245,7 +335,10 @@ class Run:
         if feed.optional:
             return Value(None)
         meaning = schema(producer.schema).meaning.rstrip(".")
-        raise DataError(f"needs '{producer.schema}' ({meaning}), and stage {producer.stage.name} gave none for '{item}'")
+        raise DataError(
+            f"needs '{producer.schema}' ({meaning}), and stage {producer.stage.name} gave none for"
+            f" '{item}'"
+        )
 
     def _items(self, producer: AnyStage) -> tuple[str, ...]:
         """The items that a stage has finished; an error if there is none."""
@@ -256,7 +349,9 @@ class Run:
 
     def _not_run(self, producer: AnyStage) -> PipelineError:
         return DataError(
-            f"stage {producer.name} has not been run", file=self.folder, remedy=f"auvid run {self.campaign.name} --until {producer.name}"
+            f"stage {producer.name} has not been run",
+            file=self.folder,
+            remedy=f"auvid run {self.campaign.name} --until {producer.name}",
         )
 
 
@@ -264,7 +359,13 @@ def _raise(stage: AnyStage, outcomes: Sequence[Outcome]) -> None:
     for outcome in outcomes:
         if outcome.crash is not None:
             raise InternalFault(f"{_where(stage, outcome.item)}: {outcome.crash}", outcome.trace)
-    raise_faults([StageFault(f"{_where(stage, outcome.item)}: {outcome.fault}") for outcome in outcomes if outcome.fault is not None])
+    raise_faults(
+        [
+            StageFault(f"{_where(stage, outcome.item)}: {outcome.fault}")
+            for outcome in outcomes
+            if outcome.fault is not None
+        ]
+    )
 
 
 def _where(stage: AnyStage, item: str) -> str:
@@ -272,7 +373,9 @@ def _where(stage: AnyStage, item: str) -> str:
 
 
 def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
-    """Write the small file of each stage on which DVC depends in place of the code; unchanged ones are left alone."""
+    """Write the small file of each stage on which DVC depends in place of the code;
+    unchanged ones are left alone.
+    """
     for stage in stages:
         path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()
         if not path.is_file() or path.read_bytes() != line:

@@ -1,4 +1,6 @@
-"""One work item: load its inputs, run the stage, check and write what it returns. Runs in any process; never raises."""
+"""One work item: load its inputs, run the stage, check and write what it returns. Runs
+in any process; never raises.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from auvid.pipeline.store.manifest import Hashes, Record
 
 @dataclass(frozen=True)
 class Task:
-    """What is needed to run one item. `folder` is the folder of the stage; `key` stands for all that the result depends on."""
+    """What is needed to run one item. `folder` is the folder of the stage; `key` stands
+    for all that the result depends on.
+    """
 
     stage: AnyStage
     item: str
@@ -35,7 +39,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task: a record, or the user's fault, or the trace of a fault of auvid."""
+    """What became of a task: a record, or the user's fault, or the trace of a fault of
+    auvid.
+    """
 
     item: str
     record: Record | None = None
@@ -45,13 +51,17 @@ class Outcome:
 
 
 def execute(task: Task) -> Outcome:
-    """Run one item to its end. Interruptions pass through; everything else is an outcome."""
+    """Run one item to its end. Interruptions pass through; everything else is an
+    outcome.
+    """
     try:
         return Outcome(task.item, record=_run(task))
     except PipelineError as fault:
         return Outcome(task.item, fault=fault)
     except Exception as crash:
-        return Outcome(task.item, crash=f"{type(crash).__name__}: {crash}", trace=traceback.format_exc())
+        return Outcome(
+            task.item, crash=f"{type(crash).__name__}: {crash}", trace=traceback.format_exc()
+        )
 
 
 def _run(task: Task) -> Record:
@@ -59,7 +69,9 @@ def _run(task: Task) -> Record:
         warnings.simplefilter("always")
         warnings.simplefilter("ignore", DeprecationWarning)
         try:
-            inputs = task.stage.inputs(**{name: source.load() for name, source in task.sources.items()})
+            inputs = task.stage.inputs(
+                **{name: source.load() for name, source in task.sources.items()}
+            )
             results = task.stage.run(inputs, task.params)
         except PipelineError:
             _check_unchanged(task)  # half a file gives strange faults
@@ -71,9 +83,15 @@ def _run(task: Task) -> Record:
         code=task.code,
         params=as_document(task.params),
         inputs={name: source.fingerprint for name, source in task.sources.items()},
-        outputs={name: hashes for port in task.outputs if (hashes := _write(port, contents[name := port.name], task)) is not None},
+        outputs={
+            name: hashes
+            for port in task.outputs
+            if (hashes := _write(port, contents[name := port.name], task)) is not None
+        },
         packages=package_versions(),
-        warnings=dict(sorted(Counter(f"{item.category.__name__}: {item.message}" for item in caught).items())),
+        warnings=dict(
+            sorted(Counter(f"{item.category.__name__}: {item.message}" for item in caught).items())
+        ),
     )
 
 
@@ -84,7 +102,9 @@ def _check_unchanged(task: Task) -> None:
 
 
 def _contents(port: Port, result: Any) -> dict[str | None, bytes]:
-    """The bytes of a port's artefacts by key (None for a single one); all are made and checked before the first is written."""
+    """The bytes of a port's artefacts by key (None for a single one); all are made and
+    checked before the first is written.
+    """
     where = f"output '{port.name}'"
     if result is None:
         return {}
@@ -92,7 +112,10 @@ def _contents(port: Port, result: Any) -> dict[str | None, bytes]:
         return {None: encode(result, port.schema, file=where)}
     if any("/" in key or key.startswith(".") or not key for key in result):
         raise ValueError(f"{where} has keys that cannot be file names: {list(result)}")
-    return {key: encode(artefact, port.schema, file=f"{where} of '{key}'") for key, artefact in result.items()}
+    return {
+        key: encode(artefact, port.schema, file=f"{where} of '{key}'")
+        for key, artefact in result.items()
+    }
 
 
 def _write(port: Port, contents: Mapping[str | None, bytes], task: Task) -> Hashes | None:

@@ -1,4 +1,5 @@
-"""Where an input of a work item comes from: values of the manifest, artefacts on disk, collections of them, and raw logs.
+"""Where an input of a work item comes from: values of the manifest, artefacts on disk,
+collections of them, and raw logs.
 
 Sources are small and picklable; they are opened by the process that runs the item.
 """
@@ -70,7 +71,9 @@ class Many:
         return {key: entry.hash for key, entry in self.entries.items()}
 
     def load(self) -> Collection[Any]:
-        return Collection({key: partial(Artefact.load, entry) for key, entry in self.entries.items()})
+        return Collection(
+            {key: partial(Artefact.load, entry) for key, entry in self.entries.items()}
+        )
 
 
 @dataclass(frozen=True)
@@ -95,13 +98,23 @@ class Log:
 
     @property
     def fingerprint(self) -> dict[str, Any]:
-        files = [{"name": part.name, "content": part.hash, "columns": part.columns and hash_value(part.columns)} for part in self.parts]
+        files = [
+            {
+                "name": part.name,
+                "content": part.hash,
+                "columns": part.columns and hash_value(part.columns),
+            }
+            for part in self.parts
+        ]
         return {"id": self.id, "reader": self.reader, "files": files}
 
     def load(self) -> RawLog:
         self.check_unchanged()
         what = f"file of log '{self.id}'"
-        files = (RawFile(part.name, contents(part.path, file=part.name, what=what), part.columns) for part in self.parts)
+        files = (
+            RawFile(part.name, contents(part.path, file=part.name, what=what), part.columns)
+            for part in self.parts
+        )
         return RawLog(self.id, tuple(files), self.reader)
 
     def check_unchanged(self) -> None:
@@ -111,21 +124,39 @@ class Log:
                 status = part.path.stat()
             if (status.st_size, status.st_mtime_ns) != (part.size, part.changed_ns):
                 remedy = "Wait until the copy or download has finished, and run again."
-                raise LogError(f"the file of log '{self.id}' changed while it was read", file=part.name, remedy=remedy)
+                raise LogError(
+                    f"the file of log '{self.id}' changed while it was read",
+                    file=part.name,
+                    remedy=remedy,
+                )
 
 
 def log_source(campaign: Campaign, log: str, hashes: FileHashes) -> Log:
-    """The source of a log. Errors of missing or unreadable files name the manifest and the log."""
+    """The source of a log. Errors of missing or unreadable files name the manifest and
+    the log.
+    """
     parts = []
     for file in campaign.log_files(log):
         with readable(file.path, file=campaign.file.path, what=f"file of log '{log}'"):
             status = file.path.stat()
-            parts.append(LogPart(file.name, file.path, hashes.of(file.path), status.st_size, status.st_mtime_ns, file.columns))
+            parts.append(
+                LogPart(
+                    file.name,
+                    file.path,
+                    hashes.of(file.path),
+                    status.st_size,
+                    status.st_mtime_ns,
+                    file.columns,
+                )
+            )
     return Log(log, campaign.logs[log].get("reader"), tuple(parts))
 
 
-def simulated_log(entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapping[str, Artefact]) -> Log:
-    """The source of a log that the stage simulate wrote: `entry` of the manifest, `files` by name.
+def simulated_log(
+    entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapping[str, Artefact]
+) -> Log:
+    """The source of a log that the stage simulate wrote: `entry` of the manifest,
+    `files` by name.
 
     Raises `DataError` where the twin did not reach the leg of this log.
     """
@@ -135,8 +166,21 @@ def simulated_log(entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapp
         name = item["file"]
         if name not in files:
             remedy = "The report of stage simulate says when and why the flight stopped."
-            raise DataError(f"the twin did not reach leg '{entry['id']}', so there is no log of it", value=name, remedy=remedy)
+            raise DataError(
+                f"the twin did not reach leg '{entry['id']}', so there is no log of it",
+                value=name,
+                remedy=remedy,
+            )
         status = files[name].path.stat()
         columns = maps[Path(item["columns"]).stem] if "columns" in item else None
-        parts.append(LogPart(name, files[name].path, files[name].hash, status.st_size, status.st_mtime_ns, columns))
+        parts.append(
+            LogPart(
+                name,
+                files[name].path,
+                files[name].hash,
+                status.st_size,
+                status.st_mtime_ns,
+                columns,
+            )
+        )
     return Log(entry["id"], None, tuple(parts))

@@ -1,4 +1,6 @@
-"""Artefacts on disk: tables as Parquet, documents as JSON, and bytes; checked against their schema on write and on read."""
+"""Artefacts on disk: tables as Parquet, documents as JSON, and bytes; checked against
+their schema on write and on read.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
@@ -23,7 +26,9 @@ LINE = 120
 
 
 def encode(artefact: object, name: str, *, file: object) -> bytes:
-    """The bytes of an artefact of schema `name`, the same for the same content. Raises `SchemaError` where it does not fit."""
+    """The bytes of an artefact of schema `name`, the same for the same content. Raises
+    `SchemaError` where it does not fit.
+    """
     kind = schema(name).kind
     if kind == "table":
         if not isinstance(artefact, pa.Table):
@@ -42,19 +47,32 @@ def encode(artefact: object, name: str, *, file: object) -> bytes:
 
 
 def load(path: Path, name: str, expected: str | None = None) -> Any:
-    """Read an artefact back, checked. `expected`: hash of the content that the caller counts on; another one is a `SchemaError`."""
+    """Read an artefact back, checked. `expected`: hash of the content that the caller
+    counts on; another one is a `SchemaError`.
+    """
     with readable(path, file=path, what="artefact"):
         content = path.read_bytes()
     if expected is not None and hash_bytes(content) != expected:
-        raise SchemaError("the artefact is not what its manifest says", file=path, remedy="Run the whole campaign: it is made again.")
+        raise SchemaError(
+            "the artefact is not what its manifest says",
+            file=path,
+            remedy="Run the whole campaign: it is made again.",
+        )
     kind = schema(name).kind
     if kind == "bytes":
         return content
     try:
-        # one thread: Arrow's readers let go of a Python buffer after they return, and at exit that aborts (apache/arrow#34314)
-        found = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False) if kind == "table" else json.loads(content)
+        # one thread: Arrow's readers let go of a Python buffer after they return, and
+        # at exit that aborts (apache/arrow#34314)
+        found = (
+            pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
+            if kind == "table"
+            else json.loads(content)
+        )
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
-        raise SchemaError(f"cannot be read: {fault}", file=path, remedy="Remove the file and run again.") from fault
+        raise SchemaError(
+            f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
+        ) from fault
     if kind == "table":
         check_table(found, name, file=path)
     else:
@@ -63,22 +81,33 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
 
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
-    """A document of plain Python values; numpy scalars and arrays are taken over, NaN and infinity refused."""
+    """A document of plain Python values; numpy scalars and arrays are taken over, NaN
+    and infinity refused.
+    """
     if isinstance(value, Mapping):
-        return {str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key)) for key, item in value.items()}
+        return {
+            str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key))
+            for key, item in value.items()
+        }
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
         return [to_plain(item, file=file, at=f"{at}[{index}]") for index, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
-        raise SchemaError("no number", file=file, field=at, value=value, allowed="finite numbers, or null")
+        raise SchemaError(
+            "no number", file=file, field=at, value=value, allowed="finite numbers, or null"
+        )
     if value is None or isinstance(value, str | int | float | bool):
         return value
-    raise SchemaError("a document cannot hold this", file=file, field=at, value=type(value).__name__)
+    raise SchemaError(
+        "a document cannot hold this", file=file, field=at, value=type(value).__name__
+    )
 
 
 def to_json(value: Any, indent: int = 0) -> str:
-    """JSON that a person can read in a diff: one key a line, short containers and lists of scalars on one line."""
+    """JSON that a person can read in a diff: one key a line, short containers and lists
+    of scalars on one line.
+    """
     if not isinstance(value, dict | list) or not value:
         return _line(value)
     items = value.values() if isinstance(value, dict) else value
@@ -92,7 +121,9 @@ def to_json(value: Any, indent: int = 0) -> str:
     if isinstance(value, dict):
         inner = [f"{pad}{_line(key)}: {to_json(item, indent + 1)}" for key, item in value.items()]
         return "{\n" + ",\n".join(inner) + "\n" + pad[1:] + "}"
-    return "[\n" + ",\n".join(pad + to_json(item, indent + 1) for item in value) + "\n" + pad[1:] + "]"
+    return (
+        "[\n" + ",\n".join(pad + to_json(item, indent + 1) for item in value) + "\n" + pad[1:] + "]"
+    )
 
 
 def _line(value: Any) -> str:

@@ -1,4 +1,6 @@
-"""Files that are either whole or not there: temporary file in the same folder, fsync of file and folder, rename."""
+"""Files that are either whole or not there: temporary file in the same folder, fsync of
+file and folder, rename.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import PipelineError
 
 TEMPORARY = ".part"
@@ -25,12 +28,18 @@ REMEDIES = {
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that readers see the old content or the new, never a part. Raises `PipelineError` where the system refuses."""
+    """Write a file so that readers see the old content or the new, never a part. Raises
+    `PipelineError` where the system refuses.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _write(path, content)
     except OSError as fault:
-        raise PipelineError(f"cannot be written: {fault.strerror or fault}", file=path, remedy=REMEDIES.get(fault.errno or 0)) from fault
+        raise PipelineError(
+            f"cannot be written: {fault.strerror or fault}",
+            file=path,
+            remedy=REMEDIES.get(fault.errno or 0),
+        ) from fault
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -57,7 +66,9 @@ def sync_folder(folder: Path) -> None:
 
 
 def prune(folder: Path, keep: set[Path]) -> None:
-    """Remove every file under a folder that is not in `keep`, and the folders that then are empty."""
+    """Remove every file under a folder that is not in `keep`, and the folders that then
+    are empty.
+    """
     if not folder.is_dir():
         return
     for path in sorted(folder.rglob("*"), reverse=True):
@@ -76,17 +87,25 @@ def sweep(folder: Path) -> None:
 
 @contextmanager
 def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
-    """Turn the system's refusal to read into an error that says which entry of which file names the path."""
+    """Turn the system's refusal to read into an error that says which entry of which
+    file names the path.
+    """
     try:
         if path.is_dir():
             raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
         yield
     except FileNotFoundError as fault:
-        raise PipelineError(f"{what} is not there", file=file, value=str(path), remedy=_neighbours(path)) from fault
+        raise PipelineError(
+            f"{what} is not there", file=file, value=str(path), remedy=_neighbours(path)
+        ) from fault
     except PermissionError as fault:
-        raise PipelineError(f"{what} cannot be read: no permission", file=file, value=str(path)) from fault
+        raise PipelineError(
+            f"{what} cannot be read: no permission", file=file, value=str(path)
+        ) from fault
     except OSError as fault:
-        raise PipelineError(f"{what} cannot be read: {fault.strerror or fault}", file=file, value=str(path)) from fault
+        raise PipelineError(
+            f"{what} cannot be read: {fault.strerror or fault}", file=file, value=str(path)
+        ) from fault
 
 
 def _neighbours(path: Path) -> str:
@@ -99,13 +118,18 @@ def _neighbours(path: Path) -> str:
     if close:
         return f"Did you mean {' or '.join(close)}?"
     more = f" and {len(names) - NAMED_FILES} more" if len(names) > NAMED_FILES else ""
-    return f"The folder holds {', '.join(names[:NAMED_FILES])}{more}." if names else "The folder is empty."
+    return (
+        f"The folder holds {', '.join(names[:NAMED_FILES])}{more}."
+        if names
+        else "The folder is empty."
+    )
 
 
 def contents(path: Path, *, file: object, what: str) -> npt.NDArray[np.uint8]:
     """The bytes of a file, read-only, n bytes in memory.
 
-    A file that is cut short while it is mapped would end the process (SIGBUS), so only what is larger than `LARGEST_IN_MEMORY` is mapped.
+    A file that is cut short while it is mapped would end the process (SIGBUS), so only
+    what is larger than `LARGEST_IN_MEMORY` is mapped.
     """
     with readable(path, file=file, what=what):
         if path.stat().st_size > LARGEST_IN_MEMORY:

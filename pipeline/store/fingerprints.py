@@ -1,4 +1,6 @@
-"""What a result depends on, as hashes: file contents, values, schemas, and the code that a stage imports."""
+"""What a result depends on, as hashes: file contents, values, schemas, and the code
+that a stage imports.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def hash_bytes(content: bytes) -> str:
 
 
 def hash_value(value: object) -> str:
-    """Hash of a value made of mappings, sequences, text, numbers and dataclasses; the order of keys does not matter."""
+    """Hash of a value made of mappings, sequences, text, numbers and dataclasses; the
+    order of keys does not matter.
+    """
     return hash_bytes(json.dumps(value, sort_keys=True, default=_plain).encode())
 
 
@@ -47,9 +51,11 @@ def hash_file(path: Path) -> str:
 
 
 class FileHashes:
-    """File hashes, remembered by size and time of change so that an unchanged file is not read twice.
+    """File hashes, remembered by size and time of change so that an unchanged file is
+    not read twice.
 
-    A file younger than two seconds is not remembered: it could change again within one tick of the file system's clock.
+    A file younger than two seconds is not remembered: it could change again within one
+    tick of the file system's clock.
     """
 
     def __init__(self, memory: Path | None = None) -> None:
@@ -93,8 +99,9 @@ def package_versions() -> dict[str, str]:
 def stage_code(stage: Stage[Any, Any, Any]) -> str:
     """Hash of everything a stage's result depends on besides inputs and parameters.
 
-    That is: the stage's module, the modules of auvid that it imports directly or through others (found in the source, not by running
-    it), the data files that these name or that lie in the stage's own folder, and the schemas of the stage's ports.
+    That is: the stage's module, the modules of auvid that it imports directly or
+    through others (found in the source, not by running it), the data files that these
+    name or that lie in the stage's own folder, and the schemas of the stage's ports.
     """
     sources = {name: hash_file(path) for name, path in import_closure(stage.run.__module__).items()}
     return hash_value({"sources": sources, "schemas": stage_schemas(stage)})
@@ -102,16 +109,22 @@ def stage_code(stage: Stage[Any, Any, Any]) -> str:
 
 def stage_schemas(stage: Stage[Any, Any, Any]) -> dict[str, str]:
     """Hash of the schema of every port of a stage."""
-    named = {spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()}
-    return {name: hash_bytes(schema_text(name).encode()) for name in sorted(named - {"table", "raw_log"})}
+    named = {
+        spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()
+    }
+    return {
+        name: hash_bytes(schema_text(name).encode())
+        for name in sorted(named - {"table", "raw_log"})
+    }
 
 
 @cache
 def import_closure(module: str) -> dict[str, Path]:
-    """Source and data files that a module of auvid depends on: name -> path, the module itself included.
+    """Source and data files that a module of auvid depends on: name -> path, the module
+    itself included.
 
-    A package's `__init__` counts only where something is imported from it: `stages/__init__.py` names all stages, and no stage depends on
-    the others.
+    A package's `__init__` counts only where something is imported from it:
+    `stages/__init__.py` names all stages, and no stage depends on the others.
     """
     found: dict[str, Path] = {}
     waiting = [module]
@@ -124,12 +137,18 @@ def import_closure(module: str) -> dict[str, Path]:
             continue
         found[name] = path
         waiting += sorted(_imports(path, name))
-    data = {_data_name(path, name): path for name, source in found.items() for path in _data_files(source, name)}
+    data = {
+        _data_name(path, name): path
+        for name, source in found.items()
+        for path in _data_files(source, name)
+    }
     return dict(sorted((found | data).items()))
 
 
 def _floor(module: str) -> str:
-    """The floor that a module belongs to: `auvid.stages.fuse.motion` -> `auvid.stages`; its first name outside of auvid."""
+    """The floor that a module belongs to: `auvid.stages.fuse.motion` -> `auvid.stages`;
+    its first name outside of auvid.
+    """
     parts = module.split(".")
     return ".".join(parts[: 2 if parts[0] == "auvid" else 1])
 
@@ -175,7 +194,11 @@ def _scan(path: Path) -> _Scan:
         elif isinstance(node, ast.Constant):
             if isinstance(node.value, str) and node.value.endswith(DATA_SUFFIXES):
                 names.add(node.value.rpartition("/")[2])
-        elif not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
+        elif not (
+            isinstance(node, ast.If)
+            and isinstance(node.test, ast.Name)
+            and node.test.id == "TYPE_CHECKING"
+        ):
             waiting += ast.iter_child_nodes(node)
     return _Scan(tuple(imports), frozenset(names))
 
@@ -208,16 +231,24 @@ def _absolute(node: ast.ImportFrom, module: str, path: Path) -> str:
 
 
 def _data_files(source: Path, module: str) -> list[Path]:
-    """Data files named in a module's source, or lying in the folder of a stage that is a package of its own."""
+    """Data files named in a module's source, or lying in the folder of a stage that is
+    a package of its own.
+    """
     top = _floor_folder(_floor(module))
     named = _scan(source).data_names
     beside = source.parent != top and module.startswith("auvid.stages.")
-    return [path for path in _folder_data(top) if path.name in named or (beside and path.is_relative_to(source.parent))]
+    return [
+        path
+        for path in _folder_data(top)
+        if path.name in named or (beside and path.is_relative_to(source.parent))
+    ]
 
 
 @cache
 def _folder_data(top: Path) -> tuple[Path, ...]:
-    return tuple(sorted(path for path in top.rglob("*") if path.suffix in DATA_SUFFIXES and path.is_file()))
+    return tuple(
+        sorted(path for path in top.rglob("*") if path.suffix in DATA_SUFFIXES and path.is_file())
+    )
 
 
 def fingerprint_line(stage: Stage[Any, Any, Any]) -> str:

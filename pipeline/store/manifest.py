@@ -1,7 +1,8 @@
-"""The manifest of a stage's folder: for every item what went in, what came out, and under which code, all as hashes.
+"""The manifest of a stage's folder: for every item what went in, what came out, and
+under which code, all as hashes.
 
-It is written last. An item whose result is about to be replaced is taken out first, so that the manifest never vouches for files that an
-interrupted run left behind.
+It is written last. An item whose result is about to be replaced is taken out first, so
+that the manifest never vouches for files that an interrupted run left behind.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ Hashes = str | dict[str, str]
 
 @dataclass(frozen=True)
 class Record:
-    """One finished item. `outputs`: port -> hash, or key -> hash for a port with several artefacts; ports that gave none are left out."""
+    """One finished item. `outputs`: port -> hash, or key -> hash for a port with
+    several artefacts; ports that gave none are left out.
+    """
 
     key: str
     code: str
@@ -46,21 +49,34 @@ class Manifest:
     def write(self, records: Mapping[str, Record], order: Iterable[str]) -> None:
         """Replace the records; nothing is written if they are the same."""
         ordered = {item: records[item] for item in order if item in records}
-        if list(ordered.items()) == list(self.records.items()) and (self.path.is_file() or not ordered):
+        if list(ordered.items()) == list(self.records.items()) and (
+            self.path.is_file() or not ordered
+        ):
             return
-        document = {"format": FORMAT, "items": {item: asdict(record) for item, record in ordered.items()}}
+        document = {
+            "format": FORMAT,
+            "items": {item: asdict(record) for item, record in ordered.items()},
+        }
         write_atomically(self.path, (to_json(document) + "\n").encode())
         self.records = ordered
 
     def keys(self, item: str) -> list[str]:
-        """Keys of the artefacts of an item, over all its ports with several, in the order given by the stage."""
+        """Keys of the artefacts of an item, over all its ports with several, in the
+        order given by the stage.
+        """
         record = self.records.get(item)
-        found = [hashes for hashes in record.outputs.values() if isinstance(hashes, dict)] if record else []
+        found = (
+            [hashes for hashes in record.outputs.values() if isinstance(hashes, dict)]
+            if record
+            else []
+        )
         return list(dict.fromkeys(key for hashes in found for key in hashes))
 
 
 def _read(path: Path) -> dict[str, Record]:
-    """The records of a manifest file; none if the file is of another format or damaged, which makes its items run again."""
+    """The records of a manifest file; none if the file is of another format or damaged,
+    which makes its items run again.
+    """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document["format"] != FORMAT:

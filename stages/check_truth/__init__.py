@@ -1,7 +1,9 @@
-"""The closed loop of trust: what the chain found on the legs of a twin, held against the truth that the twin flew.
+"""The closed loop of trust: what the chain found on the legs of a twin, held against
+the truth that the twin flew.
 
-Velocity, rates, attitude, depth, residual force, sensor biases, and the force that each model predicts; and the bounds that a campaign
-sets for them, as report section, tables and warnings.
+Velocity, rates, attitude, depth, residual force, sensor biases, and the force that each
+model predicts; and the bounds that a campaign sets for them, as report section, tables
+and warnings.
 """
 
 from __future__ import annotations
@@ -12,13 +14,24 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.check_truth.bounds import Bounds, checks
 from auvid.stages.check_truth.errors import Errors, Sums
 from auvid.stages.check_truth.presentation import comparison_plots, trust_section, trust_views
-from auvid.stages.columns import AXES, AXIS_UNITS, POSE, VELOCITY, Array, clock, force_columns, forces, named
+from auvid.stages.columns import (
+    AXES,
+    AXIS_UNITS,
+    POSE,
+    VELOCITY,
+    Array,
+    clock,
+    force_columns,
+    forces,
+    named,
+)
 from auvid.stages.presentation import Block
 from auvid.stages.truth_lookup import BIASES, bias_errors, drawn_biases, true_values, truth_of
 
@@ -43,10 +56,21 @@ class Inputs:
 class Params:
     """Bounds; null sets none. A run whose bounds are missed ends with status 1."""
 
-    force_error: float | None = param("N, N m", None, meaning="bound of the RMS error of the residual force over six axes", low=0.0)
-    velocity_error_m_s: float | None = param("m/s", None, meaning="bound of the RMS error of u v w", low=0.0)
-    gyro_bias_rad_s: float | None = param("rad/s", None, meaning="bound of the RMS error of the gyro bias", low=0.0)
-    accel_bias_m_s2: float | None = param("m/s^2", None, meaning="bound of the RMS error of the accelerometer bias", low=0.0)
+    force_error: float | None = param(
+        "N, N m",
+        None,
+        meaning="bound of the RMS error of the residual force over six axes",
+        low=0.0,
+    )
+    velocity_error_m_s: float | None = param(
+        "m/s", None, meaning="bound of the RMS error of u v w", low=0.0
+    )
+    gyro_bias_rad_s: float | None = param(
+        "rad/s", None, meaning="bound of the RMS error of the gyro bias", low=0.0
+    )
+    accel_bias_m_s2: float | None = param(
+        "m/s^2", None, meaning="bound of the RMS error of the accelerometer bias", low=0.0
+    )
     ratio: Mapping[str, float] = param("1", {}, meaning="bounds of J/J0 on validation, by model")
 
 
@@ -60,34 +84,63 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `DataError` where a segment has no truth, and `CampaignError` for a bound on what was not measured."""
+    """Raises `DataError` where a segment has no truth, and `CampaignError` for a bound
+    on what was not measured.
+    """
     errors, moved = Sums(), {}
     plots: list[Block] = []
-    rotation, drawn = vehicle_from_document(inputs.vehicle).imu.rotation, drawn_biases(inputs.simulation)
+    rotation, drawn = (
+        vehicle_from_document(inputs.vehicle).imu.rotation,
+        drawn_biases(inputs.simulation),
+    )
     judged = any(item["use"] == "validation" for item in inputs.segment.values())
     for key, fused in inputs.fused.items():
         segment, residual = inputs.segment[key], inputs.residual[key]
         place = (str(segment["use"]), key)
         true, estimate = _compared(inputs.truth, segment, fused, residual)
-        moved[key] = make_table("true_motion", {"t_s": clock(fused), **named((*POSE[2:], *VELOCITY, *TAU_BAR), true)})
+        moved[key] = make_table(
+            "true_motion", {"t_s": clock(fused), **named((*POSE[2:], *VELOCITY, *TAU_BAR), true)}
+        )
         for (quantity, unit), (axes, columns) in QUANTITIES.items():
             errors.add(place, quantity, axes, unit, estimate[:, columns], true[:, columns])
-        errors.add(place, "force, all axes", ("all",), "N, N m", estimate[:, 10:].reshape(-1, 1), true[:, 10:].reshape(-1, 1))
-        for name, (error, known) in bias_errors(inputs.fusion[key], drawn[str(segment["log"])], rotation).items():
+        errors.add(
+            place,
+            "force, all axes",
+            ("all",),
+            "N, N m",
+            estimate[:, 10:].reshape(-1, 1),
+            true[:, 10:].reshape(-1, 1),
+        )
+        for name, (error, known) in bias_errors(
+            inputs.fusion[key], drawn[str(segment["log"])], rotation
+        ).items():
             quantity, unit = BIAS_NAMES[name]
             errors.add(place, quantity, ("x", "y", "z"), unit, (error + known)[None], known[None])
         _add_models(errors, place, inputs.predictions[key], true[:, 10:])
         if segment["use"] == "validation" or not judged:
             plots += comparison_plots(segment, clock(fused), estimate[:, 4:], true[:, 4:])
     found: Errors = errors.found()
-    bounds = Bounds(params.force_error, params.velocity_error_m_s, params.gyro_bias_rad_s, params.accel_bias_m_s2, params.ratio)
+    bounds = Bounds(
+        params.force_error,
+        params.velocity_error_m_s,
+        params.gyro_bias_rad_s,
+        params.accel_bias_m_s2,
+        params.ratio,
+    )
     held = checks(bounds, found, inputs.error_table.to_pylist())
     names = ("figure", "unit", "bound", "value", "met")
     return Outputs(
         truth_errors=make_table("truth_errors", found.columns()),
-        trust_checks=make_table("trust_checks", {name: [getattr(item, name) for item in held] for name in names}),
+        trust_checks=make_table(
+            "trust_checks", {name: [getattr(item, name) for item in held] for name in names}
+        ),
         true_motion=moved,
-        section=trust_section(found, held, plots, {name: str(card["title"]) for name, card in inputs.model_card.items()}),
+        section=trust_section(
+            found,
+            held,
+            plots,
+            {name: str(card["title"]) for name, card in inputs.model_card.items()},
+        ),
         views=trust_views(inputs.segment),
     )
 
@@ -100,11 +153,16 @@ QUANTITIES: Mapping[tuple[str, str], tuple[tuple[str, ...], slice]] = {
     ("force", "N"): (AXES[:3], slice(10, 13)),
     ("moment", "N m"): (AXES[3:], slice(13, 16)),
 }
-BIAS_NAMES = dict(zip(BIASES, (("gyro bias", "rad/s"), ("accelerometer bias", "m/s^2")), strict=True))
+BIAS_NAMES = dict(
+    zip(BIASES, (("gyro bias", "rad/s"), ("accelerometer bias", "m/s^2")), strict=True)
+)
 
 
-def _compared(truths: Mapping[str, pa.Table], segment: Document, fused: pa.Table, residual: pa.Table) -> tuple[Array, Array]:
-    """True and estimated z, attitude, velocity, rates and residual force (n, 16) on the clock of the fused table.
+def _compared(
+    truths: Mapping[str, pa.Table], segment: Document, fused: pa.Table, residual: pa.Table
+) -> tuple[Array, Array]:
+    """True and estimated z, attitude, velocity, rates and residual force (n, 16) on the
+    clock of the fused table.
 
     Heading may differ by whole turns, which the truth follows.
     """
@@ -121,8 +179,17 @@ def _add_models(errors: Sums, place: tuple[str, str], predictions: pa.Table, tru
     for model in pc.unique(names).to_pylist():
         force = matrix(predictions.filter(pc.equal(names, model)), force_columns("tau"))
         for index, axis in enumerate(AXES):
-            errors.add(place, f"model {model}", (axis,), AXIS_UNITS[axis], force[:, [index]], true[:, [index]])
-        errors.add(place, f"model {model}", ("all",), "N, N m", force.reshape(-1, 1), true.reshape(-1, 1))
+            errors.add(
+                place,
+                f"model {model}",
+                (axis,),
+                AXIS_UNITS[axis],
+                force[:, [index]],
+                true[:, [index]],
+            )
+        errors.add(
+            place, f"model {model}", ("all",), "N, N m", force.reshape(-1, 1), true.reshape(-1, 1)
+        )
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(

@@ -12,7 +12,9 @@ from auvid.stages.check_truth.errors import Errors
 
 @dataclass(frozen=True)
 class Bounds:
-    """Largest RMS errors allowed, over all legs, and J/J0 on validation by model; None sets no bound."""
+    """Largest RMS errors allowed, over all legs, and J/J0 on validation by model; None
+    sets no bound.
+    """
 
     force_error: float | None
     velocity_error_m_s: float | None
@@ -59,19 +61,30 @@ def _errors(bounds: Bounds, errors: Errors) -> Iterator[Check]:
         if value is None:
             remedy = "Choose a method of fuse that finds it, or take the bound away."
             raise CampaignError(
-                f"nothing to hold against this bound: no {quantity} was found", field=f"stages.check_truth.{name}", remedy=remedy
+                f"nothing to hold against this bound: no {quantity} was found",
+                field=f"stages.check_truth.{name}",
+                remedy=remedy,
             )
         yield Check(words, unit, bound, value)
 
 
 def _ratios(bounds: Bounds, rows: Sequence[Mapping[str, Any]]) -> Iterator[Check]:
-    known = {row["model"]: row["ratio"] for row in rows if row["use"] == "validation" and row["axis"] == row["leg"] == "all"}
+    known = {
+        row["model"]: row["ratio"]
+        for row in rows
+        if row["use"] == "validation" and row["axis"] == row["leg"] == "all"
+    }
     for model, bound in bounds.ratio.items():
         field = f"stages.check_truth.ratio.{model}"
         if isinstance(bound, bool) or not isinstance(bound, int | float) or not bound > 0:
-            raise CampaignError("a bound of J/J0 must be a positive number", field=field, value=bound)
+            raise CampaignError(
+                "a bound of J/J0 must be a positive number", field=field, value=bound
+            )
         if model not in known or known[model] is None:
             raise CampaignError(
-                "no such model was judged on validation legs", field=field, allowed=sorted(known), remedy=nearest(model, known)
+                "no such model was judged on validation legs",
+                field=field,
+                allowed=sorted(known),
+                remedy=nearest(model, known),
             )
         yield Check(f"J/J0 of {model}, validation", "1", float(bound), float(known[model]))

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from auvid.stages.columns import Array
 
 ALL = "all"
@@ -15,7 +16,9 @@ Key = tuple[str, str, str, str, str]
 
 @dataclass(frozen=True)
 class Error:
-    """Errors of one component: samples, RMS of the truth, RMS, mean and largest magnitude of estimate minus truth."""
+    """Errors of one component: samples, RMS of the truth, RMS, mean and largest
+    magnitude of estimate minus truth.
+    """
 
     n: int
     rms_true: float
@@ -31,15 +34,23 @@ class Errors:
     by_key: dict[Key, Error]
 
     def whole(self, quantity: str, *, use: str = ALL) -> dict[str, Error]:
-        """Errors of a quantity over all legs of a use (all: of every leg), by axis; empty where it was not measured."""
+        """Errors of a quantity over all legs of a use (all: of every leg), by axis;
+        empty where it was not measured.
+        """
         return {
-            axis: error for (used, segment, name, axis, _), error in self.by_key.items() if (used, segment, name) == (use, ALL, quantity)
+            axis: error
+            for (used, segment, name, axis, _), error in self.by_key.items()
+            if (used, segment, name) == (use, ALL, quantity)
         }
 
     def total(self, quantity: str) -> float | None:
-        """RMS over the components of a quantity and all legs, None where it was not measured."""
+        """RMS over the components of a quantity and all legs, None where it was not
+        measured.
+        """
         parts = self.whole(quantity)
-        return float(np.sqrt(np.mean([error.rms**2 for error in parts.values()]))) if parts else None
+        return (
+            float(np.sqrt(np.mean([error.rms**2 for error in parts.values()]))) if parts else None
+        )
 
     def units(self) -> dict[tuple[str, str], str]:
         """Unit by quantity and axis, in the order in which they came."""
@@ -49,21 +60,41 @@ class Errors:
         """The columns of schema `truth_errors`, totals first."""
         keys = sorted(self.by_key, key=lambda key: (key[0] != ALL, key[1] != ALL))
         heads = ("use", "segment", "quantity", "axis", "unit")
-        made: dict[str, list[object]] = {name: [key[index] for key in keys] for index, name in enumerate(heads)}
+        made: dict[str, list[object]] = {
+            name: [key[index] for key in keys] for index, name in enumerate(heads)
+        }
         errors = [self.by_key[key] for key in keys]
-        made |= {"samples": [error.n for error in errors], "rms_true": [error.rms_true for error in errors]}
-        made |= {"rms_error": [error.rms for error in errors], "largest_error": [error.largest for error in errors]}
-        made["mean_error"] = [None if key[3] == ALL else error.mean for key, error in zip(keys, errors, strict=True)]
+        made |= {
+            "samples": [error.n for error in errors],
+            "rms_true": [error.rms_true for error in errors],
+        }
+        made |= {
+            "rms_error": [error.rms for error in errors],
+            "largest_error": [error.largest for error in errors],
+        }
+        made["mean_error"] = [
+            None if key[3] == ALL else error.mean for key, error in zip(keys, errors, strict=True)
+        ]
         return made
 
 
 @dataclass
 class Sums:
-    """n, sum of error, of its square, its largest magnitude, and sum of the true value's square, by key."""
+    """n, sum of error, of its square, its largest magnitude, and sum of the true
+    value's square, by key.
+    """
 
     sums: dict[Key, Array] = field(default_factory=dict)
 
-    def add(self, place: tuple[str, str], quantity: str, axes: Sequence[str], unit: str, estimate: Array, true: Array) -> None:
+    def add(
+        self,
+        place: tuple[str, str],
+        quantity: str,
+        axes: Sequence[str],
+        unit: str,
+        estimate: Array,
+        true: Array,
+    ) -> None:
         """Add samples (n, k) of a quantity with k axes; `place` is use and segment."""
         error = estimate - true
         for index, axis in enumerate(axes):
@@ -80,7 +111,13 @@ class Sums:
         """The errors of all that was added."""
         made = {}
         for key, (n, total, square, largest, known) in self.sums.items():
-            made[key] = Error(int(n), float(np.sqrt(known / n)), float(np.sqrt(square / n)), float(total / n), float(largest))
+            made[key] = Error(
+                int(n),
+                float(np.sqrt(known / n)),
+                float(np.sqrt(square / n)),
+                float(total / n),
+                float(largest),
+            )
         return Errors(made)
 
 

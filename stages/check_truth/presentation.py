@@ -1,4 +1,6 @@
-"""What the comparison with the truth shows: the report section, its plots and the views of the recording."""
+"""What the comparison with the truth shows: the report section, its plots and the views
+of the recording.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +16,33 @@ from auvid.stages.presentation import Block, panel, plot, remark, section, serie
 MODEL = "model "
 
 
-def trust_section(errors: Errors, held: Sequence[Check], plots: Sequence[Block], titles: Mapping[str, str]) -> dict[str, Any]:
+def trust_section(
+    errors: Errors, held: Sequence[Check], plots: Sequence[Block], titles: Mapping[str, str]
+) -> dict[str, Any]:
     """Bounds, error tables and plots; `titles`: model -> name as printed."""
     missed = [item for item in held if not item.met]
     blocks: list[Block] = [
-        remark(f"Against the truth of the twin: {item.figure} is {item.value:.3g}, the bound is {item.bound:.3g} {item.unit}.", "warning")
+        remark(
+            f"Against the truth of the twin: {item.figure} is {item.value:.3g}, the bound is"
+            f" {item.bound:.3g} {item.unit}.",
+            "warning",
+        )
         for item in missed
     ]
     if held and not missed:
         blocks.append(remark(f"All {len(held)} bounds of this campaign are met.", "finding"))
     if not held:
-        blocks.append(text("This campaign sets no bounds (stage check_truth); errors are listed as they are."))
+        blocks.append(
+            text("This campaign sets no bounds (stage check_truth); errors are listed as they are.")
+        )
     else:
-        rows = [[item.figure, item.value, item.bound, item.unit, "met" if item.met else "missed"] for item in held]
-        blocks.append(table("Bounds of this campaign", ["figure", "measured", "at most", "unit", ""], rows))
+        rows = [
+            [item.figure, item.value, item.bound, item.unit, "met" if item.met else "missed"]
+            for item in held
+        ]
+        blocks.append(
+            table("Bounds of this campaign", ["figure", "measured", "at most", "unit", ""], rows)
+        )
     blocks += [*_states(errors), *_models(errors, titles), *plots]
     words = "The truth lies under the estimate; what is left is the error of sensors and method."
     return section("Estimate against truth", blocks, order=12, look_for=words)
@@ -40,7 +55,10 @@ def _states(errors: Errors) -> Iterable[Block]:
             found = errors.whole(quantity)[axis]
             mean = None if axis == "all" else found.mean
             rows.append([quantity, axis, found.rms_true, found.rms, mean, found.largest, unit])
-    note = "Over all legs. Velocity is that of the body origin; a bias counts once per segment; force is the residual force tau_bar."
+    note = (
+        "Over all legs. Velocity is that of the body origin; a bias counts once per segment; force"
+        " is the residual force tau_bar."
+    )
     yield table(
         "State, force and biases: estimate minus truth",
         ["quantity", "axis", "RMS of truth", "RMS error", "mean error", "largest", "unit"],
@@ -50,7 +68,9 @@ def _states(errors: Errors) -> Iterable[Block]:
 
 
 def _models(errors: Errors, titles: Mapping[str, str]) -> Iterable[Block]:
-    models = list(dict.fromkeys(quantity for quantity, _ in errors.units() if quantity.startswith(MODEL)))
+    models = list(
+        dict.fromkeys(quantity for quantity, _ in errors.units() if quantity.startswith(MODEL))
+    )
     rows = []
     for use in ("validation", "training"):
         for quantity in models:
@@ -58,9 +78,15 @@ def _models(errors: Errors, titles: Mapping[str, str]) -> Iterable[Block]:
             if found:
                 ratios = [_ratio(found[axis].rms, found[axis].rms_true) for axis in ("all", *AXES)]
                 rows.append([titles[quantity.removeprefix(MODEL)], use, found["all"].rms, *ratios])
-    note = "J and J/J0 with the true force in place of the residual one: what a model gets wrong, without the errors of the sensors."
+    note = (
+        "J and J/J0 with the true force in place of the residual one: what a model gets wrong,"
+        " without the errors of the sensors."
+    )
     yield table(
-        "Models against the true force", ["model", "legs", ("J", "N, N m"), "J/J0", *(f"J/J0 {axis}" for axis in AXES)], rows, note=note
+        "Models against the true force",
+        ["model", "legs", ("J", "N, N m"), "J/J0", *(f"J/J0 {axis}" for axis in AXES)],
+        rows,
+        note=note,
     )
 
 
@@ -68,17 +94,35 @@ def _ratio(error: float, size: float) -> float | None:
     return error / size if size > 0 else None
 
 
-def comparison_plots(segment: Document, t_s: Array, estimate: Array, true: Array) -> Iterable[Block]:
-    """Velocity and residual force (n, 12) of a segment, estimate over truth, on the log's clock."""
+def comparison_plots(
+    segment: Document, t_s: Array, estimate: Array, true: Array
+) -> Iterable[Block]:
+    """Velocity and residual force (n, 12) of a segment, estimate over truth, on the
+    log's clock.
+    """
     t = t_s + float(segment["leg_start_s"])
-    symbols = [*((name[0], "m/s" if index < 3 else "rad/s", "fused") for index, name in enumerate(VELOCITY))]
+    symbols = [
+        *(
+            (name[0], "m/s" if index < 3 else "rad/s", "fused")
+            for index, name in enumerate(VELOCITY)
+        )
+    ]
     symbols += [(axis, AXIS_UNITS[axis], "measured") for axis in AXES]
     panels = [
-        panel(label, unit, [series(role, t, estimate[:, index], role), series("true", t, true[:, index], "true")])
+        panel(
+            label,
+            unit,
+            [series(role, t, estimate[:, index], role), series("true", t, true[:, index], "true")],
+        )
         for index, (label, unit, role) in enumerate(symbols)
     ]
     name = segment["id"]
-    yield plot(f"Velocity of {name}: fused against true", panels[:6], group="time", look_for="A gap that lasts is a bias; noise is not.")
+    yield plot(
+        f"Velocity of {name}: fused against true",
+        panels[:6],
+        group="time",
+        look_for="A gap that lasts is a bias; noise is not.",
+    )
     yield plot(
         f"Residual force of {name}: measured against true",
         panels[6:],
@@ -96,13 +140,26 @@ def trust_views(segments: Iterable[str]) -> dict[str, Any]:
             ("state/rates", VELOCITY[3:], "rad/s"),
             ("state/attitude", ATTITUDE, "rad"),
         ):
-            groups.append(_group(f"{entity}/true", key, names, [name.split("_")[0] for name in names], "State", unit))
+            groups.append(
+                _group(
+                    f"{entity}/true",
+                    key,
+                    names,
+                    [name.split("_")[0] for name in names],
+                    "State",
+                    unit,
+                )
+            )
         for axis, name in zip(AXES, force_columns("tau_bar"), strict=True):
-            groups.append(_group(f"residual/{axis}/true", key, (name,), [axis], "Answer", AXIS_UNITS[axis]))
+            groups.append(
+                _group(f"residual/{axis}/true", key, (name,), [axis], "Answer", AXIS_UNITS[axis])
+            )
     return {"groups": groups}
 
 
-def _group(entity: str, key: str, columns: Sequence[str], symbols: Sequence[str], tab: str, unit: str) -> dict[str, Any]:
+def _group(
+    entity: str, key: str, columns: Sequence[str], symbols: Sequence[str], tab: str, unit: str
+) -> dict[str, Any]:
     return {
         "entity": entity,
         "table": f"true_motion/{key}",

@@ -1,4 +1,6 @@
-"""Controllers on a model of the vehicle, flown along trajectories with and without disturbance: Al Makdah 2016, chapters 3 to 5."""
+"""Controllers on a model of the vehicle, flown along trajectories with and without
+disturbance: Al Makdah 2016, chapters 3 to 5.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.control.plants import HybridPlant
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
-from auvid.stages.control.flying import Flown, Models, fly_case, models_of, monte_carlo, require_stable
+from auvid.stages.control.flying import (
+    Flown,
+    Models,
+    fly_case,
+    models_of,
+    monte_carlo,
+    require_stable,
+)
 from auvid.stages.control.linear import linear_comparisons, linear_part
 from auvid.stages.control.open_loop import coefficients_part, open_loop_part
 from auvid.stages.control.presentation import (
@@ -40,12 +50,16 @@ class Inputs:
 class Params:
     members: int = param("1", 1000, meaning="vehicles of the Monte Carlo", low=0, high=100000)
     seed: int = param("1", 1, meaning="seed of the drawn coefficients", low=0)
-    allow_unstable: bool = param("1", False, meaning="design a controller on an identified model that is unstable by itself")
+    allow_unstable: bool = param(
+        "1", False, meaning="design a controller on an identified model that is unstable by itself"
+    )
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """`flights` by `trajectory-flight`, those of the vehicle's own design; `gains` by trajectory; `tracking` of all designs."""
+    """`flights` by `trajectory-flight`, those of the vehicle's own design; `gains` by
+    trajectory; `tracking` of all designs.
+    """
 
     flights: Mapping[str, pa.Table] = port("closed_loop", many=True)
     gains: Mapping[str, pa.Table] = port("gains", many=True)
@@ -56,16 +70,32 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `CampaignError` for cases that are missing or beyond the vehicle, `PipelineError` for a model that cannot be controlled."""
+    """Raises `CampaignError` for cases that are missing or beyond the vehicle,
+    `PipelineError` for a model that cannot be controlled.
+    """
     cases = inputs.cases
     if cases is None:
-        raise CampaignError("a control campaign needs its cases", field="cases", remedy="Name the file in the manifest: cases: cases.yaml.")
+        raise CampaignError(
+            "a control campaign needs its cases",
+            field="cases",
+            remedy="Name the file in the manifest: cases: cases.yaml.",
+        )
     limits, weights, trajectories = limits_of(cases), weights_of(cases), trajectories_of(cases)
     if not trajectories:
         raise CampaignError("there is no trajectory to fly", field="trajectories")
     models = models_of(inputs.vehicle, inputs.model_card, cases, limits)
-    flown = [item for case in trajectories for item in fly_case(models, case, weights, limits, allow_unstable=params.allow_unstable)]
-    rows, blocks = figures(flown, models.plant.inputs), [text(_words(models)), *_unstable(models, flown)]
+    flown = [
+        item
+        for case in trajectories
+        for item in fly_case(models, case, weights, limits, allow_unstable=params.allow_unstable)
+    ]
+    rows, blocks = (
+        figures(flown, models.plant.inputs),
+        [
+            text(_words(models)),
+            *_unstable(models, flown),
+        ],
+    )
     blocks += tracking_blocks(flown, models.plant.inputs) + design_blocks(flown)
     for part in (_spread(inputs, params, models, flown), _hybrid(inputs, models, cases)):
         blocks += part[0]
@@ -76,7 +106,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "Control",
         blocks,
         order=20,
-        look_for="Flown paths on the desired ones; inputs within their limits; errors with and without observer.",
+        look_for=(
+            "Flown paths on the desired ones; inputs within their limits; errors with and without"
+            " observer."
+        ),
     )
     return Outputs(
         flights=tables,
@@ -96,37 +129,74 @@ def _words(models: Models) -> str:
 def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
     if isinstance(models.plant, HybridPlant):
         return []
-    return [remark(words, "warning") for words in require_stable(models.plant, flown[0].schedule, allow=True)]
+    return [
+        remark(words, "warning")
+        for words in require_stable(models.plant, flown[0].schedule, allow=True)
+    ]
 
 
-def _spread(inputs: Inputs, params: Params, models: Models, flown: list[Flown]) -> tuple[list[Block], list[dict[str, Any]]]:
+def _spread(
+    inputs: Inputs, params: Params, models: Models, flown: list[Flown]
+) -> tuple[list[Block], list[dict[str, Any]]]:
     """The Monte Carlo of the cases, if they ask for one."""
     asked = spread_of(inputs.cases or {})
     if asked is None or not params.members:
         return [], []
-    chosen = {(item.case.name, item.flight.name): item for item in flown if item.designed_on == flown[0].designed_on}
+    chosen = {
+        (item.case.name, item.flight.name): item
+        for item in flown
+        if item.designed_on == flown[0].designed_on
+    }
     key = (asked.trajectory, asked.flight)
     if key not in chosen:
         names = [" / ".join(pair) for pair in chosen]
-        raise CampaignError("no such flight", field="monte_carlo", value=" / ".join(key), remedy=nearest(" / ".join(key), names))
+        raise CampaignError(
+            "no such flight",
+            field="monte_carlo",
+            value=" / ".join(key),
+            remedy=nearest(" / ".join(key), names),
+        )
     item = chosen[key]
     if item.case.powered is not None:
-        raise CampaignError("the Monte Carlo flies trajectories with one controller", field="monte_carlo.trajectory", value=key[0])
+        raise CampaignError(
+            "the Monte Carlo flies trajectories with one controller",
+            field="monte_carlo.trajectory",
+            value=key[0],
+        )
     longest = float(item.flown.t_s[-1])
     if asked.duration_s > longest + 1e-9:
         allowed = f"at most {longest:g} s, the length of the flight"
-        raise CampaignError("longer than what is flown", field="monte_carlo.duration", value=asked.duration_s, allowed=allowed)
+        raise CampaignError(
+            "longer than what is flown",
+            field="monte_carlo.duration",
+            value=asked.duration_s,
+            allowed=allowed,
+        )
     duration, relative = asked.duration_s, asked.relative_sd
     hybrid = isinstance(models.plant, HybridPlant)
     errors, track = monte_carlo(
-        models, inputs.model_card, item, duration_s=duration, relative_sd=relative, members=params.members, seed=params.seed
+        models,
+        inputs.model_card,
+        item,
+        duration_s=duration,
+        relative_sd=relative,
+        members=params.members,
+        seed=params.seed,
     )
-    source = f"a relative standard deviation of {relative:g}" if hybrid else "the covariance of the model card"
+    source = (
+        f"a relative standard deviation of {relative:g}"
+        if hybrid
+        else "the covariance of the model card"
+    )
     return monte_carlo_part(item, errors, track, source, duration)
 
 
-def _hybrid(inputs: Inputs, models: Models, cases: Document) -> tuple[list[Block], list[dict[str, Any]]]:
-    """Open-loop manoeuvres, linear against nonlinear, and strip theory, for a hybrid vehicle with such cases."""
+def _hybrid(
+    inputs: Inputs, models: Models, cases: Document
+) -> tuple[list[Block], list[dict[str, Any]]]:
+    """Open-loop manoeuvres, linear against nonlinear, and strip theory, for a hybrid
+    vehicle with such cases.
+    """
     if not isinstance(models.plant, HybridPlant) or not cases.get("open_loop"):
         return [], []
     part, strips = open_loop_part(cases, inputs.vehicle), coefficients_part(inputs.vehicle)

@@ -1,4 +1,6 @@
-"""The cases document of a control campaign, read: trajectories with their controllers, flights, limits and weights."""
+"""The cases document of a control campaign, read: trajectories with their controllers,
+flights, limits and weights.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.control.controllers import Weights
 from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
@@ -22,7 +25,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FlightCase:
-    """One flight along a trajectory: a force field (`force_field`), a current (3,) or None, whether the observer's estimate is used."""
+    """One flight along a trajectory: a force field (`force_field`), a current (3,) or
+    None, whether the observer's estimate is used.
+    """
 
     name: str
     title: str
@@ -84,7 +89,9 @@ MOST_TICKS = 200_000
 
 @contextmanager
 def in_cases(where: str = "") -> Iterator[None]:
-    """Faults of what is called get the document, and the place in it before their own field."""
+    """Faults of what is called get the document, and the place in it before their own
+    field.
+    """
     try:
         yield
     except CampaignError as fault:
@@ -99,7 +106,9 @@ def positive(read: Quantities, key: str, unit: str, *, default: float | None = N
     """A quantity above zero. Raises `CampaignError` naming it."""
     value = read.number(key, unit, default=default)
     if not value > 0.0:
-        raise CampaignError("must be positive", field=read.where(key), value=value, allowed=f"> 0 {unit}")
+        raise CampaignError(
+            "must be positive", field=read.where(key), value=value, allowed=f"> 0 {unit}"
+        )
     return value
 
 
@@ -117,7 +126,9 @@ def limits_of(cases: Document) -> Limits:
 
 @dataclass(frozen=True)
 class Spread:
-    """The Monte Carlo that is asked for; `relative_sd` holds where no card gives a covariance."""
+    """The Monte Carlo that is asked for; `relative_sd` holds where no card gives a
+    covariance.
+    """
 
     trajectory: str
     flight: str
@@ -126,13 +137,18 @@ class Spread:
 
 
 def spread_of(cases: Document) -> Spread | None:
-    """Key `monte_carlo`; None where there is none. Raises `CampaignError` for numbers that are not above zero."""
+    """Key `monte_carlo`; None where there is none. Raises `CampaignError` for numbers
+    that are not above zero.
+    """
     asked = cases.get("monte_carlo")
     if not asked:
         return None
     with in_cases():
         read = Quantities(cases).part("monte_carlo")
-        duration, relative = positive(read, "duration", "s"), positive(read, "relative_sd", "1", default=0.1)
+        duration, relative = (
+            positive(read, "duration", "s"),
+            positive(read, "relative_sd", "1", default=0.1),
+        )
     return Spread(str(asked["trajectory"]), str(asked["flight"]), duration, relative)
 
 
@@ -141,15 +157,19 @@ def weights_of(cases: Document) -> dict[str, Weights]:
     with in_cases():
         read = Quantities(cases).part("weights")
         return {
-            name: Weights(*(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))) for name in cases["weights"]
+            name: Weights(
+                *(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))
+            )
+            for name in cases["weights"]
         }
 
 
 def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
     """Key `trajectories`.
 
-    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown weights, a mode switch without waiting reference, and
-    trajectories without a flight or with more ticks than `MOST_TICKS`.
+    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown
+    weights, a mode switch without waiting reference, and trajectories without a flight
+    or with more ticks than `MOST_TICKS`.
     """
     read = Quantities(cases).part("trajectories")
     found = []
@@ -159,31 +179,56 @@ def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
     return tuple(found)
 
 
-def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[str, Any]) -> TrajectoryCase:
+def _trajectory(
+    name: str, entry: Document, read: Quantities, weights: Mapping[str, Any]
+) -> TrajectoryCase:
     where = f"trajectories.{name}"
-    for key, value in ((f"{where}.weights", entry["weights"]), (f"{where}.powered.weights", (entry.get("powered") or {}).get("weights"))):
+    for key, value in (
+        (f"{where}.weights", entry["weights"]),
+        (f"{where}.powered.weights", (entry.get("powered") or {}).get("weights")),
+    ):
         if value is not None and value not in weights:
-            raise CampaignError("no such weights", field=key, value=value, allowed=tuple(weights), remedy=nearest(str(value), weights))
+            raise CampaignError(
+                "no such weights",
+                field=key,
+                value=value,
+                allowed=tuple(weights),
+                remedy=nearest(str(value), weights),
+            )
     waiting, powered = None, None
     if entry.get("waiting"):
         part = read.part("waiting")
         waiting = Waiting(
-            positive(part, "lead", "m"), positive(part, "catch_up", "s", default=float("inf")), positive(part, "fastest", "1", default=1.3)
+            positive(part, "lead", "m"),
+            positive(part, "catch_up", "s", default=float("inf")),
+            positive(part, "fastest", "1", default=1.3),
         )
     if entry.get("powered"):
         part = read.part("powered")
         rule = ModeSwitch(
-            part.number("on_distance", "m"), part.number("off_distance", "m"), part.number("on_force", "N"), part.number("off_force", "N")
+            part.number("on_distance", "m"),
+            part.number("off_distance", "m"),
+            part.number("on_force", "N"),
+            part.number("off_force", "N"),
         )
         if rule.off_m > rule.on_m or rule.off_N > rule.on_N:
             words = "the propeller would stop before it starts"
             raise CampaignError(
-                words, field=f"{where}.powered", value=f"off {rule.off_m:g} m, {rule.off_N:g} N", allowed="at most those of on"
+                words,
+                field=f"{where}.powered",
+                value=f"off {rule.off_m:g} m, {rule.off_N:g} N",
+                allowed="at most those of on",
             )
-        powered = Powered(positive(part, "speed", "m/s"), str(entry["powered"].get("weights", entry["weights"])), rule)
+        powered = Powered(
+            positive(part, "speed", "m/s"),
+            str(entry["powered"].get("weights", entry["weights"])),
+            rule,
+        )
         if waiting is None:
             raise CampaignError(
-                "a glide with a propeller needs a waiting reference", field=f"{where}.waiting", remedy="Give waiting: {lead}."
+                "a glide with a propeller needs a waiting reference",
+                field=f"{where}.waiting",
+                remedy="Give waiting: {lead}.",
             )
     speed, step = positive(read, "speed", "m/s"), positive(read, "step", "s")
     with in_cases(f"{where}.path"):
@@ -194,10 +239,19 @@ def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[s
         allowed = f"at most {MOST_TICKS} steps along a path of {path.length_m:.4g} m"
         raise CampaignError("too many steps", field=f"{where}.step", value=step, allowed=allowed)
     if not entry["flights"]:
-        raise CampaignError("there is no flight", field=f"{where}.flights", remedy="Give flights: {undisturbed: {title: Undisturbed}}.")
+        raise CampaignError(
+            "there is no flight",
+            field=f"{where}.flights",
+            remedy="Give flights: {undisturbed: {title: Undisturbed}}.",
+        )
     turn = None
     if entry["kind"] == "helix":
-        turn = 2.0 * np.pi * read.part("path").number("radius", "m") / (speed * np.cos(path.start_pitch))
+        turn = (
+            2.0
+            * np.pi
+            * read.part("path").number("radius", "m")
+            / (speed * np.cos(path.start_pitch))
+        )
     return TrajectoryCase(
         name=name,
         title=str(entry["title"]),
@@ -215,7 +269,10 @@ def _trajectory(name: str, entry: Document, read: Quantities, weights: Mapping[s
         transient_s=read.number("transient", "s", default=10.0),
         waiting=waiting,
         powered=powered,
-        flights=tuple(_flight(key, value, read.part("flights").part(key)) for key, value in entry["flights"].items()),
+        flights=tuple(
+            _flight(key, value, read.part("flights").part(key))
+            for key, value in entry["flights"].items()
+        ),
         turn_s=turn,
     )
 
@@ -233,7 +290,9 @@ def _flight(name: str, entry: Document, read: Quantities) -> FlightCase:
             force[into] = part.array(key, unit, shape=(3,), default=np.zeros(3))
         force["start_s"] = part.number("start", "s", default=0.0)
     current = read.array("current", "m/s", shape=(3,)) if "current" in read else None
-    flags = {key: bool(entry.get(key, False)) for key in ("observer", "clock", "headline", "redesign")}
+    flags = {
+        key: bool(entry.get(key, False)) for key in ("observer", "clock", "headline", "redesign")
+    }
     return FlightCase(name=name, title=str(entry["title"]), force=force, current=current, **flags)
 
 
@@ -244,7 +303,15 @@ def _path(kind: str, read: Quantities) -> Curve:
     if kind == "helix":
         radius, turns = read.number("radius", "m"), read.number("turns", "1")
         pitch, starboard = read.number("pitch", "rad"), not read.plain("port", False)
-        return helix(radius_m=radius, pitch_rad=pitch, turns=turns, starboard=starboard, ramp_m=ramp, start=start, heading_rad=heading)
+        return helix(
+            radius_m=radius,
+            pitch_rad=pitch,
+            turns=turns,
+            starboard=starboard,
+            ramp_m=ramp,
+            start=start,
+            heading_rad=heading,
+        )
     if kind == "saw_tooth":
         return saw_tooth(
             leg_m=read.number("leg", "m"),
@@ -255,10 +322,17 @@ def _path(kind: str, read: Quantities) -> Curve:
             start=start,
             heading_rad=heading,
         )
-    bounds = Bounds(read.number("radius", "m"), read.number("pitch", "rad"), read.number("pitch_radius", "m"), ramp)
+    bounds = Bounds(
+        read.number("radius", "m"),
+        read.number("pitch", "rad"),
+        read.number("pitch_radius", "m"),
+        ramp,
+    )
     return dubins_path(_pose(read.part("first")), _pose(read.part("last")), bounds)
 
 
 def _pose(read: Quantities) -> Pose:
     x, y, z = read.array("position", "m", shape=(3,))
-    return Pose(float(x), float(y), float(z), read.number("heading", "rad"), read.number("pitch", "rad"))
+    return Pose(
+        float(x), float(y), float(z), read.number("heading", "rad"), read.number("pitch", "rad")
+    )

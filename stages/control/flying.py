@@ -1,4 +1,6 @@
-"""Controllers of a control campaign designed and flown: per trajectory, for every model that a controller is designed on."""
+"""Controllers of a control campaign designed and flown: per trajectory, for every model
+that a controller is designed on.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,20 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.arrays import AXES
 from auvid.hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import equilibrium, require_reachable
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
-from auvid.hydro.control.plants import HybridPlant, Plant, card_coefficients, hybrid_plant, identified_plant
+from auvid.hydro.control.plants import (
+    HybridPlant,
+    Plant,
+    card_coefficients,
+    hybrid_plant,
+    identified_plant,
+)
 from auvid.hydro.control.riccati import STATES
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -23,15 +32,21 @@ from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_ca
 
 Array = npt.NDArray[np.float64]
 DESIGN_EVERY_S = 0.5
-"""Gains are computed this often and are linear between: trajectories turn by a degree or two in that time."""
+"""Gains are computed this often and are linear between: trajectories turn by a degree
+or two in that time.
+"""
 UNSTABLE_PER_S = 0.02
-"""An identified model with a mode that grows faster than this (doubling in 35 s) is called unstable."""
+"""An identified model with a mode that grows faster than this (doubling in 35 s) is
+called unstable.
+"""
 CHUNK = 250
 
 
 @dataclass(frozen=True)
 class Models:
-    """The vehicle that flies, and the models on which controllers are designed, by name; the first is the vehicle itself or its card."""
+    """The vehicle that flies, and the models on which controllers are designed, by
+    name; the first is the vehicle itself or its card.
+    """
 
     plant: Plant
     designs: Mapping[str, Plant]
@@ -39,7 +54,9 @@ class Models:
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight: what flew (arrays of one member), against which trajectory, with which schedule."""
+    """One flight: what flew (arrays of one member), against which trajectory, with
+    which schedule.
+    """
 
     case: TrajectoryCase
     flight: FlightCase
@@ -58,8 +75,10 @@ class Flown:
 def models_of(vehicle: Document, card: Document | None, cases: Document, limits: Limits) -> Models:
     """The plant and the designs of a campaign.
 
-    A hybrid vehicle flies under `parameter_set`; controllers are designed on that set, on the model card if one is given, and on the sets
-    of `redesign`. Any other vehicle flies its model card. Raises `CampaignError` where there is neither a buoyancy engine nor a card.
+    A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
+    on the model card if one is given, and on the sets of `redesign`. Any other vehicle
+    flies its model card. Raises `CampaignError` where there is neither a buoyancy
+    engine nor a card.
     """
     if "buoyancy_engine" in vehicle:
         own = str(cases.get("parameter_set", "as_simulated"))
@@ -67,13 +86,18 @@ def models_of(vehicle: Document, card: Document | None, cases: Document, limits:
         def plant(name: str) -> HybridPlant:
             hybrid = hybrid_vehicle(vehicle, name)
             return hybrid_plant(
-                hybrid, fin_limit_rad=limits.fins_rad, thrust_rate_N_s=limits.thrust_rate_N_s, fin_rate_rad_s=limits.fin_rate_rad_s
+                hybrid,
+                fin_limit_rad=limits.fins_rad,
+                thrust_rate_N_s=limits.thrust_rate_N_s,
+                fin_rate_rad_s=limits.fin_rate_rad_s,
             )
 
         true = plant(own)
         designs: dict[str, Plant] = {own: true}
         if card is not None:
-            identified = true.hybrid.with_viscous(card_coefficients(card)[0], name=str(card["name"]))
+            identified = true.hybrid.with_viscous(
+                card_coefficients(card)[0], name=str(card["name"])
+            )
             designs[f"identified ({card['name']})"] = replace(true, hybrid=identified)
         designs |= {name: plant(name) for name in cases.get("redesign") or () if name != own}
         return Models(true, designs)
@@ -81,15 +105,21 @@ def models_of(vehicle: Document, card: Document | None, cases: Document, limits:
         raise CampaignError(
             "a controller needs a model of the vehicle",
             field="model",
-            remedy="Name a model card: model: PATH (runs/CAMPAIGN/synthesise/model_card/MODEL.json).",
+            remedy=(
+                "Name a model card: model: PATH (runs/CAMPAIGN/synthesise/model_card/MODEL.json)."
+            ),
         )
     known = vehicle_from_document(vehicle)
-    flown = identified_plant(known, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s)
+    flown = identified_plant(
+        known, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s
+    )
     return Models(flown, {str(card["name"]): flown})
 
 
 def require_stable(plant: Plant, schedule: Schedule, *, allow: bool) -> list[str]:
-    """The modes of an identified model that grow, in words. Raises `PipelineError` where there are any and `allow` is false."""
+    """The modes of an identified model that grow, in words. Raises `PipelineError`
+    where there are any and `allow` is false.
+    """
     found: dict[str, float] = {}
     for index in np.unique(np.linspace(0, len(schedule.A) - 1, 5).astype(int)):
         values, vectors = np.linalg.eig(schedule.A[index])
@@ -98,16 +128,34 @@ def require_stable(plant: Plant, schedule: Schedule, *, allow: bool) -> list[str
             found[state] = max(found.get(state, 0.0), float(values[i].real))
     if found and not allow:
         raise PipelineError(
-            "the identified model is unstable along the trajectory, so a controller on it would hold a vehicle that may not exist",
+            "the identified model is unstable along the trajectory, so a controller on it would"
+            " hold a vehicle that may not exist",
             field="model",
-            value=", ".join(f"mode of {state} grows by {rate:.3g} per s" for state, rate in found.items()),
-            remedy="Identify with more excitation, or say control: {allow_unstable: true} under stages of the manifest.",
+            value=", ".join(
+                f"mode of {state} grows by {rate:.3g} per s" for state, rate in found.items()
+            ),
+            remedy=(
+                "Identify with more excitation, or say control: {allow_unstable: true} under stages"
+                " of the manifest."
+            ),
         )
-    return [f"{plant.title}: the mode of {state} grows by {rate:.3g} per second without a controller." for state, rate in found.items()]
+    return [
+        f"{plant.title}: the mode of {state} grows by {rate:.3g} per second without a controller."
+        for state, rate in found.items()
+    ]
 
 
-def fly_case(models: Models, case: TrajectoryCase, weights: Mapping[str, Weights], limits: Limits, *, allow_unstable: bool) -> list[Flown]:
-    """All flights of a trajectory; on designs other than the first those marked `redesign`."""
+def fly_case(
+    models: Models,
+    case: TrajectoryCase,
+    weights: Mapping[str, Weights],
+    limits: Limits,
+    *,
+    allow_unstable: bool,
+) -> list[Flown]:
+    """All flights of a trajectory; on designs other than the first those marked
+    `redesign`.
+    """
     flown: list[Flown] = []
     for index, (name, model) in enumerate(models.designs.items()):
         chosen = [flight for flight in case.flights if index == 0 or flight.redesign]
@@ -118,9 +166,18 @@ def fly_case(models: Models, case: TrajectoryCase, weights: Mapping[str, Weights
         if index == 0 and not isinstance(models.plant, HybridPlant):
             require_stable(model, schedules[0], allow=allow_unstable)
         if case.powered is not None:
-            faster = replace(case, speed_m_s=case.powered.speed_m_s, duration_s=None, weights=case.powered.weights)
-            schedules.append(_schedule(model, _trajectory(faster), faster, weights[faster.weights], limits))
-        flown += _fly_groups(models.plant, name, trajectory, schedules, replace(case, flights=tuple(chosen)))
+            faster = replace(
+                case,
+                speed_m_s=case.powered.speed_m_s,
+                duration_s=None,
+                weights=case.powered.weights,
+            )
+            schedules.append(
+                _schedule(model, _trajectory(faster), faster, weights[faster.weights], limits)
+            )
+        flown += _fly_groups(
+            models.plant, name, trajectory, schedules, replace(case, flights=tuple(chosen))
+        )
     return flown
 
 
@@ -129,18 +186,40 @@ def _trajectory(case: TrajectoryCase) -> Trajectory:
     return fly_path(case.path, speed_m_s=case.speed_m_s, step_s=case.step_s, duration_s=duration)
 
 
-def _schedule(plant: Plant, trajectory: Trajectory, case: TrajectoryCase, weights: Weights, limits: Limits) -> Schedule:
+def _schedule(
+    plant: Plant, trajectory: Trajectory, case: TrajectoryCase, weights: Weights, limits: Limits
+) -> Schedule:
     with in_cases(f"trajectories.{case.name}"):
-        found = equilibrium(plant, trajectory, method=case.equilibrium, epsilon_rad=case.epsilon_rad)
+        found = equilibrium(
+            plant, trajectory, method=case.equilibrium, epsilon_rad=case.epsilon_rad
+        )
         if case.equilibrium == "trimmed":
             require_reachable(plant, found, largest_pitch_rad=limits.pitch_rad)
-    stride = max(1, round(DESIGN_EVERY_S * (0.204 if case.powered else 1.0) / (case.speed_m_s if case.powered else 1.0) / case.step_s))
+    stride = max(
+        1,
+        round(
+            DESIGN_EVERY_S
+            * (0.204 if case.powered else 1.0)
+            / (case.speed_m_s if case.powered else 1.0)
+            / case.step_s
+        ),
+    )
     with in_cases(f"weights.{case.weights}"):
-        return design(plant, found, weights, riccati=case.riccati, observer=case.observer, feed_forward=case.feed_forward, stride=stride)
+        return design(
+            plant,
+            found,
+            weights,
+            riccati=case.riccati,
+            observer=case.observer,
+            feed_forward=case.feed_forward,
+            stride=stride,
+        )
 
 
 def start_of(trajectory: Trajectory, schedule: Schedule) -> Array:
-    """At the first point in the path's frame (section 4.3); a glide starts at its equilibrium."""
+    """At the first point in the path's frame (section 4.3); a glide starts at its
+    equilibrium.
+    """
     chi: Array = schedule.equilibrium.chi[0].copy()
     if not schedule.equilibrium.glides:
         chi[:6] = [trajectory.speed[0], 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -149,11 +228,17 @@ def start_of(trajectory: Trajectory, schedule: Schedule) -> Array:
 
 
 def _fly_groups(
-    plant: Plant, designed_on: str, trajectory: Trajectory, schedules: Sequence[Schedule], case: TrajectoryCase
+    plant: Plant,
+    designed_on: str,
+    trajectory: Trajectory,
+    schedules: Sequence[Schedule],
+    case: TrajectoryCase,
 ) -> Iterator[Flown]:
     first = schedules[0]
     for clock in (True, False):
-        group = [flight for flight in case.flights if (flight.clock or case.waiting is None) is clock]
+        group = [
+            flight for flight in case.flights if (flight.clock or case.waiting is None) is clock
+        ]
         if not group:
             continue
         drifting = any(flight.current is not None for flight in group)
@@ -162,40 +247,70 @@ def _fly_groups(
             schedules[0] if clock else schedules,
             start=np.tile(start_of(trajectory, first), (len(group), 1)),
             force_ned_N=np.stack([force_field(trajectory.t_s, flight.force) for flight in group]),
-            current_ned_m_s=np.stack([np.zeros(3) if f.current is None else f.current for f in group]) if drifting else None,
+            current_ned_m_s=(
+                np.stack([np.zeros(3) if f.current is None else f.current for f in group])
+                if drifting
+                else None
+            ),
             use_observer=np.array([flight.observer for flight in group]),
             waiting=None if clock else case.waiting,
             switch=None if clock or case.powered is None else case.powered.switch,
             duration_s=case.duration_s,
         )
-        errors = performance(trajectory, flights, first.equilibrium.chi, plant.inputs, after_s=case.transient_s)
+        errors = performance(
+            trajectory, flights, first.equilibrium.chi, plant.inputs, after_s=case.transient_s
+        )
         for index, flight in enumerate(group):
-            yield Flown(case, flight, designed_on, trajectory, first, _member(flights, index), _member(errors, index))
+            yield Flown(
+                case,
+                flight,
+                designed_on,
+                trajectory,
+                first,
+                _member(flights, index),
+                _member(errors, index),
+            )
 
 
 def _member(batch: Any, index: int) -> Any:
     """One member of a batch of arrays."""
     shared = {"t_s"}
-    return replace(batch, **{name: value if name in shared else value[index] for name, value in vars(batch).items()})
+    return replace(
+        batch,
+        **{name: value if name in shared else value[index] for name, value in vars(batch).items()},
+    )
 
 
 def monte_carlo(
-    models: Models, card: Document | None, flown: Flown, *, duration_s: float, relative_sd: float, members: int, seed: int
+    models: Models,
+    card: Document | None,
+    flown: Flown,
+    *,
+    duration_s: float,
+    relative_sd: float,
+    members: int,
+    seed: int,
 ) -> tuple[Performance, Array]:
-    """Errors of `members` vehicles whose viscous coefficients are drawn, under the controller of the nominal one: performance and
-    cross-track error over time (members, n). Draws follow the covariance of the card, or a relative standard deviation without one.
+    """Errors of `members` vehicles whose viscous coefficients are drawn, under the
+    controller of the nominal one: performance and cross-track error over time (members,
+    n). Draws follow the covariance of the card, or a relative standard deviation
+    without one.
     """
     rng = np.random.default_rng(seed)
     plant: Any = models.plant
     case, schedule = flown.case, flown.schedule
     values = plant.hybrid.viscous if isinstance(plant, HybridPlant) else plant.viscous
     terms = plant.hybrid.terms if isinstance(plant, HybridPlant) else plant.terms
-    drawn = _drawn(values, terms, None if isinstance(plant, HybridPlant) else card, relative_sd, members, rng)
+    drawn = _drawn(
+        values, terms, None if isinstance(plant, HybridPlant) else card, relative_sd, members, rng
+    )
     found: list[Performance] = []
     for first in range(0, members, CHUNK):
         some = drawn[first : first + CHUNK]
         varied = (
-            replace(plant, hybrid=replace(plant.hybrid, viscous=some)) if isinstance(plant, HybridPlant) else replace(plant, viscous=some)
+            replace(plant, hybrid=replace(plant.hybrid, viscous=some))
+            if isinstance(plant, HybridPlant)
+            else replace(plant, viscous=some)
         )
         clock = flown.flight.clock or case.waiting is None
         flights = fly(
@@ -209,15 +324,34 @@ def monte_carlo(
             duration_s=duration_s,
             members=len(some),
         )
-        found.append(performance(flown.trajectory, flights, schedule.equilibrium.chi, plant.inputs, after_s=case.transient_s))
-    joined = {name: np.concatenate([getattr(part, name) for part in found]) for name in vars(found[0])}
+        found.append(
+            performance(
+                flown.trajectory,
+                flights,
+                schedule.equilibrium.chi,
+                plant.inputs,
+                after_s=case.transient_s,
+            )
+        )
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in found]) for name in vars(found[0])
+    }
     return replace(found[0], **joined), joined["cross_track_m"]
 
 
-def _drawn(values: Array, terms: Sequence[str], card: Document | None, relative_sd: float, members: int, rng: np.random.Generator) -> Array:
+def _drawn(
+    values: Array,
+    terms: Sequence[str],
+    card: Document | None,
+    relative_sd: float,
+    members: int,
+    rng: np.random.Generator,
+) -> Array:
     """Coefficients (members, 6, n)."""
     if card is None:
-        return np.asarray(values * (1.0 + relative_sd * rng.standard_normal((members, *values.shape))))
+        return np.asarray(
+            values * (1.0 + relative_sd * rng.standard_normal((members, *values.shape)))
+        )
     out = np.tile(values, (members, 1, 1))
     for row, axis in enumerate(AXES):
         covariance = card["axes"].get(axis, {}).get("covariance", {"terms": []})
@@ -227,7 +361,9 @@ def _drawn(values: Array, terms: Sequence[str], card: Document | None, relative_
         whole = _symmetric(covariance["lower"])
         kept = [covariance["terms"].index(name) for name in names]
         root = _root(whole[np.ix_(kept, kept)])
-        out[:, row, [terms.index(name) for name in names]] += rng.standard_normal((members, len(names))) @ root.T
+        out[:, row, [terms.index(name) for name in names]] += (
+            rng.standard_normal((members, len(names))) @ root.T
+        )
     return out
 
 

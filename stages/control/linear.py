@@ -1,4 +1,6 @@
-"""Linear against nonlinear model along open-loop manoeuvres, by both ways to the equilibrium: Al Makdah 2016, section 4.2."""
+"""Linear against nonlinear model along open-loop manoeuvres, by both ways to the
+equilibrium: Al Makdah 2016, section 4.2.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.control.closed_loop import linear_response
 from auvid.hydro.control.equilibrium import METHODS, equilibrium
@@ -23,7 +26,9 @@ FROM_S, FOR_S, STEP_S = 5.0, 60.0, 0.1
 
 @dataclass(frozen=True)
 class Comparison:
-    """Nonlinear run and linear response (n, 12) at t_s (n,), from the same state under the same inputs, by the way to the equilibrium."""
+    """Nonlinear run and linear response (n, 12) at t_s (n,), from the same state under
+    the same inputs, by the way to the equilibrium.
+    """
 
     run: OpenLoopRun
     method: str
@@ -34,29 +39,48 @@ class Comparison:
     @property
     def position_m(self) -> Array:
         """Distance of the linear from the nonlinear vehicle (n,)."""
-        return np.asarray(np.sqrt(np.sum((self.linear[:, 6:9] - self.nonlinear[:, 6:9]) ** 2, axis=1)))
+        return np.asarray(
+            np.sqrt(np.sum((self.linear[:, 6:9] - self.nonlinear[:, 6:9]) ** 2, axis=1))
+        )
 
 
-def linear_comparisons(plant: HybridPlant, runs: Sequence[OpenLoopRun], names: Sequence[str]) -> list[Comparison]:
-    """The named open-loop runs against the linear model about their recorded paths (Algorithm 1).
+def linear_comparisons(
+    plant: HybridPlant, runs: Sequence[OpenLoopRun], names: Sequence[str]
+) -> list[Comparison]:
+    """The named open-loop runs against the linear model about their recorded paths
+    (Algorithm 1).
 
-    Raises `CampaignError` for a name that is no open-loop case of this parameter set, and for a run shorter than `FROM_S` and a second.
+    Raises `CampaignError` for a name that is no open-loop case of this parameter set,
+    and for a run shorter than `FROM_S` and a second.
     """
     known = {run.case.name: run for run in runs}
     found = []
     for name in names:
         if name not in known:
-            raise CampaignError("no such open-loop case", field="linear", value=name, allowed=tuple(known), remedy=nearest(name, known))
+            raise CampaignError(
+                "no such open-loop case",
+                field="linear",
+                value=name,
+                allowed=tuple(known),
+                remedy=nearest(name, known),
+            )
         recorded = _recorded(plant, known[name])
         found += [_compared(plant, recorded, method) for method in METHODS]
     return found
 
 
 def _recorded(plant: HybridPlant, run: OpenLoopRun) -> OpenLoopRun:
-    """The run again, from `FROM_S` on and every `STEP_S`: a path drawn through the seconds of a run has kinks that no vehicle can fly."""
+    """The run again, from `FROM_S` on and every `STEP_S`: a path drawn through the
+    seconds of a run has kinks that no vehicle can fly.
+    """
     if run.t_s[-1] < FROM_S + 1.0:
         allowed = f"at least {FROM_S + 1.0:g} s"
-        raise CampaignError("too short to linearise about", field=f"open_loop.{run.case.name}", value=float(run.t_s[-1]), allowed=allowed)
+        raise CampaignError(
+            "too short to linearise about",
+            field=f"open_loop.{run.case.name}",
+            value=float(run.t_s[-1]),
+            allowed=allowed,
+        )
     short = replace(run.case, duration_s=min(FROM_S + FOR_S, float(run.t_s[-1])))
     fine = fly_open_loop(plant.hybrid, short, step_s=STEP_S)
     kept = slice(round(FROM_S / STEP_S), None)
@@ -66,7 +90,9 @@ def _recorded(plant: HybridPlant, run: OpenLoopRun) -> OpenLoopRun:
 def _compared(plant: HybridPlant, run: OpenLoopRun, method: str) -> Comparison:
     t, chi = run.t_s, run.chi
     recorded = trajectory_through(t - t[0], chi[:, 6:9])
-    turns = 2.0 * np.pi * np.round((chi[0, 11] - recorded.attitude[0, 2]) / (2.0 * np.pi))  # the vehicle may have gone round before
+    turns = (
+        2.0 * np.pi * np.round((chi[0, 11] - recorded.attitude[0, 2]) / (2.0 * np.pi))
+    )  # the vehicle may have gone round before
     recorded = replace(recorded, attitude=recorded.attitude + np.array([0.0, 0.0, turns]))
     along = equilibrium(plant, recorded, method=method)
     A, B = plant.linear(along.chi, along.U, mass_kg=along.mass_kg)
@@ -82,7 +108,9 @@ def linear_part(found: Sequence[Comparison]) -> tuple[list[Block], list[dict[str
     for item in found:
         pitch = float(np.degrees(np.abs(item.linear[:, 10] - item.nonlinear[:, 10]).max()))
         yaw = float(np.degrees(np.abs(item.linear[:, 11] - item.nonlinear[:, 11]).max()))
-        travelled = float(np.sum(np.sqrt(np.sum(np.diff(item.nonlinear[:, 6:9], axis=0) ** 2, axis=1))))
+        travelled = float(
+            np.sum(np.sqrt(np.sum(np.diff(item.nonlinear[:, 6:9], axis=0) ** 2, axis=1)))
+        )
         largest = float(item.position_m.max())
         name = item.run.case.name
         rows.append([item.run.case.title, item.method, travelled, largest, pitch, yaw])
@@ -91,14 +119,27 @@ def linear_part(found: Sequence[Comparison]) -> tuple[list[Block], list[dict[str
                 "quantity": f"linear against nonlinear, {name}, {item.method}, share of the way",
                 "value": largest / travelled,
                 "unit": "1",
-                "note": f"largest distance between both models in {FOR_S:g} s over the way travelled",
+                "note": (
+                    f"largest distance between both models in {FOR_S:g} s over the way travelled"
+                ),
             }
         )
         signals = ((7, "y", "m"), (8, "z", "m"), (10, "theta", "rad"), (11, "psi", "rad"))
         lines = [
-            panel(label, unit, [series(word, item.t_s, chi[:, i], role) for word, chi, role in _lines(item)]) for i, label, unit in signals
+            panel(
+                label,
+                unit,
+                [series(word, item.t_s, chi[:, i], role) for word, chi, role in _lines(item)],
+            )
+            for i, label, unit in signals
         ]
-        plots.append(plot(f"{item.run.case.title}: linear against nonlinear ({item.method})", lines, group=f"linear {name}"))
+        plots.append(
+            plot(
+                f"{item.run.case.title}: linear against nonlinear ({item.method})",
+                lines,
+                group=f"linear {name}",
+            )
+        )
     heads: list[str | tuple[str, str]] = [
         "manoeuvre",
         "equilibrium",
@@ -108,7 +149,8 @@ def linear_part(found: Sequence[Comparison]) -> tuple[list[Block], list[dict[str
         ("yaw apart", "deg"),
     ]
     note = (
-        "Both from the same state under the same constant inputs; the linear model about the recorded path (section 4.2). Largest values."
+        "Both from the same state under the same constant inputs; the linear model about the"
+        " recorded path (section 4.2). Largest values."
     )
     return [table("Linear against nonlinear model", heads, rows, note=note), *plots], figures
 

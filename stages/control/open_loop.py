@@ -1,4 +1,6 @@
-"""The open-loop manoeuvres of a control campaign, and strip theory beside the printed coefficients: report blocks and named figures."""
+"""The open-loop manoeuvres of a control campaign, and strip theory beside the printed
+coefficients: report blocks and named figures.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from auvid.hydro.control.open_loop import Finding, OpenLoopRun, findings, fly_open_loop, open_loop_cases
-from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, hybrid_vehicle, published_coefficients
+
+from auvid.hydro.control.open_loop import (
+    Finding,
+    OpenLoopRun,
+    findings,
+    fly_open_loop,
+    open_loop_cases,
+)
+from auvid.hydro.dynamics.hybrid_vehicle import (
+    PARAMETER_SETS,
+    hybrid_vehicle,
+    published_coefficients,
+)
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient
 from auvid.stages.base import Document
@@ -16,12 +29,16 @@ from auvid.stages.presentation import Block, panel, plot, remark, series, table
 
 SHOWN_SET = "as_simulated"
 LONGEST_BESIDE_S = 200.0
-"""The other parameter sets fly the cases with statements up to this duration: a glide of 1000 s says no more than one of 200 s."""
+"""The other parameter sets fly the cases with statements up to this duration: a glide
+of 1000 s says no more than one of 200 s.
+"""
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a part of the stage gives: report blocks, rows of `results`, and the runs with the parameters of the simulations."""
+    """What a part of the stage gives: report blocks, rows of `results`, and the runs
+    with the parameters of the simulations.
+    """
 
     blocks: tuple[Block, ...]
     rows: tuple[dict[str, Any], ...]
@@ -29,9 +46,11 @@ class Part:
 
 
 def open_loop_part(cases: Document, vehicle: Document) -> Part:
-    """Fly the cases under key `open_loop` of a cases document with every parameter set of the vehicle that has them.
+    """Fly the cases under key `open_loop` of a cases document with every parameter set
+    of the vehicle that has them.
 
-    Figures are named `open loop CASE, QUANTITY, SET`, in SI. Errors as `hybrid_vehicle` and `open_loop_cases`.
+    Figures are named `open loop CASE, QUANTITY, SET`, in SI. Errors as `hybrid_vehicle`
+    and `open_loop_cases`.
     """
     runs: list[OpenLoopRun] = []
     for name in PARAMETER_SETS:
@@ -41,30 +60,61 @@ def open_loop_part(cases: Document, vehicle: Document) -> Part:
                 runs.append(fly_open_loop(hybrid, case))
     found = [item for run in runs for item in findings(run)]
     shown = tuple(run for run in runs if run.parameter_set == SHOWN_SET)
-    blocks = [_statements(found), *(remark(words, "note") for words in _ended(runs)), *(_plot(run) for run in shown)]
+    blocks = [
+        _statements(found),
+        *(remark(words, "note") for words in _ended(runs)),
+        *(_plot(run) for run in shown),
+    ]
     return Part(tuple(blocks), tuple(_row(item) for item in found), shown)
 
 
 def coefficients_part(vehicle: Document) -> Part:
-    """Strip theory by the printed and by the corrected formulas beside the coefficients that the vehicle file has as published.
+    """Strip theory by the printed and by the corrected formulas beside the coefficients
+    that the vehicle file has as published.
 
     Figures are named `NAME, as_printed` and `NAME, corrected`.
     """
-    printed, corrected = (_by_name(strip_theory_of(vehicle, corrected=flag)) for flag in (False, True))
+    printed, corrected = (
+        _by_name(strip_theory_of(vehicle, corrected=flag)) for flag in (False, True)
+    )
     published = published_coefficients(vehicle)
     rows = [
-        [name, item.unit, item.value, printed[name].value, corrected[name].value, item.source, corrected[name].source]
+        [
+            name,
+            item.unit,
+            item.value,
+            printed[name].value,
+            corrected[name].value,
+            item.source,
+            corrected[name].source,
+        ]
         for name, item in published.items()
         if name in printed
     ]
-    heads = ("coefficient", "unit", "published", "formulas as printed", "errata applied", "published in", "formula")
+    heads = (
+        "coefficient",
+        "unit",
+        "published",
+        "formulas as printed",
+        "errata applied",
+        "published in",
+        "formula",
+    )
     note = "What does not agree, and why, stands in docs/strip_theory.md."
     figures = [
-        {"quantity": f"{name}, {kind}", "value": items[name].value, "unit": items[name].unit, "note": items[name].source}
+        {
+            "quantity": f"{name}, {kind}",
+            "value": items[name].value,
+            "unit": items[name].unit,
+            "note": items[name].source,
+        }
         for name in printed
         for kind, items in (("as_printed", printed), ("corrected", corrected))
     ]
-    return Part((table("Strip theory beside the published coefficients", heads, rows, note=note),), tuple(figures))
+    return Part(
+        (table("Strip theory beside the published coefficients", heads, rows, note=note),),
+        tuple(figures),
+    )
 
 
 def _by_name(items: Sequence[Coefficient]) -> dict[str, Coefficient]:
@@ -78,7 +128,10 @@ def _row(item: Finding) -> dict[str, Any]:
         "value": item.ours if known else None,
         "unit": item.statement.unit,
         "verdict": "holds" if item.holds else "does not hold",
-        "note": f"text: {item.statement.value:.4g} +- {item.statement.tolerance:.2g} {item.statement.unit}: {item.statement.source}",
+        "note": (
+            f"text: {item.statement.value:.4g} +- {item.statement.tolerance:.2g}"
+            f" {item.statement.unit}: {item.statement.source}"
+        ),
     }
 
 
@@ -91,9 +144,32 @@ def _statements(found: Sequence[Finding]) -> Block:
         statement = next(iter(sets.values())).statement
         ours = [_finite(sets[name].ours) if name in sets else None for name in PARAMETER_SETS]
         under = ", ".join(name for name, item in sets.items() if item.holds) or "none"
-        rows.append([case, quantity, statement.unit, statement.value, statement.tolerance, *ours, under, statement.source])
-    heads = ("case", "quantity", "unit", "text", "tolerance", *PARAMETER_SETS, "holds under", "source")
-    note = "steady: mean over the last tenth of a run; peak: largest modulus in its second half. Empty: not flown, or ended early."
+        rows.append(
+            [
+                case,
+                quantity,
+                statement.unit,
+                statement.value,
+                statement.tolerance,
+                *ours,
+                under,
+                statement.source,
+            ]
+        )
+    heads = (
+        "case",
+        "quantity",
+        "unit",
+        "text",
+        "tolerance",
+        *PARAMETER_SETS,
+        "holds under",
+        "source",
+    )
+    note = (
+        "steady: mean over the last tenth of a run; peak: largest modulus in its second half."
+        " Empty: not flown, or ended early."
+    )
     return table("Open-loop manoeuvres beside the text (section 4.1)", heads, rows, note=note)
 
 
@@ -102,7 +178,11 @@ def _finite(value: float) -> float | None:
 
 
 def _ended(runs: Sequence[OpenLoopRun]) -> list[str]:
-    return [f"{run.case.title}, parameter set {run.parameter_set}: the run ended early, {run.stop}." for run in runs if run.stop]
+    return [
+        f"{run.case.title}, parameter set {run.parameter_set}: the run ended early, {run.stop}."
+        for run in runs
+        if run.stop
+    ]
 
 
 def _plot(run: OpenLoopRun) -> Block:
@@ -115,5 +195,10 @@ def _plot(run: OpenLoopRun) -> Block:
     }
     if np.ptp(run.mass_kg) == 0.0:
         lines = {name: entry for name, entry in lines.items() if name != "mass"}
-    panels = [panel(label, unit, [series(name, t, values, name) for name, values in signals]) for label, (unit, signals) in lines.items()]
-    return plot(f"{run.case.title} ({run.parameter_set})", panels, group=f"open loop {run.case.name}")
+    panels = [
+        panel(label, unit, [series(name, t, values, name) for name, values in signals])
+        for label, (unit, signals) in lines.items()
+    ]
+    return plot(
+        f"{run.case.title} ({run.parameter_set})", panels, group=f"open loop {run.case.name}"
+    )

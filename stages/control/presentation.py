@@ -1,4 +1,6 @@
-"""What a control campaign shows: tables of tracking, paths desired and flown, inputs, margins, Monte Carlo; views; named figures."""
+"""What a control campaign shows: tables of tracking, paths desired and flown, inputs,
+margins, Monte Carlo; views; named figures.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import Inputs, Plant
@@ -24,7 +27,10 @@ COLUMNS = {
     "delta_s_left": "stern_left_rad",
     "propeller": "propeller_rev_s",
 }
-FORCES = tuple(f"disturbance_{axis}_{unit}" for axis, unit in zip("XYZKMN", ("N", "N", "N", "N_m", "N_m", "N_m"), strict=True))
+FORCES = tuple(
+    f"disturbance_{axis}_{unit}"
+    for axis, unit in zip("XYZKMN", ("N", "N", "N", "N_m", "N_m", "N_m"), strict=True)
+)
 SHOWN_HZ = 10.0
 
 
@@ -39,15 +45,26 @@ def flight_table(plant: Plant, item: Flown) -> pa.Table:
     stride = max(1, round(1.0 / (SHOWN_HZ * item.case.step_s)))
     rows = slice(None, None, stride)
     place = flown.reference_s / found.step_s
-    desired = np.column_stack([np.interp(place, np.arange(len(found.t_s)), column) for column in found.chi[:, 6:].T])
+    desired = np.column_stack(
+        [np.interp(place, np.arange(len(found.t_s)), column) for column in found.chi[:, 6:].T]
+    )
     mass = np.interp(place, np.arange(len(found.t_s)), found.mass_kg)
     force = np.einsum("nij,nj->ni", plant.mass_matrix(mass), flown.disturbance)
     columns: dict[str, Any] = {"t_s": flown.t_s[rows]}
     columns |= dict(zip(POSE, flown.chi[rows, 6:].T, strict=True))
     columns |= dict(zip(VELOCITY, flown.chi[rows, :6].T, strict=True))
-    columns |= {f"desired_{name}": values for name, values in zip(POSE, desired[rows].T, strict=True)}
-    columns |= {"reference_s": flown.reference_s[rows], "mass_kg": mass[rows], "powered": flown.powered[rows]}
-    columns |= {"position_error_m": item.errors.position_m[rows], "cross_track_m": item.errors.cross_track_m[rows]}
+    columns |= {
+        f"desired_{name}": values for name, values in zip(POSE, desired[rows].T, strict=True)
+    }
+    columns |= {
+        "reference_s": flown.reference_s[rows],
+        "mass_kg": mass[rows],
+        "powered": flown.powered[rows],
+    }
+    columns |= {
+        "position_error_m": item.errors.position_m[rows],
+        "cross_track_m": item.errors.cross_track_m[rows],
+    }
     columns |= dict(zip(FORCES, force[rows].T, strict=True))
     columns |= {input_column(name): flown.U[rows, i] for i, name in enumerate(plant.inputs.names)}
     return make_table("closed_loop", columns)
@@ -58,7 +75,11 @@ def gains_table(item: Flown, inputs: Inputs) -> pa.Table:
     schedule = item.schedule
     k, U = schedule.k[:: schedule.stride], schedule.equilibrium.U[:: schedule.stride]
     n, m = U.shape
-    columns: dict[str, Any] = {"t_s": np.repeat(schedule.design_s, m), "input": list(inputs.names) * n, "U_eq": U.reshape(-1)}
+    columns: dict[str, Any] = {
+        "t_s": np.repeat(schedule.design_s, m),
+        "input": list(inputs.names) * n,
+        "U_eq": U.reshape(-1),
+    }
     columns |= {f"k_{name}": k[:, :, i].reshape(-1) for i, name in enumerate(STATES)}
     return make_table("gains", columns)
 
@@ -130,17 +151,34 @@ def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
                 }
             )
     for item in _schedules(flown):
-        frozen, used = float(item.schedule.frozen_eigenvalues.real.max()), float(item.schedule.eigenvalues.real.max())
+        frozen, used = (
+            float(item.schedule.frozen_eigenvalues.real.max()),
+            float(item.schedule.eigenvalues.real.max()),
+        )
         words = "largest real part of A - B k along the trajectory"
         rows.append(
-            {"quantity": f"slowest closed-loop pole, frozen gains, {item.case.name}", "value": frozen, "unit": "1/s", "note": words}
+            {
+                "quantity": f"slowest closed-loop pole, frozen gains, {item.case.name}",
+                "value": frozen,
+                "unit": "1/s",
+                "note": words,
+            }
         )
-        rows.append({"quantity": f"slowest closed-loop pole, gains in use, {item.case.name}", "value": used, "unit": "1/s", "note": words})
+        rows.append(
+            {
+                "quantity": f"slowest closed-loop pole, gains in use, {item.case.name}",
+                "value": used,
+                "unit": "1/s",
+                "note": words,
+            }
+        )
     return rows
 
 
 def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
-    """The flight that differs by the observer alone; None for a flight without one, or where there is no such flight."""
+    """The flight that differs by the observer alone; None for a flight without one, or
+    where there is no such flight.
+    """
 
     def told(other: Flown) -> tuple[Any, ...]:
         flight = other.flight
@@ -150,7 +188,9 @@ def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
 
     if not item.flight.observer:
         return None
-    return next((other for other in flown if not other.flight.observer and told(other) == told(item)), None)
+    return next(
+        (other for other in flown if not other.flight.observer and told(other) == told(item)), None
+    )
 
 
 def at_turns(item: Flown) -> float:
@@ -162,11 +202,19 @@ def at_turns(item: Flown) -> float:
 
 def _schedules(flown: Sequence[Flown]) -> list[Flown]:
     """One flight per trajectory, on the vehicle's own design."""
-    return list({item.case.name: item for item in reversed(flown) if item.designed_on == flown[0].designed_on}.values())[::-1]
+    return list(
+        {
+            item.case.name: item
+            for item in reversed(flown)
+            if item.designed_on == flown[0].designed_on
+        }.values()
+    )[::-1]
 
 
 def tracking_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
-    """The table of tracking errors, then per trajectory path, errors, attitude and inputs."""
+    """The table of tracking errors, then per trajectory path, errors, attitude and
+    inputs.
+    """
     fins = _fins(inputs)
     heads: list[str | tuple[str, str]] = [
         "trajectory",
@@ -185,7 +233,14 @@ def tracking_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
             item.case.title,
             item.flight.title,
             item.designed_on,
-            *(_rounded(value) for value in (item.errors.cross_track_rms_m, item.errors.cross_track_max_m, item.errors.position_rms_m)),
+            *(
+                _rounded(value)
+                for value in (
+                    item.errors.cross_track_rms_m,
+                    item.errors.cross_track_max_m,
+                    item.errors.position_rms_m,
+                )
+            ),
             _rounded(item.errors.steady_m),
             _rounded(100.0 * item.errors.at_limit[fins].max(initial=0.0)),
             _rounded(100.0 * item.errors.at_limit[~fins].max(initial=0.0)),
@@ -194,14 +249,19 @@ def tracking_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
         for item in flown
     ]
     note = (
-        "Errors after the transient of each trajectory. A waiting reference does not keep to the clock: there only the distance to the path"
-        " counts. Steady: largest distance over the last fifth."
+        "Errors after the transient of each trajectory. A waiting reference does not keep to the"
+        " clock: there only the distance to the path counts. Steady: largest distance over the last"
+        " fifth."
     )
     blocks = [table("Tracking errors", heads, rows, note=note)]
     for item in flown:
         if not np.isfinite(item.flown.chi).all():
             blocks.append(
-                remark(f"{item.case.title}, {item.flight.title}, designed on {item.designed_on}: the vehicle was lost.", "warning")
+                remark(
+                    f"{item.case.title}, {item.flight.title}, designed on {item.designed_on}: the"
+                    " vehicle was lost.",
+                    "warning",
+                )
             )
     own = [item for item in flown if item.designed_on == flown[0].designed_on]
     for name in dict.fromkeys(item.case.name for item in own):
@@ -224,30 +284,63 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
         plan.append(series(item.flight.name, position[:, 1], position[:, 0], item.flight.name))
         depth.append(series(item.flight.name, position[:, 0], position[:, 2], item.flight.name))
     blocks = [
-        plot(f"{case.title}: path in plan", [panel("north", "m", plan)], x_label="east", x_unit="m", look_for="flown on desired"),
-        plot(f"{case.title}: depth over north", [panel("depth", "m", depth)], x_label="north", x_unit="m"),
+        plot(
+            f"{case.title}: path in plan",
+            [panel("north", "m", plan)],
+            x_label="east",
+            x_unit="m",
+            look_for="flown on desired",
+        ),
+        plot(
+            f"{case.title}: depth over north",
+            [panel("depth", "m", depth)],
+            x_label="north",
+            x_unit="m",
+        ),
         plot(
             f"{case.title}: distance to the path",
             [
                 panel(
                     "cross-track",
                     "m",
-                    [series(item.flight.name, item.flown.t_s, item.errors.cross_track_m, item.flight.name) for item in flown],
+                    [
+                        series(
+                            item.flight.name,
+                            item.flown.t_s,
+                            item.errors.cross_track_m,
+                            item.flight.name,
+                        )
+                        for item in flown
+                    ],
                 )
             ],
             group=case.name,
         ),
     ]
     effort = [
-        panel(name, unit, [series(item.flight.name, item.flown.t_s, item.flown.U[:, i], item.flight.name) for item in flown])
+        panel(
+            name,
+            unit,
+            [
+                series(item.flight.name, item.flown.t_s, item.flown.U[:, i], item.flight.name)
+                for item in flown
+            ],
+        )
         for i, (name, unit) in enumerate(zip(inputs.names, inputs.units, strict=True))
     ]
-    blocks.append(plot(f"{case.title}: inputs", effort, group=case.name, look_for="where they stand at a limit"))
+    blocks.append(
+        plot(
+            f"{case.title}: inputs", effort, group=case.name, look_for="where they stand at a limit"
+        )
+    )
     attitude = [
         panel(
             name.split("_")[0],
             "rad",
-            [series(item.flight.name, item.flown.t_s, item.flown.chi[:, 9 + i], item.flight.name) for item in flown],
+            [
+                series(item.flight.name, item.flown.t_s, item.flown.chi[:, 9 + i], item.flight.name)
+                for item in flown
+            ],
         )
         for i, name in enumerate(ATTITUDE)
     ]
@@ -256,7 +349,9 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
 
 
 def design_blocks(flown: Sequence[Flown]) -> list[Block]:
-    """Equilibrium residuals, eigenvalues and margins of the controller of each trajectory."""
+    """Equilibrium residuals, eigenvalues and margins of the controller of each
+    trajectory.
+    """
     rows = []
     for item in _schedules(flown):
         s = item.schedule
@@ -290,8 +385,9 @@ def design_blocks(flown: Sequence[Flown]) -> list[Block]:
         ("moment left over", "N m"),
     ]
     note = (
-        "Poles of A - B k along the trajectory. Margins hold for changes in all inputs at once. Left over: RMS of what the equilibrium"
-        " inputs do not balance; the controller works against it."
+        "Poles of A - B k along the trajectory. Margins hold for changes in all inputs at once."
+        " Left over: RMS of what the equilibrium inputs do not balance; the controller works"
+        " against it."
     )
     return [table("Controllers", heads, rows, note=note)]
 
@@ -303,7 +399,10 @@ def monte_carlo_part(
     rms = errors.cross_track_rms_m
     lost = int((~np.isfinite(rms)).sum())
     known = rms[np.isfinite(rms)]
-    words = f"{len(rms)} vehicles with coefficients drawn from {source}, {duration_s:g} s of {item.case.title}, {item.flight.title}."
+    words = (
+        f"{len(rms)} vehicles with coefficients drawn from {source}, {duration_s:g} s of"
+        f" {item.case.title}, {item.flight.title}."
+    )
     blocks: list[Block] = [text(words)]
     rows: list[dict[str, Any]] = [
         {"quantity": "Monte Carlo, members", "value": float(len(rms)), "unit": "1", "note": words},
@@ -313,8 +412,8 @@ def monte_carlo_part(
         low, middle, high = (float(value) for value in np.percentile(known, [2.5, 50.0, 97.5]))
         blocks.append(
             remark(
-                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its path, 95 % of them"
-                f" {low:.3g} to {high:.3g} m; {lost} lost.",
+                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its"
+                f" path, 95 % of them {low:.3g} to {high:.3g} m; {lost} lost.",
                 "finding",
             )
         )
@@ -333,9 +432,13 @@ def monte_carlo_part(
         bands = np.nanpercentile(cross_track[np.isfinite(rms)], [2.5, 50.0, 97.5], axis=0)
         lines = [
             series(name, t, values, role)
-            for name, values, role in zip(("2.5 %", "median", "97.5 %"), bands, ("band", "measured", "band"), strict=True)
+            for name, values, role in zip(
+                ("2.5 %", "median", "97.5 %"), bands, ("band", "measured", "band"), strict=True
+            )
         ]
-        blocks.append(plot("Distance to the path over drawn models", [panel("cross-track", "m", lines)]))
+        blocks.append(
+            plot("Distance to the path over drawn models", [panel("cross-track", "m", lines)])
+        )
     return blocks, rows
 
 

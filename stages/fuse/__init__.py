@@ -1,12 +1,15 @@
-"""Bias-corrected state and state derivative of the body origin, from one segment's sensors.
+"""Bias-corrected state and state derivative of the body origin, from one segment's
+sensors.
 
-Method `kinematic`: velocity from the velocity sensor, rates from the gyro, depth from the pressure sensor, derivatives from splines.
-Method `thesis`: McCarter section 2.5, velocity from the integrated accelerometer; with `as_published` the transport term omega x v stays
-in, as the thesis has it; otherwise it is removed and the initial velocity is fitted (corrections: accelerometer kinematics, bias inside
-the integral).
-Method `smoother`: Kalman filter and smoother over velocity, acceleration and accelerometer bias, each sensor at its own times; with
-velocity through the water (water track) also the current. The state's u v w are then those through the water, which the forces see; pose
-and its rate stay those over ground.
+Method `kinematic`: velocity from the velocity sensor, rates from the gyro, depth from
+the pressure sensor, derivatives from splines. Method `thesis`: McCarter section 2.5,
+velocity from the integrated accelerometer; with `as_published` the transport term omega
+x v stays in, as the thesis has it; otherwise it is removed and the initial velocity is
+fitted (corrections: accelerometer kinematics, bias inside the integral). Method
+`smoother`: Kalman filter and smoother over velocity, acceleration and accelerometer
+bias, each sensor at its own times; with velocity through the water (water track) also
+the current. The state's u v w are then those through the water, which the forces see;
+pose and its rate stay those over ground.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import cross
@@ -46,29 +50,62 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    method: str = param("1", "kinematic", meaning="how velocity is found", allowed=("kinematic", "thesis", "smoother"))
-    cutoff_hz: float | None = param("Hz", 3.0, meaning="zero-phase low-pass on all channels alike; null for none", low=0.05, high=100.0)
-    as_published: bool = param("1", False, meaning="thesis method only: take the accelerometer for v_dot, as McCarter 2.5 does")
+    method: str = param(
+        "1",
+        "kinematic",
+        meaning="how velocity is found",
+        allowed=("kinematic", "thesis", "smoother"),
+    )
+    cutoff_hz: float | None = param(
+        "Hz",
+        3.0,
+        meaning="zero-phase low-pass on all channels alike; null for none",
+        low=0.05,
+        high=100.0,
+    )
+    as_published: bool = param(
+        "1",
+        False,
+        meaning="thesis method only: take the accelerometer for v_dot, as McCarter 2.5 does",
+    )
     accelerometer: str | None = param(
         "1",
         None,
         meaning="what the accelerometer measures; null takes the log's or the vehicle's word",
         allowed=("specific_force", "inertial", "derivative"),
     )
-    fit_gyro_bias: bool = param("1", True, meaning="take a constant gyro bias off, found from the attitude")
+    fit_gyro_bias: bool = param(
+        "1", True, meaning="take a constant gyro bias off, found from the attitude"
+    )
     noise: Mapping[str, float] = param(
         "SI",
         {},
-        meaning="smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density tilt_error_rad tilt_time_s bias_m_s2 "
-        "water_m_s current_walk_m_s",
+        meaning=(
+            "smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density"
+            " tilt_error_rad tilt_time_s bias_m_s2 water_m_s current_walk_m_s"
+        ),
     )
-    estimate_dvl_arm: bool = param("1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment")
-    estimate_dvl_mounting: bool = param("1", False, meaning="smoother only: find the velocity sensor's mounting angles from the segment")
+    estimate_dvl_arm: bool = param(
+        "1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment"
+    )
+    estimate_dvl_mounting: bool = param(
+        "1",
+        False,
+        meaning="smoother only: find the velocity sensor's mounting angles from the segment",
+    )
     estimate_current: bool = param(
-        "1", False, meaning="smoother only: find the water current from velocity through the water (water track)"
+        "1",
+        False,
+        meaning=(
+            "smoother only: find the water current from velocity through the water (water track)"
+        ),
     )
     edge_s: float | None = param(
-        "s", None, meaning="width cut off at either end; null: what the low-pass needs, at least 0.5 s", low=0.0, high=60.0
+        "s",
+        None,
+        meaning="width cut off at either end; null: what the low-pass needs, at least 0.5 s",
+        low=0.0,
+        high=60.0,
     )
 
 
@@ -84,30 +121,55 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     if params.estimate_current and params.method != "smoother":
         remedy = "Set method: smoother, or leave estimate_current out."
         raise CampaignError(
-            "belongs to method smoother", field="stages.fuse.estimate_current", value=f"method {params.method}", remedy=remedy
+            "belongs to method smoother",
+            field="stages.fuse.estimate_current",
+            value=f"method {params.method}",
+            remedy=remedy,
         )
     if params.as_published and params.method != "thesis":
         remedy = "Set method: thesis, or leave as_published out."
-        raise CampaignError("belongs to method thesis", field="stages.fuse.as_published", value=f"method {params.method}", remedy=remedy)
+        raise CampaignError(
+            "belongs to method thesis",
+            field="stages.fuse.as_published",
+            value=f"method {params.method}",
+            remedy=remedy,
+        )
     vehicle = vehicle_from_document(inputs.vehicle)
     sensed = sensed_motion(inputs.resampled, vehicle, has_gyro=inputs.samples_imu is not None)
-    convention = params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
+    convention = (
+        params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
+    )
     cutoff = None if params.method == "smoother" else params.cutoff_hz
     motion = sensor_motion(
-        inputs.resampled, sensed, vehicle, cutoff_hz=cutoff, fit_gyro_bias=params.fit_gyro_bias, arm=not params.as_published
+        inputs.resampled,
+        sensed,
+        vehicle,
+        cutoff_hz=cutoff,
+        fit_gyro_bias=params.fit_gyro_bias,
+        arm=not params.as_published,
     )
     if params.method == "kinematic":
         velocity, rate, found = kinematic(motion)
     elif params.method == "thesis":
         velocity, rate, found = thesis(
-            motion, inputs.resampled, vehicle, convention=convention, cutoff_hz=params.cutoff_hz, as_published=params.as_published
+            motion,
+            inputs.resampled,
+            vehicle,
+            convention=convention,
+            cutoff_hz=params.cutoff_hz,
+            as_published=params.as_published,
         )
     else:
         if inputs.samples_depth is None:
             raise DataError("stage fuse needs the samples of the depth sensor (method smoother)")
         velocity, rate, found = smoother(
             motion,
-            SensorSamples(inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth, inputs.samples_water),
+            SensorSamples(
+                inputs.samples_imu,
+                inputs.samples_velocity,
+                inputs.samples_depth,
+                inputs.samples_water,
+            ),
             vehicle,
             convention=convention,
             noise=params.noise,
@@ -117,10 +179,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
     over_ground, nu_dot = np.hstack([velocity, motion.omega]), np.hstack([rate, motion.omega_dot])
     pose, drift = _pose(motion, velocity), np.zeros_like(over_ground)
-    if found.drift is not None:  # a steady current: nu_r = nu - R' c, and R' c turns against the body
+    if (
+        found.drift is not None
+    ):  # a steady current: nu_r = nu - R' c, and R' c turns against the body
         drift[:, :3], nu_dot[:, :3] = found.drift, rate + cross(motion.omega, found.drift)
     if params.method == "smoother":
-        pose, over_ground, drift, nu_dot = (low_pass(motion.t_s, part, params.cutoff_hz) for part in (pose, over_ground, drift, nu_dot))
+        pose, over_ground, drift, nu_dot = (
+            low_pass(motion.t_s, part, params.cutoff_hz)
+            for part in (pose, over_ground, drift, nu_dot)
+        )
     edge_s = default_edge_s(params.cutoff_hz) if params.edge_s is None else params.edge_s
     keep = _inside_edges(motion.t_s, edge_s, inputs.segment)
     columns = {
@@ -139,14 +206,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "edge_s": edge_s,
     }
     fusion = fusion_document(inputs.segment, settings, motion, sensed, over_ground, keep, found)
-    shown = fuse_section(inputs.segment, inputs.resampled, motion, sensed, over_ground, pose, keep, fusion)
+    shown = fuse_section(
+        inputs.segment, inputs.resampled, motion, sensed, over_ground, pose, keep, fusion
+    )
     return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views(fused))
 
 
 def _spread(found: Found, segment: Document, n: int, method: str) -> dict[str, Array]:
-    """Standard deviations where they are known: of velocity from the smoother, else of the sensor's noise within its spline's bandwidth.
+    """Standard deviations where they are known: of velocity from the smoother, else of
+    the sensor's noise within its spline's bandwidth.
 
-    None for the velocity of method `thesis`, whose integrated errors grow along the leg.
+    None for the velocity of method `thesis`, whose integrated errors grow along the
+    leg.
     """
     if found.velocity_sd is None and method != "kinematic":
         return {}
@@ -160,14 +231,18 @@ def _spread(found: Found, segment: Document, n: int, method: str) -> dict[str, A
 
 
 def _pose(motion: Motion, velocity: Array) -> Array:
-    """Pose (n, 6): attitude and depth as measured, x and y from integrated velocity (McCarter 2.91-2.92)."""
+    """Pose (n, 6): attitude and depth as measured, x and y from integrated velocity
+    (McCarter 2.91-2.92).
+    """
     ned = np.einsum("nij,nj->ni", rotation_body_to_ned(motion.euler), velocity)
     track = integrate(motion.t_s, ned[:, :2], np.zeros(2))
     return np.column_stack([track, motion.depth, motion.euler])
 
 
 def default_edge_s(cutoff_hz: float | None) -> float:
-    """Width [s] cut off at either end: the edge zone of the low-pass, and at least `LEAST_EDGE_S` for what the splines bend at the ends."""
+    """Width [s] cut off at either end: the edge zone of the low-pass, and at least
+    `LEAST_EDGE_S` for what the splines bend at the ends.
+    """
     return LEAST_EDGE_S if cutoff_hz is None else max(LEAST_EDGE_S, edge_zone_s(cutoff_hz))
 
 
@@ -183,4 +258,12 @@ def _inside_edges(t_s: Array, edge_s: float, segment: Document) -> Mask:
     return keep
 
 
-STAGE = Stage("fuse", "Bias-corrected state and its derivative, per segment", "segment", Inputs, Params, Outputs, run)
+STAGE = Stage(
+    "fuse",
+    "Bias-corrected state and its derivative, per segment",
+    "segment",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+)

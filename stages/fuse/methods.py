@@ -8,19 +8,26 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from scipy.interpolate import CubicSpline
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import cross
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.signals.bias import accelerometer_bias, fit_velocity, inertial_acceleration, integrate, lever_arm_velocity
+from auvid.hydro.identification.signals.bias import (
+    accelerometer_bias,
+    fit_velocity,
+    inertial_acceleration,
+    integrate,
+    lever_arm_velocity,
+)
 from auvid.hydro.identification.signals.installation import Installation, estimate_installation
 from auvid.hydro.identification.signals.smoother import SmootherNoise, smooth_velocity
 from auvid.hydro.identification.signals.splines import derivative
 from auvid.stages.columns import ACCELEROMETER, VELOCITY, Array, rms
 from auvid.stages.fuse.current import current_document, drift, water_track, without_water_track
 from auvid.stages.fuse.motion import Found, Motion, low_pass, missing, vertical_arm
-from scipy.interpolate import CubicSpline
 
 SWAY_WARNING_M_S = 0.1
 
@@ -33,12 +40,26 @@ def kinematic(motion: Motion) -> tuple[Array, Array, Found]:
 
 
 def thesis(
-    motion: Motion, resampled: pa.Table, vehicle: Vehicle, *, convention: str, cutoff_hz: float | None, as_published: bool
+    motion: Motion,
+    resampled: pa.Table,
+    vehicle: Vehicle,
+    *,
+    convention: str,
+    cutoff_hz: float | None,
+    as_published: bool,
 ) -> tuple[Array, Array, Found]:
-    """Velocity and its rate (n, 3) from the integrated accelerometer, McCarter (2.76)-(2.92): biases found against the velocity sensor."""
+    """Velocity and its rate (n, 3) from the integrated accelerometer, McCarter
+    (2.76)-(2.92): biases found against the velocity sensor.
+    """
     if motion.velocity is None:
-        raise missing("velocity", "a body velocity to find the accelerometer's bias against (method thesis)")
-    raw = matrix(resampled, ACCELEROMETER) if has_columns(resampled, ACCELEROMETER) else np.full((1, 3), np.nan)
+        raise missing(
+            "velocity", "a body velocity to find the accelerometer's bias against (method thesis)"
+        )
+    raw = (
+        matrix(resampled, ACCELEROMETER)
+        if has_columns(resampled, ACCELEROMETER)
+        else np.full((1, 3), np.nan)
+    )
     if not np.isfinite(raw).all():
         raise missing("imu", "an accelerometer (method thesis)")
     t_s, omega, euler = motion.t_s, motion.omega, motion.euler
@@ -70,17 +91,22 @@ def thesis(
 
 
 def sway_check(velocity: Array, measured: Array, taken_for: str) -> dict[str, Any]:
-    """RMS of found against measured sway, and a warning where it shows that the accelerometer is not what it is taken for."""
+    """RMS of found against measured sway, and a warning where it shows that the
+    accelerometer is not what it is taken for.
+    """
     sway = rms(velocity[:, 1] - measured[:, 1])
     words = (
-        f"Integrated and measured sway differ by {sway:.2f} m/s RMS (limit {SWAY_WARNING_M_S:g}): the accelerometer does not measure "
-        f"what the method takes it for ({taken_for}), or it drifts, or the velocity sensor sits otherwise than the vehicle file says."
+        f"Integrated and measured sway differ by {sway:.2f} m/s RMS (limit {SWAY_WARNING_M_S:g}):"
+        f" the accelerometer does not measure what the method takes it for ({taken_for}), or it"
+        " drifts, or the velocity sensor sits otherwise than the vehicle file says."
     )
     return {"sway_rms": sway, "warnings": (words,) if sway > SWAY_WARNING_M_S else ()}
 
 
 def with_depth_rate(velocity: Array, euler: Array, depth_rate: Array) -> Array:
-    """Body velocity (n, 3) whose vertical part is the rate of the measured depth: McCarter (2.76)-(2.78)."""
+    """Body velocity (n, 3) whose vertical part is the rate of the measured depth:
+    McCarter (2.76)-(2.78).
+    """
     to_ned = rotation_body_to_ned(euler)
     ned = np.einsum("nij,nj->ni", to_ned, velocity)
     ned[:, 2] = depth_rate
@@ -89,7 +115,9 @@ def with_depth_rate(velocity: Array, euler: Array, depth_rate: Array) -> Array:
 
 @dataclass(frozen=True)
 class SensorSamples:
-    """Samples of one segment at their own times: accelerometer, velocity sensor, depth, velocity through the water."""
+    """Samples of one segment at their own times: accelerometer, velocity sensor, depth,
+    velocity through the water.
+    """
 
     imu: pa.Table | None
     velocity: pa.Table | None
@@ -108,31 +136,46 @@ def smoother(
     estimate_mounting: bool,
     estimate_current: bool,
 ) -> tuple[Array, Array, Found]:
-    """Velocity over ground and its rate (n, 3) by Kalman filter and smoother over the samples of every sensor at its own times.
+    """Velocity over ground and its rate (n, 3) by Kalman filter and smoother over the
+    samples of every sensor at its own times.
 
-    `motion` must not be filtered. Raises `DataError` when the accelerometer or the velocity sensor is missing.
+    `motion` must not be filtered. Raises `DataError` when the accelerometer or the
+    velocity sensor is missing.
     """
     if samples.imu is None or not np.isfinite(matrix(samples.imu, ACCELEROMETER)).all():
         raise missing("imu", "an accelerometer (method smoother)")
     if samples.velocity is None:
         raise missing("velocity", "a body velocity (method smoother)")
-    inside = (column(samples.imu, "t_s") >= motion.t_s[0]) & (column(samples.imu, "t_s") <= motion.t_s[-1])
+    inside = (column(samples.imu, "t_s") >= motion.t_s[0]) & (
+        column(samples.imu, "t_s") <= motion.t_s[-1]
+    )
     t = column(samples.imu, "t_s")[inside]
-    euler, omega, omega_dot = (CubicSpline(motion.t_s, part)(t) for part in (motion.euler, motion.omega, motion.omega_dot))
+    euler, omega, omega_dot = (
+        CubicSpline(motion.t_s, part)(t) for part in (motion.euler, motion.omega, motion.omega_dot)
+    )
     force = inertial_acceleration(
         matrix(samples.imu, ACCELEROMETER)[inside] @ vehicle.imu.rotation.T,
         convention=convention,
         euler=euler,
         omega=omega,
         omega_dot=omega_dot,
-        velocity=np.zeros_like(omega) if motion.velocity is None else CubicSpline(motion.t_s, motion.velocity)(t),
+        velocity=(
+            np.zeros_like(omega)
+            if motion.velocity is None
+            else CubicSpline(motion.t_s, motion.velocity)(t)
+        ),
         arm=vehicle.imu.arm_m,
         gravity=vehicle.gravity,
     )
-    times, sensed = column(samples.velocity, "t_s"), matrix(samples.velocity, VELOCITY[:3]) @ vehicle.dvl.rotation.T
+    times, sensed = (
+        column(samples.velocity, "t_s"),
+        matrix(samples.velocity, VELOCITY[:3]) @ vehicle.dvl.rotation.T,
+    )
     arm, said, turn = vehicle.dvl.arm_m, None, np.zeros(3)
     if estimate_arm or estimate_mounting:
-        found = estimate_installation(t, force, euler, omega, times, sensed, arm=estimate_arm, mounting=estimate_mounting)
+        found = estimate_installation(
+            t, force, euler, omega, times, sensed, arm=estimate_arm, mounting=estimate_mounting
+        )
         said = _installation_document(found)
         if estimate_arm:
             arm = np.where(found.determined_arm, found.arm_m, arm)
@@ -141,11 +184,15 @@ def smoother(
 
     def at_origin(times: Array, sensed: Array) -> Array:
         rates = CubicSpline(motion.t_s, motion.omega)(np.clip(times, motion.t_s[0], motion.t_s[-1]))
-        return lever_arm_velocity(sensed + cross(np.broadcast_to(turn, sensed.shape), sensed), rates, arm)
+        return lever_arm_velocity(
+            sensed + cross(np.broadcast_to(turn, sensed.shape), sensed), rates, arm
+        )
 
     track = water_track(samples.water, (float(t[0]), float(t[-1]))) if estimate_current else None
     depth_times = column(samples.depth, "t_s")
-    attitude = CubicSpline(motion.t_s, motion.euler)(np.clip(depth_times, motion.t_s[0], motion.t_s[-1]))
+    attitude = CubicSpline(motion.t_s, motion.euler)(
+        np.clip(depth_times, motion.t_s[0], motion.t_s[-1])
+    )
     smoothed = smooth_velocity(
         t,
         force,
@@ -160,17 +207,29 @@ def smoother(
         water=None if track is None else at_origin(track[0], track[1] @ vehicle.dvl.rotation.T),
     )
     on_clock = np.clip(motion.t_s, t[0], t[-1])
-    velocity, rate = CubicSpline(t, smoothed.velocity)(on_clock), CubicSpline(t, smoothed.rate)(on_clock)
-    spread = np.column_stack([np.interp(on_clock, t, smoothed.velocity_sd[:, axis]) for axis in range(3)])
-    # motion.velocity rests on the arm of the vehicle file; the velocity found rests on the arm and mounting that were used.
+    velocity, rate = (
+        CubicSpline(t, smoothed.velocity)(on_clock),
+        CubicSpline(t, smoothed.rate)(on_clock),
+    )
+    spread = np.column_stack(
+        [np.interp(on_clock, t, smoothed.velocity_sd[:, axis]) for axis in range(3)]
+    )
+    # motion.velocity rests on the arm of the vehicle file; the velocity found rests on
+    # the arm and mounting that were used.
     measured = velocity
     if motion.velocity is not None:
         lever = cross(motion.omega, np.broadcast_to(vehicle.dvl.arm_m, motion.omega.shape))
         measured = at_origin(motion.t_s, motion.velocity + lever)
     check = sway_check(velocity, measured, convention)
-    result = Found(convention, smoothed.bias.mean(axis=0), velocity_sd=spread, installation=said, **check)
+    result = Found(
+        convention, smoothed.bias.mean(axis=0), velocity_sd=spread, installation=said, **check
+    )
     if track is not None:
-        result = replace(result, current=current_document(smoothed), drift=drift(smoothed, on_clock, motion.euler))
+        result = replace(
+            result,
+            current=current_document(smoothed),
+            drift=drift(smoothed, on_clock, motion.euler),
+        )
     elif estimate_current:
         result = replace(result, current=without_water_track(samples.water))
     return velocity, rate, result
@@ -190,10 +249,20 @@ def _noise(given: Mapping[str, float], gravity: float) -> SmootherNoise:
     }
     for key, value in given.items():
         if key not in known:
-            raise CampaignError("unknown noise", field=f"stages.fuse.noise.{key}", allowed=sorted(known), remedy=nearest(key, known))
+            raise CampaignError(
+                "unknown noise",
+                field=f"stages.fuse.noise.{key}",
+                allowed=sorted(known),
+                remedy=nearest(key, known),
+            )
         if not value > 0:
-            raise CampaignError("a noise must be positive", field=f"stages.fuse.noise.{key}", value=value)
-    three = {key: np.full(3, given[key]) if key in given else None for key in ("accel_m_s2", "velocity_m_s", "jerk_density", "water_m_s")}
+            raise CampaignError(
+                "a noise must be positive", field=f"stages.fuse.noise.{key}", value=value
+            )
+    three = {
+        key: np.full(3, given[key]) if key in given else None
+        for key in ("accel_m_s2", "velocity_m_s", "jerk_density", "water_m_s")
+    }
     return SmootherNoise(
         accel=three["accel_m_s2"],
         velocity=three["velocity_m_s"],

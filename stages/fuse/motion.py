@@ -1,4 +1,6 @@
-"""Sensor signals of one segment at the body origin: mountings, lever arms, gyro bias and the common low-pass taken care of."""
+"""Sensor signals of one segment at the body origin: mountings, lever arms, gyro bias
+and the common low-pass taken care of.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, matrix
@@ -24,7 +27,9 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Found:
-    """What a method found on the way. `drift` (n, 3): the water's velocity in body axes, None where it is not known."""
+    """What a method found on the way. `drift` (n, 3): the water's velocity in body
+    axes, None where it is not known.
+    """
 
     convention: str | None = None
     accel_bias: Array | None = None
@@ -50,12 +55,15 @@ class Motion:
 
 
 def low_pass(t_s: Array, values: Array, cutoff_hz: float | None) -> Array:
-    """The zero-phase low-pass of all channels (n,) or (n, k), or the values themselves where there is no cutoff."""
+    """The zero-phase low-pass of all channels (n,) or (n, k), or the values themselves
+    where there is no cutoff.
+    """
     return values if cutoff_hz is None else zero_phase_lowpass(t_s, values, cutoff_hz=cutoff_hz)
 
 
 def sensed_motion(resampled: pa.Table, vehicle: Vehicle, *, has_gyro: bool) -> dict[str, Array]:
-    """What the sensors say of u v w p q r, turned into body axes, by column name: (n,) each, velocities only where there is a sensor.
+    """What the sensors say of u v w p q r, turned into body axes, by column name: (n,)
+    each, velocities only where there is a sensor.
 
     Without a gyro the rates come from the attitude and are in body axes already.
     """
@@ -69,9 +77,17 @@ def sensed_motion(resampled: pa.Table, vehicle: Vehicle, *, has_gyro: bool) -> d
 
 
 def sensor_motion(
-    resampled: pa.Table, sensed: Mapping[str, Array], vehicle: Vehicle, *, cutoff_hz: float | None, fit_gyro_bias: bool, arm: bool = True
+    resampled: pa.Table,
+    sensed: Mapping[str, Array],
+    vehicle: Vehicle,
+    *,
+    cutoff_hz: float | None,
+    fit_gyro_bias: bool,
+    arm: bool = True,
 ) -> Motion:
-    """Signals at the body origin: lever arms taken out (the velocity sensor's only with `arm`), gyro bias off, all filtered alike."""
+    """Signals at the body origin: lever arms taken out (the velocity sensor's only with
+    `arm`), gyro bias off, all filtered alike.
+    """
     t_s = clock(resampled)
 
     euler = low_pass(t_s, matrix(resampled, ATTITUDE), cutoff_hz)
@@ -80,17 +96,26 @@ def sensor_motion(
     omega = omega - bias
     velocity = None
     if VELOCITY[0] in sensed:
-        velocity = low_pass(t_s, np.column_stack([sensed[name] for name in VELOCITY[:3]]), cutoff_hz)
+        velocity = low_pass(
+            t_s, np.column_stack([sensed[name] for name in VELOCITY[:3]]), cutoff_hz
+        )
         if arm:
             velocity = lever_arm_velocity(velocity, omega, vehicle.dvl.arm_m)
-    depth = low_pass(t_s, column(resampled, "z_m"), cutoff_hz) - vertical_arm(euler, vehicle.depth_sensor.arm_m)
+    depth = low_pass(t_s, column(resampled, "z_m"), cutoff_hz) - vertical_arm(
+        euler, vehicle.depth_sensor.arm_m
+    )
     return Motion(t_s, depth, euler, omega, derivative(t_s, omega), velocity, bias)
 
 
 def vertical_arm(euler: Array, arm_m: Array) -> Array:
-    """How much deeper than the body origin a point at `arm_m` (3,) is, for attitudes (n, 3): (n,) m."""
+    """How much deeper than the body origin a point at `arm_m` (3,) is, for attitudes
+    (n, 3): (n,) m.
+    """
     return np.asarray(rotation_body_to_ned(euler)[:, 2, :] @ arm_m)
 
 
 def missing(stream: str, what: str) -> DataError:
-    return DataError(f"stage fuse needs {what}: the stream '{stream}' is missing", remedy=f"It can come from: {supply_text(stream)}.")
+    return DataError(
+        f"stage fuse needs {what}: the stream '{stream}' is missing",
+        remedy=f"It can come from: {supply_text(stream)}.",
+    )

@@ -1,4 +1,6 @@
-"""Decode the files of one log into sensor streams in SI, forward-right-down and north-east-down, each on its own clock."""
+"""Decode the files of one log into sensor streams in SI, forward-right-down and
+north-east-down, each on its own clock.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +9,35 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import NEEDED, STREAMS
 from auvid.data_schemas.tables import make_table
 from auvid.stages.base import Document, RawLog, Stage, param, port
 from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
-from auvid.stages.ingest.health.log_info import dropped_table, log_info, report_section, report_views
-from auvid.stages.ingest.multi_file import Part, forced_readers, merge_parts, on_one_clock, read_part, vehicle_sources, wanted_sources
+from auvid.stages.ingest.health.log_info import (
+    dropped_table,
+    log_info,
+    report_section,
+    report_views,
+)
+from auvid.stages.ingest.multi_file import (
+    Part,
+    forced_readers,
+    merge_parts,
+    on_one_clock,
+    read_part,
+    vehicle_sources,
+    wanted_sources,
+)
 from auvid.stages.ingest.rejection import Rejected, clean, clock_set
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """One log; the manifest that may name the sources of its streams; the vehicle that may name its barometer."""
+    """One log; the manifest that may name the sources of its streams; the vehicle that
+    may name its barometer.
+    """
 
     raw_log: RawLog = port("raw_log")
     campaign: Document | None = port("campaign", optional=True)
@@ -30,8 +48,16 @@ class Inputs:
 class Params:
     """What may be rejected before a log is refused, and what counts as a gap."""
 
-    max_dropped_share: float = param("1", 0.5, meaning="largest share of a stream's samples that may be rejected", low=0.0, high=1.0)
-    gap_s: float = param("s", 1.0, meaning="a pause longer than this is listed as a gap of the stream", low=0.0)
+    max_dropped_share: float = param(
+        "1",
+        0.5,
+        meaning="largest share of a stream's samples that may be rejected",
+        low=0.0,
+        high=1.0,
+    )
+    gap_s: float = param(
+        "s", 1.0, meaning="a pause longer than this is listed as a gap of the stream", low=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -59,14 +85,17 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Streams of one log.
 
-    Raises `LogError` for a file that is no log, `CampaignError` for a source that the log does not have, and `DataError` for a log
-    without any usable sample or with too many unusable ones.
+    Raises `LogError` for a file that is no log, `CampaignError` for a source that the
+    log does not have, and `DataError` for a log without any usable sample or with too
+    many unusable ones.
     """
     log = inputs.raw_log
     wanted = wanted_sources(log, inputs.campaign)
     preferred = {**vehicle_sources(inputs.vehicle), **wanted}
     forced = forced_readers(log, inputs.campaign)
-    parts = on_one_clock([read_part(file, forced.get(file.name), preferred) for file in log.files], log=log.id)
+    parts = on_one_clock(
+        [read_part(file, forced.get(file.name), preferred) for file in log.files], log=log.id
+    )
     merged = merge_parts(parts, wanted, log=log.id)
     set_us = clock_set({name: stream.columns for name, stream in merged.items()})
     rejected: list[Rejected] = []
@@ -80,15 +109,25 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 streams[name] = stream
     if not streams:
         raise _no_streams(log, parts)
-    tables = {name: make_table(name, _columns(name, stream.columns)) for name, stream in streams.items()}
+    tables = {
+        name: make_table(name, _columns(name, stream.columns)) for name, stream in streams.items()
+    }
     info = log_info(log, parts, streams, rejected, gap_s=params.gap_s, set_us=set_us)
     dropped = dropped_table(parts, rejected)
-    found = check_health(tables, info, dropped, vehicle=inputs.vehicle, others=other_sources(parts, forced, set_us=set_us))
+    found = check_health(
+        tables,
+        info,
+        dropped,
+        vehicle=inputs.vehicle,
+        others=other_sources(parts, forced, set_us=set_us),
+    )
     return Outputs(
         dropped=dropped,
         log_info=info,
         health=found,
-        section=report_section(info, rejected, health_blocks(found, force_model=not _is_bench(inputs.campaign))),
+        section=report_section(
+            info, rejected, health_blocks(found, force_model=not _is_bench(inputs.campaign))
+        ),
         views=report_views(tables),
         **tables,
     )
@@ -99,7 +138,9 @@ def _is_bench(campaign: Document | None) -> bool:
 
 
 def _columns(stream: str, columns: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An inertial unit without accelerometer has NaN there, so that every reader of the table finds the columns."""
+    """An inertial unit without accelerometer has NaN there, so that every reader of the
+    table finds the columns.
+    """
     if stream != "imu":
         return columns
     empty = columns[NEEDED["imu"][0]] * float("nan")
@@ -115,8 +156,10 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
             file=f"log '{log}'",
             value=round(lost / count, 3),
             allowed=f"at most {share:g} of a stream",
-            remedy=f"Choose another source for the stream, or none (sources: {{{rejected[0].stream}: none}} in the manifest), "
-            "or raise stages.ingest.max_dropped_share.",
+            remedy=(
+                f"Choose another source for the stream, or none (sources: {{{rejected[0].stream}:"
+                " none} in the manifest), or raise stages.ingest.max_dropped_share."
+            ),
         )
 
 

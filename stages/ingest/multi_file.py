@@ -1,4 +1,6 @@
-"""The files of one log: each read by its reader, their streams put together on the one clock that they share."""
+"""The files of one log: each read by its reader, their streams put together on the one
+clock that they share.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, LogError, nearest
 from auvid.data_schemas.streams import STREAMS
 from auvid.stages.base import Document, RawFile, RawLog
@@ -24,8 +27,9 @@ FIRST_BYTES = 1 << 18  # enough to find the first time stamp of a log whatever i
 class Part:
     """One decoded file of a log.
 
-    `first_us` is the time of its first time-stamped record; `start_us` the time from which legs count where the file's column map says
-    so; `epoch` is what zero means on its clock; `accelerometer` what its accelerometer measures (None without one).
+    `first_us` is the time of its first time-stamped record; `start_us` the time from
+    which legs count where the file's column map says so; `epoch` is what zero means on
+    its clock; `accelerometer` what its accelerometer measures (None without one).
     """
 
     file: RawFile
@@ -40,13 +44,19 @@ class Part:
 
 
 def wanted_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
-    """The sources that the manifest names for the streams of this log. Raises `CampaignError` for an unknown stream."""
+    """The sources that the manifest names for the streams of this log. Raises
+    `CampaignError` for an unknown stream.
+    """
     found = _entry(log, campaign)
     wanted = {str(stream): str(source) for stream, source in found.get("sources", {}).items()}
     for stream in wanted:
         if stream not in STREAMS:
             raise CampaignError(
-                "unknown stream", field=f"logs.{log.id}.sources", value=stream, allowed=STREAMS, remedy=nearest(stream, STREAMS)
+                "unknown stream",
+                field=f"logs.{log.id}.sources",
+                value=stream,
+                allowed=STREAMS,
+                remedy=nearest(stream, STREAMS),
             )
     return wanted
 
@@ -57,34 +67,63 @@ def _entry(log: RawLog, campaign: Document | None) -> Mapping[str, Any]:
 
 
 def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
-    """File name -> reader, where the manifest forces one for the log or for a file of several."""
+    """File name -> reader, where the manifest forces one for the log or for a file of
+    several.
+    """
     forced = {} if log.reader is None else {file.name: log.reader for file in log.files}
-    return forced | {item["file"]: item["reader"] for item in _entry(log, campaign).get("files", ()) if "reader" in item}
+    return forced | {
+        item["file"]: item["reader"]
+        for item in _entry(log, campaign).get("files", ())
+        if "reader" in item
+    }
 
 
 def vehicle_sources(vehicle: Document | None) -> Mapping[str, str]:
-    """The source of depth that the vehicle prefers: the instance of the barometer that sits in the water."""
-    instance = vehicle.get("sensors", {}).get("depth", {}).get("barometer_instance") if vehicle else None
+    """The source of depth that the vehicle prefers: the instance of the barometer that
+    sits in the water.
+    """
+    instance = (
+        vehicle.get("sensors", {}).get("depth", {}).get("barometer_instance") if vehicle else None
+    )
     return {} if instance is None else {"depth": f"BARO[{instance}]"}
 
 
 def read_part(file: RawFile, forced: str | None, wanted: Mapping[str, str]) -> Part:
-    """Decode one file and map its messages to streams; only the message types that streams need are decoded."""
+    """Decode one file and map its messages to streams; only the message types that
+    streams need are decoded.
+    """
     reader = reader_of(file, forced)
     if reader.name == CSV_NAME:
         return _csv_part(file)
     mapping, rules = MAPPINGS[reader.name]
     log = reader.read(file, rules.messages(mapping))
     streams = map_streams(log, mapping, rules, wanted)
-    first_us = _first_us(reader.read(replace(file, buffer=file.buffer[:FIRST_BYTES])), rules) if streams else None
-    return Part(file, log, streams, first_us, utc_offset_us=rules.utc(log), accelerometer="specific_force" if "imu" in streams else None)
+    first_us = (
+        _first_us(reader.read(replace(file, buffer=file.buffer[:FIRST_BYTES])), rules)
+        if streams
+        else None
+    )
+    return Part(
+        file,
+        log,
+        streams,
+        first_us,
+        utc_offset_us=rules.utc(log),
+        accelerometer="specific_force" if "imu" in streams else None,
+    )
 
 
 def _csv_part(file: RawFile) -> Part:
     log, mapping = read_csv(file)
     used = {"source": file.name, "columns": "", "status": "used"}
-    streams = {name: Stream(name, dict(item.columns), item.offset, file.name, (used,)) for name, item in log.messages.items()}
-    stamps = [item.columns["time_us"][np.isfinite(item.columns["time_us"].astype(np.float64))] for item in streams.values()]
+    streams = {
+        name: Stream(name, dict(item.columns), item.offset, file.name, (used,))
+        for name, item in log.messages.items()
+    }
+    stamps = [
+        item.columns["time_us"][np.isfinite(item.columns["time_us"].astype(np.float64))]
+        for item in streams.values()
+    ]
     first = min((float(values[0]) for values in stamps if values.size), default=None)
     return Part(
         file,
@@ -110,9 +149,11 @@ def _first_us(log: DecodedLog, rules: Rules) -> int | None:
 
 
 def merge_parts(parts: Sequence[Part], wanted: Mapping[str, str], *, log: str) -> dict[str, Stream]:
-    """Each stream from the one file that has it, or from the one that the manifest names.
+    """Each stream from the one file that has it, or from the one that the manifest
+    names.
 
-    Raises `CampaignError` if several files have a stream and the manifest does not choose, or if it names a source that is not there.
+    Raises `CampaignError` if several files have a stream and the manifest does not
+    choose, or if it names a source that is not there.
     """
     merged = {}
     for name in STREAMS:
@@ -142,7 +183,12 @@ def _is_source(part: Part, stream: str, wanted: str) -> bool:
 
 def _no_source(parts: Sequence[Part], stream: str, wanted: str, log: str) -> CampaignError:
     there = [part.streams[stream] for part in parts if stream in part.streams]
-    labels = [item["source"] for one in there for item in one.alternatives if not item["status"].startswith(("not logged", "has no"))]
+    labels = [
+        item["source"]
+        for one in there
+        for item in one.alternatives
+        if not item["status"].startswith(("not logged", "has no"))
+    ]
     return CampaignError(
         f"log '{log}' has no such source of stream '{stream}'",
         field=f"logs.{log}.sources.{stream}",
@@ -153,14 +199,22 @@ def _no_source(parts: Sequence[Part], stream: str, wanted: str, log: str) -> Cam
 
 
 def on_one_clock(parts: Sequence[Part], *, log: str) -> list[Part]:
-    """The parts on one clock: files in Unix time are moved to the boot clock of the file that knows its UTC offset.
+    """The parts on one clock: files in Unix time are moved to the boot clock of the
+    file that knows its UTC offset.
 
     Raises `LogError` where the clocks differ and nothing ties them together.
     """
     epochs = {part.epoch for part in parts}
     if len(epochs) <= 1:
         return list(parts)
-    offset = next((part.utc_offset_us for part in parts if part.epoch == "boot" and part.utc_offset_us is not None), None)
+    offset = next(
+        (
+            part.utc_offset_us
+            for part in parts
+            if part.epoch == "boot" and part.utc_offset_us is not None
+        ),
+        None,
+    )
     if epochs != {"boot", "unix"} or offset is None:
         raise LogError(
             f"the files of log '{log}' are not on one clock",
@@ -173,10 +227,15 @@ def on_one_clock(parts: Sequence[Part], *, log: str) -> list[Part]:
 
 def _moved(part: Part, offset: int) -> Part:
     streams = {
-        name: replace(stream, columns={**stream.columns, "time_us": stream.columns["time_us"] - offset})
+        name: replace(
+            stream, columns={**stream.columns, "time_us": stream.columns["time_us"] - offset}
+        )
         for name, stream in part.streams.items()
     }
-    note = f"{part.file.name}: moved from Unix time to the vehicle's boot clock by {-offset / 1e6:.3f} s"
+    note = (
+        f"{part.file.name}: moved from Unix time to the vehicle's boot clock by"
+        f" {-offset / 1e6:.3f} s"
+    )
     return replace(
         part,
         streams=streams,

@@ -1,4 +1,6 @@
-"""The log readers in the order in which they are asked, and what each adds to the mapping of messages to streams."""
+"""The log readers in the order in which they are asked, and what each adds to the
+mapping of messages to streams.
+"""
 
 from __future__ import annotations
 
@@ -24,23 +26,37 @@ MAPPINGS: Mapping[str, tuple[str, Rules]] = {
     "ulog": ("ulog", streams_ulog.RULES),
     "tlog": ("tlog", streams_tlog.RULES),
 }
-"""Reader -> name of its mapping in formats/streams.yaml, and its rules. A reader that is not here (CSV) gives streams itself."""
+"""Reader -> name of its mapping in formats/streams.yaml, and its rules. A reader that
+is not here (CSV) gives streams itself.
+"""
 
 HEAD_BYTES = 1 << 16
 
 
 def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
-    """The reader for a file: by its content, or the one that the manifest forces. Raises `LogError` if there is none."""
+    """The reader for a file: by its content, or the one that the manifest forces.
+    Raises `LogError` if there is none.
+    """
     names = [reader.name for reader in READERS]
     if forced is not None:
         for reader in READERS:
             if reader.name == forced:
                 return reader
-        raise LogError("unknown reader", file=file.name, field="reader", value=forced, allowed=names, remedy=nearest(forced, names))
+        raise LogError(
+            "unknown reader",
+            file=file.name,
+            field="reader",
+            value=forced,
+            allowed=names,
+            remedy=nearest(forced, names),
+        )
     head = file.buffer[:HEAD_BYTES].tobytes()
     if not head.strip(b"\0\r\n\t "):
         raise LogError(
-            "the file is empty", file=file.name, value=f"{file.buffer.size} bytes", remedy="Copy the log from the vehicle again."
+            "the file is empty",
+            file=file.name,
+            value=f"{file.buffer.size} bytes",
+            remedy="Copy the log from the vehicle again.",
         )
     for reader in READERS:
         if reader.recognises(head):
@@ -50,5 +66,8 @@ def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
         file=file.name,
         value=head[:16],
         allowed=names,
-        remedy="Name the format in the manifest (reader: NAME) if the beginning of the file is damaged.",
+        remedy=(
+            "Name the format in the manifest (reader: NAME) if the beginning of the file is"
+            " damaged."
+        ),
     )

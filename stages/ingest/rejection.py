@@ -1,4 +1,6 @@
-"""Samples that cannot be used: empty or non-finite cells, and time stamps that repeat, go backward or leap. Rejected and counted."""
+"""Samples that cannot be used: empty or non-finite cells, and time stamps that repeat,
+go backward or leap. Rejected and counted.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED
 from auvid.stages.ingest.streams.mapping import Columns, Stream
@@ -19,8 +22,11 @@ NO_TIME = "no time stamp"
 REPEATED = "repeated time stamp"
 BACKWARD = "time stamp out of order"
 BEFORE_LEAP = "before the clock was set"
-LEAP_US = 30 * 86_400_000_000  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
-# Limits that no underwater vehicle reaches; damaged records that still look like records are far beyond them.
+LEAP_US = (
+    30 * 86_400_000_000
+)  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
+# Limits that no underwater vehicle reaches; damaged records that still look like
+# records are far beyond them.
 POSSIBLE: Mapping[str, tuple[float, float]] = {
     "gyro": (-100.0, 100.0),
     "accel": (-1000.0, 1000.0),
@@ -47,7 +53,9 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Rejected:
-    """Samples of one stream that were rejected for one reason: how many, and where the first and the last are in the file."""
+    """Samples of one stream that were rejected for one reason: how many, and where the
+    first and the last are in the file.
+    """
 
     stream: str
     reason: str
@@ -57,14 +65,18 @@ class Rejected:
 
 
 def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
-    """The usable samples of a stream, and the account of the others. `set_us` is the time to which a leaping clock was set."""
+    """The usable samples of a stream, and the account of the others. `set_us` is the
+    time to which a leaping clock was set.
+    """
     rejected: list[Rejected] = []
 
     def keep(stream: Stream, good: Mask, reason: str) -> Stream:
         if good.all():
             return stream
         place = stream.place[~good]
-        rejected.append(Rejected(stream.name, reason, int(place.size), int(place[0]), int(place[-1])))
+        rejected.append(
+            Rejected(stream.name, reason, int(place.size), int(place[0]), int(place[-1]))
+        )
         return stream.rows(good)
 
     stamps = stream.columns["time_us"]
@@ -85,18 +97,26 @@ def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Re
 
 
 def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
-    """Rows (n,) whose needed fields are all there; of a stream without needed fields, rows with any field there."""
+    """Rows (n,) whose needed fields are all there; of a stream without needed fields,
+    rows with any field there.
+    """
     needed = [columns[name] for name in NEEDED[stream]]
     if needed:
         return np.asarray(np.all([_there(values) for values in needed], axis=0))
-    return np.asarray(np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0))
+    return np.asarray(
+        np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0)
+    )
 
 
 def possible_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
-    """Rows (n,) without a value outside the range of its schema, or outside what an underwater vehicle can reach."""
+    """Rows (n,) without a value outside the range of its schema, or outside what an
+    underwater vehicle can reach.
+    """
     good = np.ones(columns["time_us"].size, bool)
     for name, values in columns.items():
-        limits = schema(stream).columns[name].range or next((span for key, span in POSSIBLE.items() if name.startswith(key)), None)
+        limits = schema(stream).columns[name].range or next(
+            (span for key, span in POSSIBLE.items() if name.startswith(key)), None
+        )
         if limits is not None:
             good &= ~((values < limits[0]) | (values > limits[1]))
     return good
@@ -110,9 +130,11 @@ def _there(values: npt.NDArray[Any]) -> Mask:
 
 
 def increasing(stamps: Ints) -> Mask:
-    """A largest set of samples (n,) whose time stamps increase strictly, so that one wrong stamp far ahead costs one sample.
+    """A largest set of samples (n,) whose time stamps increase strictly, so that one
+    wrong stamp far ahead costs one sample.
 
-    Samples that agree with all others are kept at once; the search for the longest increasing sequence runs on the rest.
+    Samples that agree with all others are kept at once; the search for the longest
+    increasing sequence runs on the rest.
     """
     before = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(stamps)[:-1])
     after = np.append(np.minimum.accumulate(stamps[::-1])[::-1][1:], np.iinfo(np.int64).max)
@@ -145,10 +167,15 @@ def _longest(values: list[int]) -> list[int]:
 
 
 def clock_set(streams: Mapping[str, Columns]) -> int | None:
-    """The time to which the clock was set during the log, seen in the longest stream as a leap of more than 30 days; None if not."""
+    """The time to which the clock was set during the log, seen in the longest stream as
+    a leap of more than 30 days; None if not.
+    """
     if not streams:
         return None
-    stamps = np.asarray(max(streams.values(), key=lambda columns: columns["time_us"].size)["time_us"], dtype=np.float64)
+    stamps = np.asarray(
+        max(streams.values(), key=lambda columns: columns["time_us"].size)["time_us"],
+        dtype=np.float64,
+    )
     leap = np.flatnonzero(np.diff(stamps) > LEAP_US)
     # One stamp far ahead comes back down; a clock that was set stays.
     stays = [index for index in leap if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]

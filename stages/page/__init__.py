@@ -1,1 +1,3 @@
-"""The HTML page that stages share: sections, tables, plots, equations, colours and numbers."""
+"""The HTML page that stages share: sections, tables, plots, equations, colours and
+numbers.
+"""

@@ -1,4 +1,6 @@
-"""The sections that belong to no other stage: the logs and legs of the campaign, and where the results come from."""
+"""The sections that belong to no other stage: the logs and legs of the campaign, and
+where the results come from.
+"""
 
 from __future__ import annotations
 
@@ -10,71 +12,146 @@ from auvid.stages.presentation import Block, remark, section, table
 
 Document = Mapping[str, Any]
 LEGS, LAST = 89, 1000
-"""Logs and legs stand before the health of the logs, behind what was found; the provenance is last."""
+"""Logs and legs stand before the health of the logs, behind what was found; the
+provenance is last.
+"""
 
 
 def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
     """Logs with their files, and the segments that the legs gave."""
     files = [
-        [name, item.get("name"), item.get("format"), item.get("size_bytes"), item.get("status"), log.get("vehicle")]
+        [
+            name,
+            item.get("name"),
+            item.get("format"),
+            item.get("size_bytes"),
+            item.get("status"),
+            log.get("vehicle"),
+        ]
         for name, log in logs.items()
         for item in log["files"]
     ]
     rows = [
-        [name, item["use"], item["log"], item["leg_start_s"], item["duration_s"], item["samples"], item["rate_hz"], len(item["gaps"])]
+        [
+            name,
+            item["use"],
+            item["log"],
+            item["leg_start_s"],
+            item["duration_s"],
+            item["samples"],
+            item["rate_hz"],
+            len(item["gaps"]),
+        ]
         for name, item in segments.items()
     ]
-    heads = ("segment", "use", "log", ("start", "s"), ("length", "s"), "samples", ("rate", "Hz"), "gaps")
+    heads = (
+        "segment",
+        "use",
+        "log",
+        ("start", "s"),
+        ("length", "s"),
+        "samples",
+        ("rate", "Hz"),
+        "gaps",
+    )
     blocks: list[Block] = [
         table("Logs", ["log", "file", "format", ("size", "bytes"), "status", "vehicle"], files),
     ]
     if rows:
-        note = "Start in seconds from the first time-stamped record of the log. Gaps split a leg into segments."
+        note = (
+            "Start in seconds from the first time-stamped record of the log. Gaps split a leg into"
+            " segments."
+        )
         blocks.append(table("Segments", heads, rows, note=note))
     blocks += [remark(f"{name}: {words}") for name, item in logs.items() for words in item["notes"]]
-    blocks += [remark(f"{name}: {words}", "warning") for name, item in segments.items() for words in item["notes"]]
+    blocks += [
+        remark(f"{name}: {words}", "warning")
+        for name, item in segments.items()
+        for words in item["notes"]
+    ]
     blocks += [remark(words, "warning") for words in shared_data(segments)]
     return section(
-        "Logs and legs", blocks, order=LEGS, look_for="Every file whole, training and validation on different stretches of data."
+        "Logs and legs",
+        blocks,
+        order=LEGS,
+        look_for="Every file whole, training and validation on different stretches of data.",
     )
 
 
 def shared_data(segments: Mapping[str, Document]) -> list[str]:
-    """A sentence for each training and validation segment that cover the same stretch of a log."""
+    """A sentence for each training and validation segment that cover the same stretch
+    of a log.
+    """
     found = []
     for one, first in segments.items():
         for other, second in segments.items():
-            if first["log"] != second["log"] or (first["use"], second["use"]) != ("training", "validation"):
+            if first["log"] != second["log"] or (first["use"], second["use"]) != (
+                "training",
+                "validation",
+            ):
                 continue
-            spans = [(item["leg_start_s"], item["leg_start_s"] + item["duration_s"]) for item in (first, second)]
+            spans = [
+                (item["leg_start_s"], item["leg_start_s"] + item["duration_s"])
+                for item in (first, second)
+            ]
             shared = min(span[1] for span in spans) - max(span[0] for span in spans)
             if shared > 1.0 / first["rate_hz"]:
-                words = f"Training segment {one} and validation segment {other} share {shared:.1f} s of log {first['log']}"
+                words = (
+                    f"Training segment {one} and validation segment {other} share {shared:.1f} s of"
+                    f" log {first['log']}"
+                )
                 found.append(f"{words}: validation there is on data that the models have seen.")
     return found
 
 
-def provenance_section(provenance: Document, campaign: Document, cards: Mapping[str, Document]) -> dict[str, Any]:
-    """Hashes of what went in, every parameter in force, assumed figures, the source of each model form, and versions."""
+def provenance_section(
+    provenance: Document, campaign: Document, cards: Mapping[str, Document]
+) -> dict[str, Any]:
+    """Hashes of what went in, every parameter in force, assumed figures, the source of
+    each model form, and versions.
+    """
     chosen = campaign.get("stages") or {}
     settings = [
-        [stage, name, _setting(value), "campaign" if name in (chosen.get(stage) or {}) else "default"]
+        [
+            stage,
+            name,
+            _setting(value),
+            "campaign" if name in (chosen.get(stage) or {}) else "default",
+        ]
         for stage, entry in provenance["stages"].items()
         for name, value in entry["parameters"].items()
     ]
-    files = [[log, item["name"], item["content"]] for log, items in provenance["logs"].items() for item in items]
+    files = [
+        [log, item["name"], item["content"]]
+        for log, items in provenance["logs"].items()
+        for item in items
+    ]
     blocks: list[Block] = [
-        table("Logs that went in", ["log", "file", "content hash"], [*files, ["", "vehicle document", provenance["vehicle"]]]),
+        table(
+            "Logs that went in",
+            ["log", "file", "content hash"],
+            [*files, ["", "vehicle document", provenance["vehicle"]]],
+        ),
         table("Parameters in force", ["stage", "parameter", "value", "set by"], settings),
     ]
     assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card["assumed"]))
     if assumed:
-        blocks.append(table("Assumed figures of the vehicle", ["figure"], [[item] for item in assumed]))
-    forms = [[card["title"], card["n_bar"], card["n_bar_declared"], card["source"]] for card in cards.values()]
-    blocks.append(table("Model forms", ["model", "terms fitted", "terms declared", "source"], forms))
+        blocks.append(
+            table("Assumed figures of the vehicle", ["figure"], [[item] for item in assumed])
+        )
+    forms = [
+        [card["title"], card["n_bar"], card["n_bar_declared"], card["source"]]
+        for card in cards.values()
+    ]
+    blocks.append(
+        table("Model forms", ["model", "terms fitted", "terms declared", "source"], forms)
+    )
     codes = [[stage, entry["code"]] for stage, entry in provenance["stages"].items()]
     blocks.append(table("Code", ["stage", "hash of code and schemas"], codes))
-    packages = [["python", platform.python_version()], *([name, number] for name, number in provenance["packages"].items())]
+    packages = [
+        ["python", platform.python_version()],
+        *([name, number] for name, number in provenance["packages"].items()),
+    ]
     blocks.append(table("Versions", ["package", "version"], packages))
     return section("Provenance", blocks, order=LAST)
 
@@ -84,11 +161,17 @@ def vehicle_line(vehicle: Document) -> str:
     parts = [str(vehicle.get("title") or vehicle.get("name") or "Vehicle")]
     mass = (vehicle.get("rigid_body") or {}).get("mass")
     if isinstance(mass, Mapping) and "value" in mass:
-        parts.append(f"{mass['value']:g} {mass['unit']}" + (" (assumed)" if mass.get("assumed") else ""))
+        parts.append(
+            f"{mass['value']:g} {mass['unit']}" + (" (assumed)" if mass.get("assumed") else "")
+        )
     return ", ".join(parts)
 
 
 def _setting(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{key}: {_setting(item)}" for key, item in value.items())
-    return {True: "true", False: "false", None: "null"}.get(value, str(value)) if isinstance(value, bool | None) else str(value)
+    return (
+        {True: "true", False: "false", None: "null"}.get(value, str(value))
+        if isinstance(value, bool | None)
+        else str(value)
+    )

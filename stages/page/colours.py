@@ -1,7 +1,9 @@
-"""One colour per axis, role, force component and model, the same in the report and in the Rerun recording.
+"""One colour per axis, role, force component and model, the same in the report and in
+the Rerun recording.
 
-Hues are those of Okabe and Ito (2008), which stay apart for colour-blind readers; each is darkened for paper and lightened for a dark
-screen until it stands out at 3:1 (WCAG 2.1, 1.4.11). Where hues run out, the line is dashed.
+Hues are those of Okabe and Ito (2008), which stay apart for colour-blind readers; each
+is darkened for paper and lightened for a dark screen until it stands out at 3:1 (WCAG
+2.1, 1.4.11). Where hues run out, the line is dashed.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ SCREEN = "#14181f"
 
 @dataclass(frozen=True)
 class Ink:
-    """How a line is drawn: colour on paper, colour on a dark screen, dash pattern in pixels (empty: solid), width in pixels."""
+    """How a line is drawn: colour on paper, colour on a dark screen, dash pattern in
+    pixels (empty: solid), width in pixels.
+    """
 
     light: str
     dark: str
@@ -96,24 +100,34 @@ def key(role: str) -> str:
 
 
 def ink(role: str) -> Ink:
-    """The ink of a role, force component, model or axis; an unknown name gets one that depends on the name alone."""
+    """The ink of a role, force component, model or axis; an unknown name gets one that
+    depends on the name alone.
+    """
     name = key(role)
     return _own(name) or Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
 
 
 def _own(name: str) -> Ink | None:
-    return next((family[name] for family in (ROLES, COMPONENTS, MODELS, AXES) if name in family), None)
+    return next(
+        (family[name] for family in (ROLES, COMPONENTS, MODELS, AXES) if name in family), None
+    )
 
 
 def distinct(names: Iterable[str]) -> dict[str, Ink]:
-    """A colour for each of some names of no fixed colour (flight modes), in the order in which they come; few names get different ones."""
-    return {name: Ink(*SPARE[place % len(SPARE)]) for place, name in enumerate(dict.fromkeys(names))}
+    """A colour for each of some names of no fixed colour (flight modes), in the order
+    in which they come; few names get different ones.
+    """
+    return {
+        name: Ink(*SPARE[place % len(SPARE)]) for place, name in enumerate(dict.fromkeys(names))
+    }
 
 
 def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
-    """The ink of every role of a page or of a group of lines, by `key`: names without a colour of their own get different ones.
+    """The ink of every role of a page or of a group of lines, by `key`: names without a
+    colour of their own get different ones.
 
-    Those are told apart by hue, then by dash and (in recordings, which have no dashes) by a deeper shade.
+    Those are told apart by hue, then by dash and (in recordings, which have no dashes)
+    by a deeper shade.
     """
     names = list(dict.fromkeys(key(role) or "none" for role in roles))
     own = {name: _own(name) for name in names}
@@ -131,8 +145,20 @@ def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
 
 def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """All roles in the plots of sections."""
-    blocks = [block for document in sections.values() for block in document["blocks"] if block["kind"] == "plot"]
-    return sorted({str(series["role"]) for block in blocks for panel in block["panels"] for series in panel["series"]})
+    blocks = [
+        block
+        for document in sections.values()
+        for block in document["blocks"]
+        if block["kind"] == "plot"
+    ]
+    return sorted(
+        {
+            str(series["role"])
+            for block in blocks
+            for panel in block["panels"]
+            for series in panel["series"]
+        }
+    )
 
 
 def is_model(role: str) -> bool:
@@ -141,12 +167,16 @@ def is_model(role: str) -> bool:
 
 
 def contrast(first: str, second: str) -> float:
-    """Contrast ratio of two sRGB colours `#rrggbb`, 1 to 21 (WCAG 2.1, relative luminance)."""
+    """Contrast ratio of two sRGB colours `#rrggbb`, 1 to 21 (WCAG 2.1, relative
+    luminance).
+    """
     low, high = sorted((_luminance(first), _luminance(second)))
     return (high + 0.05) / (low + 0.05)
 
 
 def _luminance(colour: str) -> float:
     parts = [int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5)]
-    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    )
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue

@@ -1,7 +1,9 @@
-r"""Typeset the LaTeX that sections use as MathML, which browsers draw without any script.
+r"""Typeset the LaTeX that sections use as MathML, which browsers draw without any
+script.
 
-Known: letters, digits, Greek, sub- and superscripts, primes, `\dot \ddot \bar \hat \tilde \vec \mathbf \mathrm \text \frac \sqrt`,
-`\left \right`, matrices, aligned lines, and common operators. An unknown command is shown as written, so that nothing is lost.
+Known: letters, digits, Greek, sub- and superscripts, primes, `\dot \ddot \bar \hat
+\tilde \vec \mathbf \mathrm \text \frac \sqrt`, `\left \right`, matrices, aligned lines,
+and common operators. An unknown command is shown as written, so that nothing is lost.
 """
 
 from __future__ import annotations
@@ -28,8 +30,26 @@ FUNCTIONS = {
     "sin", "cos", "tan", "arcsin", "arccos", "arctan", "exp", "log", "ln",
     "min", "max", "det", "rank", "sign", "diag", "tr", "arg", "median",
 }  # fmt: skip
-ACCENTS = {"dot": "˙", "ddot": "¨", "bar": "¯", "overline": "¯", "hat": "ˆ", "tilde": "˜", "vec": "→", "widetilde": "˜", "widehat": "ˆ"}
-SPACES = {",": "0.17em", ":": "0.22em", ";": "0.28em", "quad": "1em", "qquad": "2em", " ": "0.25em", "!": "0"}
+ACCENTS = {
+    "dot": "˙",
+    "ddot": "¨",
+    "bar": "¯",
+    "overline": "¯",
+    "hat": "ˆ",
+    "tilde": "˜",
+    "vec": "→",
+    "widetilde": "˜",
+    "widehat": "ˆ",
+}
+SPACES = {
+    ",": "0.17em",
+    ":": "0.22em",
+    ";": "0.28em",
+    "quad": "1em",
+    "qquad": "2em",
+    " ": "0.25em",
+    "!": "0",
+}
 FONTS = {
     "mathbf": "bold",
     "boldsymbol": "bold",
@@ -62,7 +82,9 @@ class _Reader:
 
 
 def mathml(latex: str, *, block: bool = True) -> str:
-    """MathML markup of a LaTeX formula. Every character of the source is escaped; malformed input never raises."""
+    """MathML markup of a LaTeX formula. Every character of the source is escaped;
+    malformed input never raises.
+    """
     try:
         rows = _lines(_Reader(TOKEN.findall(latex)))
     except RecursionError:  # thousands of nested braces: show the source
@@ -168,7 +190,10 @@ def _command(name: str, reader: _Reader) -> str:
     if name in SPACES:
         return f'<mspace width="{SPACES[name]}"></mspace>'
     if name in ACCENTS:
-        return f'<mover>{_argument(reader)}<mo stretchy="false" lspace="0" rspace="0">{ACCENTS[name]}</mo></mover>'
+        return (
+            f'<mover>{_argument(reader)}<mo stretchy="false" lspace="0"'
+            f' rspace="0">{ACCENTS[name]}</mo></mover>'
+        )
     if name in ("frac", "tfrac", "dfrac"):
         return f"<mfrac>{_argument(reader)}{_argument(reader)}</mfrac>"
     if name == "sqrt":
@@ -233,4 +258,7 @@ def _environment(reader: _Reader) -> str:
 
 def _table(rows: list[list[str]], name: str) -> str:
     lines = "".join(f"<mtr>{''.join(f'<mtd>{cell}</mtd>' for cell in row)}</mtr>" for row in rows)
-    return f'<mtable class="{"aligned" if name.startswith("align") or name == "split" else "matrix"}">{lines}</mtable>'
+    return (
+        "<mtable"
+        f' class="{"aligned" if name.startswith("align") or name == "split" else "matrix"}">{lines}</mtable>'
+    )

@@ -1,4 +1,6 @@
-"""The first screen of a page as values: verdict, facts, scores of the models, findings and figures."""
+"""The first screen of a page as values: verdict, facts, scores of the models, findings
+and figures.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ Level = Literal["good", "fair", "poor"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One line: what it is about (`surge damping`), the figures, and what to know about them."""
+    """One line: what it is about (`surge damping`), the figures, and what to know about
+    them.
+    """
 
     label: str
     figures: tuple[str, ...]
@@ -21,7 +25,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of one model on one axis ("all" for the total): J/J0 on validation and on training, None where there is none."""
+    """Errors of one model on one axis ("all" for the total): J/J0 on validation and on
+    training, None where there is none.
+    """
 
     axis: str
     validation: float | None
@@ -30,7 +36,9 @@ class Score:
 
 @dataclass(frozen=True)
 class ModelScore:
-    """One row of the model table. `j` is J on the legs that judge, in N and N m mixed, as McCarter (4.25) has it."""
+    """One row of the model table. `j` is J on the legs that judge, in N and N m mixed,
+    as McCarter (4.25) has it.
+    """
 
     name: str
     title: str
@@ -67,7 +75,9 @@ class Figure:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the first screen says. `models` is sorted best first; `take` is the name of the model to take, or None."""
+    """What the first screen says. `models` is sorted best first; `take` is the name of
+    the model to take, or None.
+    """
 
     level: Level
     headline: str

@@ -1,7 +1,10 @@
-"""The report page: sections arranged by order, rendered through one template into one file that needs no network.
+"""The report page: sections arranged by order, rendered through one template into one
+file that needs no network.
 
-Every string that comes from a log or a manifest is escaped; control and direction characters are made visible. The page forbids itself
-any script but its own (content security policy with the script's hash), so that a hostile string could not run even if it got through.
+Every string that comes from a log or a manifest is escaped; control and direction
+characters are made visible. The page forbids itself any script but its own (content
+security policy with the script's hash), so that a hostile string could not run even if
+it got through.
 """
 
 from __future__ import annotations
@@ -18,12 +21,32 @@ from itertools import groupby
 from typing import Any
 
 import jinja2
-from auvid.stages.page.colours import AXES, COMPONENTS, MODELS, ROLES, SPARE, Ink, inks_of, is_model, key, roles_of
+from markupsafe import Markup
+
+from auvid.stages.page.colours import (
+    AXES,
+    COMPONENTS,
+    MODELS,
+    ROLES,
+    SPARE,
+    Ink,
+    inks_of,
+    is_model,
+    key,
+    roles_of,
+)
 from auvid.stages.page.equations import mathml
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
-from auvid.stages.page.number_format import is_numeric, number, printed_number, printed_unit, symbols, term, visible
+from auvid.stages.page.number_format import (
+    is_numeric,
+    number,
+    printed_number,
+    printed_unit,
+    symbols,
+    term,
+    visible,
+)
 from auvid.stages.page.svg_plots import lay_out
-from markupsafe import Markup
 
 Document = Mapping[str, Any]
 VERDICTS = {
@@ -65,7 +88,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Part:
-    """One section under a heading; `label` is empty where the heading has one part only. `open`: whether it is unfolded at first."""
+    """One section under a heading; `label` is empty where the heading has one part
+    only. `open`: whether it is unfolded at first.
+    """
 
     label: str
     item: str
@@ -76,7 +101,10 @@ class Part:
     @property
     def warnings(self) -> int:
         """How many warnings stand in it."""
-        return sum(block["kind"] == "remark" and block["level"] == "warning" for block in self.document["blocks"])
+        return sum(
+            block["kind"] == "remark" and block["level"] == "warning"
+            for block in self.document["blocks"]
+        )
 
 
 @dataclass(frozen=True)
@@ -102,9 +130,11 @@ def render(
     sections: Mapping[str, Document],
     log_of: Mapping[str, str] = NO_LOGS,
 ) -> bytes:
-    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the manifest's word on the data.
+    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the
+    manifest's word on the data.
 
-    `log_of` (segment -> log) is given where a campaign has several logs: their clocks differ, so only plots of one log zoom together.
+    `log_of` (segment -> log) is given where a campaign has several logs: their clocks
+    differ, so only plots of one log zoom together.
     """
     script = _text("plots.js") + _text("page.js")
     page = _environment().get_template("page.html.j2")
@@ -123,7 +153,9 @@ def render(
         style=Markup(_text("style.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        lay_out=lambda block, item: lay_out(block, preferred, titles, log_of.get(item, ""), colours),
+        lay_out=lambda block, item: lay_out(
+            block, preferred, titles, log_of.get(item, ""), colours
+        ),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
         heat=heat,
@@ -138,60 +170,106 @@ def render(
 
 
 def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
-    """Chapters in order: sections of one stage that differ only in their item, or that name one chapter, come under one heading.
+    """Chapters in order: sections of one stage that differ only in their item, or that
+    name one chapter, come under one heading.
 
     Of many parts the first is open, of very many none.
     """
-    ordered = sorted(sections.items(), key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0]))
+    ordered = sorted(
+        sections.items(), key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])
+    )
     chapters = []
-    for (_, stage), pairs in groupby(ordered, key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])):
+    for (_, stage), pairs in groupby(
+        ordered, key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])
+    ):
         named = [(path.partition("/")[2], document) for path, document in pairs]
         common = {str(document.get("chapter") or "") for _, document in named}
         stems = {_stem(str(document["title"]), item) for item, document in named}
         if len(named) > 1 and (len(stems) == 1 or (len(common) == 1 and common != {""})):
             title = stems.pop() if len(stems) == 1 else common.pop()
-            labels = [item if not document.get("chapter") else str(document["title"]) for item, document in named]
-            opened = [len(named) < FOLDED_FROM or (place == 0 and len(named) <= OPEN_UPTO) for place in range(len(named))]
+            labels = [
+                item if not document.get("chapter") else str(document["title"])
+                for item, document in named
+            ]
+            opened = [
+                len(named) < FOLDED_FROM or (place == 0 and len(named) <= OPEN_UPTO)
+                for place in range(len(named))
+            ]
             parts = tuple(
                 Part(label, item, anchor(stage, item), document, unfolded)
                 for label, unfolded, (item, document) in zip(labels, opened, named, strict=True)
             )
-            chapters.append(Chapter(title, anchor(stage), str(named[0][1].get("look_for", "")), parts))
+            chapters.append(
+                Chapter(title, anchor(stage), str(named[0][1].get("look_for", "")), parts)
+            )
             continue
         for item, document in named:
             parts = (Part("", item, anchor(stage, item, "part"), document),)
-            chapters.append(Chapter(str(document["title"]), anchor(stage, item), str(document.get("look_for", "")), parts))
+            chapters.append(
+                Chapter(
+                    str(document["title"]),
+                    anchor(stage, item),
+                    str(document.get("look_for", "")),
+                    parts,
+                )
+            )
     return tuple(chapters)
 
 
 def _stem(title: str, item: str) -> str:
-    """A title without the item it names: `State of train (kinematic)` -> `State (kinematic)`."""
+    """A title without the item it names: `State of train (kinematic)` -> `State
+    (kinematic)`.
+    """
     if not item:
         return title
-    return re.sub(rf"[\s:,–-]*(\b(of|in|on|for)\s+)?(?<!\w){re.escape(item)}(?!\w)", "", title).strip() or title
+    return (
+        re.sub(rf"[\s:,–-]*(\b(of|in|on|for)\s+)?(?<!\w){re.escape(item)}(?!\w)", "", title).strip()
+        or title
+    )
 
 
 def anchor(*names: str) -> str:
-    """An id for a link: plain ASCII words joined by dashes; other characters by their code, so that two names never meet."""
-    return "-".join("".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name) for name in names if name) or "section"
+    """An id for a link: plain ASCII words joined by dashes; other characters by their
+    code, so that two names never meet.
+    """
+    return (
+        "-".join(
+            "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name)
+            for name in names
+            if name
+        )
+        or "section"
+    )
 
 
 def lead(words: str) -> tuple[str, str]:
-    """A long text as its first sentence and the rest, which the page folds away; a short one whole."""
+    """A long text as its first sentence and the rest, which the page folds away; a
+    short one whole.
+    """
     first, _, rest = words.partition(". ")
     return (f"{first}.", rest) if rest and len(words) > LONG_TEXT else (words, "")
 
 
 def cells(block: Document) -> list[list[Cell]]:
-    """The rows of a table block as shown; numbers of a column of like size get the same decimals, so that they line up.
+    """The rows of a table block as shown; numbers of a column of like size get the same
+    decimals, so that they line up.
 
-    A column of texts that are all numbers keeps the digits that its stage has chosen, and is shown and sorted as numbers.
+    A column of texts that are all numbers keeps the digits that its stage has chosen,
+    and is shown and sorted as numbers.
     """
     names = [str(head["name"]) for head in block["columns"]]
     columns = [[row[index] for row in block["rows"]] for index in range(len(names))]
-    decimals = [3 if name.startswith(RATIO) else _decimals(column) for name, column in zip(names, columns, strict=True)]
-    digits = [name != "unit" and _all_numeric(column) for name, column in zip(names, columns, strict=True)]
-    return [[_cell(*item) for item in zip(row, names, decimals, digits, strict=True)] for row in block["rows"]]
+    decimals = [
+        3 if name.startswith(RATIO) else _decimals(column)
+        for name, column in zip(names, columns, strict=True)
+    ]
+    digits = [
+        name != "unit" and _all_numeric(column) for name, column in zip(names, columns, strict=True)
+    ]
+    return [
+        [_cell(*item) for item in zip(row, names, decimals, digits, strict=True)]
+        for row in block["rows"]
+    ]
 
 
 def _all_numeric(column: Sequence[Any]) -> bool:
@@ -200,9 +278,17 @@ def _all_numeric(column: Sequence[Any]) -> bool:
 
 
 def _decimals(column: Sequence[Any]) -> int | None:
-    """Decimals that show four figures of the largest number; None where the sizes differ too much, or all are integers."""
-    sizes = [abs(value) for value in column if isinstance(value, int | float) and not isinstance(value, bool) and value]
-    if not any(isinstance(value, float) and value != int(value) for value in sizes) or max(sizes) > 300 * min(sizes):
+    """Decimals that show four figures of the largest number; None where the sizes
+    differ too much, or all are integers.
+    """
+    sizes = [
+        abs(value)
+        for value in column
+        if isinstance(value, int | float) and not isinstance(value, bool) and value
+    ]
+    if not any(isinstance(value, float) and value != int(value) for value in sizes) or max(
+        sizes
+    ) > 300 * min(sizes):
         return None
     return min(max(3 - math.floor(math.log10(max(sizes))), 0), 6)
 
@@ -224,17 +310,34 @@ def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
     if column == "unit":
         return Cell("" if words == "1" else printed_unit(words), words)
     verdict = verdict_of(words)
-    kind = f"verdict {verdict}" if verdict else "long" if len(words) > LONG_CELL else "words" if len(words) > SHORT_CELL else ""
+    kind = (
+        f"verdict {verdict}"
+        if verdict
+        else "long"
+        if len(words) > LONG_CELL
+        else "words"
+        if len(words) > SHORT_CELL
+        else ""
+    )
     return Cell(symbols(words), words, kind, f"--ink-{key(words)}" if is_model(words) else "")
 
 
 def verdict_of(words: str) -> str:
     """The class of a verdict: good, fair, poor or none; empty for other words."""
-    return next((kind for name, kind in VERDICTS.items() if words == name or words.startswith(f"{name} from ")), "")
+    return next(
+        (
+            kind
+            for name, kind in VERDICTS.items()
+            if words == name or words.startswith(f"{name} from ")
+        ),
+        "",
+    )
 
 
 def heat(ratio: float | None) -> str:
-    """The class of a J/J0 figure: h0 (best) to h4 (1 or more: no better than predicting no force)."""
+    """The class of a J/J0 figure: h0 (best) to h4 (1 or more: no better than predicting
+    no force).
+    """
     if ratio is None:
         return ""
     return f"h{sum(ratio >= edge for edge in (0.25, 0.5, 0.75, 1.0))}"
@@ -245,7 +348,9 @@ def inks(found: Mapping[str, Ink]) -> str:
     known = {**AXES, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **found}
     light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
     dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
-    system = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}}}}}"
+    system = (
+        f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}}}}}"
+    )
     return f":root{{{light}}}\n{system}\n@media screen{{:root[data-theme=dark]{{{dark}}}}}\n"
 
 

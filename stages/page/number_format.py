@@ -17,10 +17,14 @@ DOT = "\u0307"
 
 
 def visible(value: Any) -> Any:
-    """Strings with control, direction and unpaired surrogate characters shown as signs, so that they cannot act."""
+    """Strings with control, direction and unpaired surrogate characters shown as signs,
+    so that they cannot act.
+    """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    return "".join(_shown(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c for c in value)
+    return "".join(
+        _shown(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c for c in value
+    )
 
 
 def _shown(character: str) -> str:
@@ -29,9 +33,13 @@ def _shown(character: str) -> str:
 
 
 def symbols(words: str) -> Markup:
-    """Text escaped, with coefficients as printed: `X_udot`, `Y_v|v|`, `I_z` get their indices as such."""
+    """Text escaped, with coefficients as printed: `X_udot`, `Y_v|v|`, `I_z` get their
+    indices as such.
+    """
     shown = str(escape(visible(words)))
-    return Markup(SYMBOL.sub(lambda found: f"{found[1]}<sub>{found[2].replace('dot', DOT)}</sub>", shown))
+    return Markup(
+        SYMBOL.sub(lambda found: f"{found[1]}<sub>{found[2].replace('dot', DOT)}</sub>", shown)
+    )
 
 
 def printed_unit(unit: str) -> str:
@@ -40,12 +48,16 @@ def printed_unit(unit: str) -> str:
 
 
 def is_numeric(words: str) -> bool:
-    """Whether a text is a number that somebody has printed with digits of its own choice."""
+    """Whether a text is a number that somebody has printed with digits of its own
+    choice.
+    """
     return NUMERIC.fullmatch(words) is not None
 
 
 def term(name: str) -> str:
-    """A basis term as it is printed: `v*|v|` -> v|v|, `u*u` -> u², `(u*v)*(eta-1)` -> uv(η−1)."""
+    """A basis term as it is printed: `v*|v|` -> v|v|, `u*u` -> u², `(u*v)*(eta-1)` ->
+    uv(η−1).
+    """
     factors = name.replace("(eta-1)", "η").replace("(", "").replace(")", "").split("*")
     if len(factors) >= 2 and factors[0] == factors[1]:
         factors[:2] = [f"{factors[0]}²"]
@@ -64,7 +76,9 @@ def number(value: float) -> str:
 
 
 def printed_number(words: str) -> str:
-    """The text of a number with a true minus sign and its power of ten written out: `-1.2e-05` -> −1.2×10⁻⁵."""
+    """The text of a number with a true minus sign and its power of ten written out:
+    `-1.2e-05` -> −1.2×10⁻⁵.
+    """
     mantissa, _, power = words.partition("e")
     tail = f"×10{str(int(power)).translate(RAISED)}" if power else ""
     return mantissa.replace("-", "−") + tail

@@ -1,9 +1,11 @@
-"""A plot as markup that needs no script: panels of SVG paths above one another, tick labels in HTML, a legend of buttons.
+"""A plot as markup that needs no script: panels of SVG paths above one another, tick
+labels in HTML, a legend of buttons.
 
-The samples live once, in the path itself: `M x y l dx dy dx dy ...` in whole steps, x in `X_STEPS` steps of the plot's time range and y in
-`Y_STEPS` steps of the series' own range, so a value is exact to 1/16000 of its range. Lines keep their width under any scale
-(`vector-effect`), so plots.js zooms by changing `viewBox`, and reads values back from the path. Colours are CSS variables: themes and
-print need no redrawing.
+The samples live once, in the path itself: `M x y l dx dy dx dy ...` in whole steps, x
+in `X_STEPS` steps of the plot's time range and y in `Y_STEPS` steps of the series' own
+range, so a value is exact to 1/16000 of its range. Lines keep their width under any
+scale (`vector-effect`), so plots.js zooms by changing `viewBox`, and reads values back
+from the path. Colours are CSS variables: themes and print need no redrawing.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.stages.page.colours import Ink, ink, is_model, key
 
 Array = npt.NDArray[np.float64]
@@ -24,7 +27,9 @@ MARGIN = 0.06
 MODELS_SHOWN = 3
 MOST_ASPECT = 6.0
 FAR = 20.0
-"""Lines that reach further than this many ranges of the measured one are cut at the axis."""
+"""Lines that reach further than this many ranges of the measured one are cut at the
+axis.
+"""
 PRINTED = {"tau_bar": "residual force τ̄"}
 NO_TITLES: Mapping[str, str] = {}
 NO_INKS: Mapping[str, Ink] = {}
@@ -32,7 +37,9 @@ NO_INKS: Mapping[str, Ink] = {}
 
 @dataclass(frozen=True)
 class Line:
-    """One drawn series: legend entry, path, and the matrix that puts its steps into the panel. A value is top - step * y."""
+    """One drawn series: legend entry, path, and the matrix that puts its steps into the
+    panel. A value is top - step * y.
+    """
 
     entry: int
     path: str
@@ -53,7 +60,9 @@ class Tick:
 
 @dataclass(frozen=True)
 class Entry:
-    """One legend entry: name, ink variable, dash, width, and whether its lines are drawn at first."""
+    """One legend entry: name, ink variable, dash, width, and whether its lines are
+    drawn at first.
+    """
 
     name: str
     ink: str
@@ -95,11 +104,15 @@ class Plot:
     def note(self) -> str:
         """What to look for, and which lines leave their panel."""
         cut = list(dict.fromkeys(name for panel in self.panels for name in panel.cut))
-        return f"{self.look_for} Beyond the axis: {', '.join(cut)}.".strip() if cut else self.look_for
+        return (
+            f"{self.look_for} Beyond the axis: {', '.join(cut)}.".strip() if cut else self.look_for
+        )
 
     @property
     def aspect(self) -> float:
-        """Width over height of a plot of place over place, whose scales are equal; 0 for others, and for very long or flat ones."""
+        """Width over height of a plot of place over place, whose scales are equal; 0
+        for others, and for very long or flat ones.
+        """
         if len(self.panels) != 1 or (self.x_unit, self.panels[0].unit) != ("m", "m"):
             return 0.0
         ratio = (self.high - self.low) / (self.panels[0].high - self.panels[0].low)
@@ -118,11 +131,13 @@ def lay_out(
     clock: str = "",
     inks: Mapping[str, Ink] = NO_INKS,
 ) -> Plot:
-    """Lay out a plot block. Of many models only `preferred` (best first) are drawn at first; the legend shows the others.
+    """Lay out a plot block. Of many models only `preferred` (best first) are drawn at
+    first; the legend shows the others.
 
-    `titles` are names as printed for lines that are named by a word of the code; `clock` keeps plots of another clock out of the group;
-    `inks`: colours of roles that have none of their own, those of the whole page.
-    A panel without a finite sample keeps its place, so that the reader sees that there was nothing.
+    `titles` are names as printed for lines that are named by a word of the code;
+    `clock` keeps plots of another clock out of the group; `inks`: colours of roles that
+    have none of their own, those of the whole page. A panel without a finite sample
+    keeps its place, so that the reader sees that there was nothing.
     """
     panels = block["panels"]
     data = [[_samples(series) for series in panel["series"]] for panel in panels]
@@ -140,7 +155,10 @@ def lay_out(
         low=low,
         high=high,
         ticks=ticks(low, high, 7),
-        panels=tuple(_panel(panel, lines, list(entries), entries, (low, high)) for panel, lines in zip(panels, data, strict=True)),
+        panels=tuple(
+            _panel(panel, lines, list(entries), entries, (low, high))
+            for panel, lines in zip(panels, data, strict=True)
+        ),
         entries=tuple(entries.values()),
     )
 
@@ -152,12 +170,21 @@ def _samples(series: Mapping[str, Any]) -> tuple[Array, Array]:
 
 
 def _entries(
-    panels: Sequence[Mapping[str, Any]], preferred: Sequence[str], titles: Mapping[str, str], inks: Mapping[str, Ink]
+    panels: Sequence[Mapping[str, Any]],
+    preferred: Sequence[str],
+    titles: Mapping[str, str],
+    inks: Mapping[str, Ink],
 ) -> dict[str, Entry]:
-    roles = {str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]}
+    roles = {
+        str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]
+    }
     models = [role for role in dict.fromkeys(roles.values()) if is_model(role)]
     ranked = sorted(models, key=lambda role: _place(role, preferred))
-    shown = {key(role) for role in ranked[:MODELS_SHOWN]} if len(models) > MODELS_SHOWN else {key(role) for role in models}
+    shown = (
+        {key(role) for role in ranked[:MODELS_SHOWN]}
+        if len(models) > MODELS_SHOWN
+        else {key(role) for role in models}
+    )
     entries = {}
     for name, role in roles.items():
         drawn = inks.get(key(role)) or ink(role)
@@ -184,8 +211,14 @@ def _panel(
     entries: Mapping[str, Entry],
     span: tuple[float, float],
 ) -> Panel:
-    drawn = [y for (_, y), series in zip(data, panel["series"], strict=True) if entries[str(series["name"])].shown]
-    shown = [str(series["role"]) for series in panel["series"] if entries[str(series["name"])].shown]
+    drawn = [
+        y
+        for (_, y), series in zip(data, panel["series"], strict=True)
+        if entries[str(series["name"])].shown
+    ]
+    shown = [
+        str(series["role"]) for series in panel["series"] if entries[str(series["name"])].shown
+    ]
     limits = telling_range(drawn, shown)
     low, high = padded_range(drawn or [y for _, y in data]) if limits is None else limits
     lines = []
@@ -205,7 +238,10 @@ def _panel(
 
 
 def _leaving(
-    panel: Mapping[str, Any], data: Sequence[tuple[Array, Array]], entries: Mapping[str, Entry], limits: tuple[float, float]
+    panel: Mapping[str, Any],
+    data: Sequence[tuple[Array, Array]],
+    entries: Mapping[str, Entry],
+    limits: tuple[float, float],
 ) -> Iterator[str]:
     for (_, y), series in zip(data, panel["series"], strict=True):
         entry, known = entries[str(series["name"])], y[np.isfinite(y)]
@@ -214,13 +250,17 @@ def _leaving(
 
 
 def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float, float] | None:
-    """The range around what was measured, or around estimates, where other lines or bands leave it so far that nothing else is seen.
+    """The range around what was measured, or around estimates, where other lines or
+    bands leave it so far that nothing else is seen.
 
-    None where all of it can be shown: a simulation that runs away must not flatten the measurement that it is held against.
+    None where all of it can be shown: a simulation that runs away must not flatten the
+    measurement that it is held against.
     """
     kept = [(role, y[np.isfinite(y)]) for role, y in zip(roles, signals, strict=True)]
     kept = [(role, y) for role, y in kept if y.size]
-    near = [y for role, y in kept if role == "measured"] or [y for role, y in kept if role != "band"]
+    near = [y for role, y in kept if role == "measured"] or [
+        y for role, y in kept if role != "band"
+    ]
     if not near or len(near) == len(kept):
         return None
     low, high = float(min(y.min() for y in near)), float(max(y.max() for y in near))
@@ -230,11 +270,15 @@ def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float
 
 
 SMALLEST_SPAN = 1e-30
-"""A signal whose values differ by less is drawn as constant: no SI quantity here is that small."""
+"""A signal whose values differ by less is drawn as constant: no SI quantity here is
+that small.
+"""
 
 
 def padded_range(signals: Sequence[Array]) -> tuple[float, float]:
-    """Smallest and largest finite value with a margin; a constant signal gets room on either side."""
+    """Smallest and largest finite value with a margin; a constant signal gets room on
+    either side.
+    """
     kept = [y[np.isfinite(y)] for y in signals]
     values = np.concatenate([y for y in kept if y.size] or [np.zeros(1)])
     low, high = float(values.min()), float(values.max())
@@ -243,20 +287,39 @@ def padded_range(signals: Sequence[Array]) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _line(x: Array, y: Array, good: npt.NDArray[np.bool_], entry: int, span: tuple[float, float], limits: tuple[float, float]) -> Line:
+def _line(
+    x: Array,
+    y: Array,
+    good: npt.NDArray[np.bool_],
+    entry: int,
+    span: tuple[float, float],
+    limits: tuple[float, float],
+) -> Line:
     low, high = float(y[good].min()), float(y[good].max())
     step = (high - low) / Y_STEPS or 1.0
-    x_steps = np.rint((np.where(good, x, span[0]) - span[0]) / (span[1] - span[0]) * X_STEPS).astype(np.int64)
+    x_steps = np.rint(
+        (np.where(good, x, span[0]) - span[0]) / (span[1] - span[0]) * X_STEPS
+    ).astype(np.int64)
     y_steps = np.rint((high - np.where(good, y, high)) / step).astype(np.int64)
     per_panel = PANEL_STEPS / (limits[1] - limits[0])
     path = "".join(_run(x_steps[part], y_steps[part]) for part in _runs(good))
-    return Line(entry, path, scale=step * per_panel, shift=(limits[1] - high) * per_panel, top=high, step=step, samples=int(good.sum()))
+    return Line(
+        entry,
+        path,
+        scale=step * per_panel,
+        shift=(limits[1] - high) * per_panel,
+        top=high,
+        step=step,
+        samples=int(good.sum()),
+    )
 
 
 def _runs(good: npt.NDArray[np.bool_]) -> list[slice]:
     """The stretches of samples between gaps."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    return [slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+    return [
+        slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)
+    ]
 
 
 def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
@@ -268,12 +331,16 @@ def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
 
 
 def ticks(low: float, high: float, wanted: int, *, upward: bool = False) -> tuple[Tick, ...]:
-    """About `wanted` round values between `low` and `high`, with labels that tell neighbours apart."""
+    """About `wanted` round values between `low` and `high`, with labels that tell
+    neighbours apart.
+    """
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / wanted))
     step = next((m * power for m in (1, 2, 2.5, 5, 10) if span / (m * power) <= wanted), 10 * power)
     values = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-    digits = max(0, -int(np.floor(np.log10(step) + 1e-9)) + (1 if f"{step:.3e}".startswith("2.5") else 0))
+    digits = max(
+        0, -int(np.floor(np.log10(step) + 1e-9)) + (1 if f"{step:.3e}".startswith("2.5") else 0)
+    )
     made = []
     for value in values:
         share = (value - low) / span * 100

@@ -1,4 +1,6 @@
-"""Moments of inertia on a quadrifilar pendulum, added mass and damping by free decay: Alberti 2015, chapters IV and VI."""
+"""Moments of inertia on a quadrifilar pendulum, added mass and damping by free decay:
+Alberti 2015, chapters IV and VI.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -49,17 +52,23 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All swings and decays. Raises `CampaignError` for a faulty apparatus, `DataError` for recordings that cannot give what is asked."""
+    """All swings and decays. Raises `CampaignError` for a faulty apparatus, `DataError`
+    for recordings that cannot give what is asked.
+    """
     apparatus = inputs.apparatus
     if apparatus is None:
         return Outputs()
     vehicle = vehicle_from_document(inputs.vehicle)
     legs = {str(leg["id"]): leg for leg in inputs.campaign["legs"]}
     logs = Logs(legs, inputs.log_info, inputs.imu, inputs.attitude)
-    swings = swings_of(apparatus["quadrifilar"], logs, vehicle) if "quadrifilar" in apparatus else []
+    swings = (
+        swings_of(apparatus["quadrifilar"], logs, vehicle) if "quadrifilar" in apparatus else []
+    )
     decays = decays_of(apparatus["free_decay"], logs, vehicle) if "free_decay" in apparatus else []
     if not swings and not decays:
-        raise DataError("the apparatus holds no pendulum", field="apparatus", allowed="quadrifilar, free_decay")
+        raise DataError(
+            "the apparatus holds no pendulum", field="apparatus", allowed="quadrifilar, free_decay"
+        )
     rows = [*swing_figures(swings), *decay_figures(decays)]
     return Outputs(
         results={"title": str(apparatus["title"]), "rows": rows},
@@ -92,7 +101,10 @@ def _decay_table(found: list[Decayed]) -> pa.Table | None:
             "recording": [item.recording.leg] * item.decay.run.grid_s.size,
             "t_s": item.decay.run.grid_s,
             "theta_measured_rad": item.estimate.measured,
-            **{f"theta_{name.replace(' ', '_')}_rad": item.estimate.simulated[name] for name in DAMPING},
+            **{
+                f"theta_{name.replace(' ', '_')}_rad": item.estimate.simulated[name]
+                for name in DAMPING
+            },
         }
         for decayed in found
         for item in decayed.fallen
@@ -107,17 +119,35 @@ def _history_table(found: list[Decayed]) -> pa.Table | None:
         for item in decayed.fallen:
             history, excited = item.estimate.history[decayed.chosen], item.estimate.excitation
             t = history.t_s
-            columns = dict(zip(["stiffness", *["linear"] * linear, *["quadratic"] * quadratic], history.theta.T[:-1], strict=True))
+            columns = dict(
+                zip(
+                    ["stiffness", *["linear"] * linear, *["quadratic"] * quadratic],
+                    history.theta.T[:-1],
+                    strict=True,
+                )
+            )
             known = {
                 "linear": item.decay.known[0] * columns["stiffness"],
                 "quadratic": item.decay.known[1] * columns["stiffness"],
             }
-            block = {"recording": [item.recording.leg] * t.size, "t_s": t, "stiffness": columns["stiffness"]}
+            block = {
+                "recording": [item.recording.leg] * t.size,
+                "t_s": t,
+                "stiffness": columns["stiffness"],
+            }
             block |= {name: known[name] + columns.get(name, np.zeros(t.size)) for name in known}
-            parts.append(block | {"smallest_eigenvalue": np.interp(t, excited.t_s, excited.smallest)})
+            parts.append(
+                block | {"smallest_eigenvalue": np.interp(t, excited.t_s, excited.smallest)}
+            )
     return make_table("decay_history", as_rows(parts)) if parts else None
 
 
 STAGE = Stage(
-    "pipendulum", "Inertia on a quadrifilar pendulum; added mass and damping by free decay", "campaign", Inputs, Params, Outputs, run
+    "pipendulum",
+    "Inertia on a quadrifilar pendulum; added mass and damping by free decay",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -25,21 +26,37 @@ from auvid.hydro.identification.bench.free_decay import (
 )
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED
-from auvid.hydro.identification.bench.single_channel import BOTH, DAMPING, WRONG_SIGN, choose_damping, symbols
-from auvid.hydro.identification.bench.swing import GONE, check_one_swing, check_rate, release_index, swing_back_period
+from auvid.hydro.identification.bench.single_channel import (
+    BOTH,
+    DAMPING,
+    WRONG_SIGN,
+    choose_damping,
+    symbols,
+)
+from auvid.hydro.identification.bench.swing import (
+    GONE,
+    check_one_swing,
+    check_rate,
+    release_index,
+    swing_back_period,
+)
 from auvid.stages.base import Document
 from auvid.stages.columns import Array
 from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
 from auvid.stages.presentation import Figure, figure
 
 FEWEST_SWINGS, GOOD_SWINGS = 0.5, 2.0
-"""Swings before the rate falls to a twentieth: with less than half of one nothing oscillates; below two the ratios hang on few turns."""
+"""Swings before the rate falls to a twentieth: with less than half of one nothing
+oscillates; below two the ratios hang on few turns.
+"""
 METHODS = ("output error", "recursive", "batch")
 
 
 @dataclass(frozen=True)
 class Apparatus:
-    """Part `free_decay`: arm L [m], the parts of the pendulum, the vehicle as hung, and what hangs empty and loaded, in both forms."""
+    """Part `free_decay`: arm L [m], the parts of the pendulum, the vehicle as hung, and
+    what hangs empty and loaded, in both forms.
+    """
 
     arm: float
     parts: tuple[Part, ...]
@@ -47,14 +64,18 @@ class Apparatus:
     gravity: float
 
     def hung(self, *, loaded: bool, point_mass: bool = False) -> Hanging:
-        """Dry inertia and restoring moment; point_mass: everything at the arm (66). Raises `DataError` where buoyancy wins."""
+        """Dry inertia and restoring moment; point_mass: everything at the arm (66).
+        Raises `DataError` where buoyancy wins.
+        """
         parts = [*self.parts, self.vehicle] if loaded else list(self.parts)
         return hanging(parts, self.gravity, arm=self.arm if point_mass else None)
 
 
 @dataclass(frozen=True)
 class Fallen:
-    """One recorded decay with its estimate; `held_out` by damping model: RMS angle error on validation legs or on the last swings [rad]."""
+    """One recorded decay with its estimate; `held_out` by damping model: RMS angle
+    error on validation legs or on the last swings [rad].
+    """
 
     recording: Recording
     decay: Decay
@@ -64,10 +85,12 @@ class Fallen:
 
 @dataclass(frozen=True)
 class Decayed:
-    """One decay of the apparatus: its entry, recordings, chosen damping model, derivatives by model and method, and in point-mass form.
+    """One decay of the apparatus: its entry, recordings, chosen damping model,
+    derivatives by model and method, and in point-mass form.
 
-    `held_out`: by damping model, RMS angle error [rad] on what was not fitted; `judged_on` says what that is. `hung` as the physical
-    pendulum. `derivatives` has keys (damping model, method).
+    `held_out`: by damping model, RMS angle error [rad] on what was not fitted;
+    `judged_on` says what that is. `hung` as the physical pendulum. `derivatives` has
+    keys (damping model, method).
     """
 
     entry: Document
@@ -94,7 +117,9 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
     read = Quantities(part, "free_decay")
     arm = read.number("arm", "m")
     if arm <= 0.0:
-        raise CampaignError("the arm of the pendulum is not positive", field="free_decay.arm", value=arm)
+        raise CampaignError(
+            "the arm of the pendulum is not positive", field="free_decay.arm", value=arm
+        )
     parts = []
     for index, entry in enumerate(part["parts"]):
         one = Quantities(entry, f"free_decay.parts[{index}]")
@@ -102,8 +127,12 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
         displaced = one.number("displaced_mass", "kg", default=0.0)
         inertia = one.number("inertia", "kg*m^2", default=0.0)
         mass = one.number("mass", "kg")
-        not_negative(f"free_decay.parts[{index}]", mass=mass, displaced_mass=displaced, inertia=inertia)
-        parts.append(Part(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia))
+        not_negative(
+            f"free_decay.parts[{index}]", mass=mass, displaced_mass=displaced, inertia=inertia
+        )
+        parts.append(
+            Part(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia)
+        )
     mass = read.number("vehicle_mass", "kg", default=vehicle.mass_kg)
     displaced = read.number("vehicle_displaced_mass", "kg", default=vehicle.displaced_mass_kg)
     not_negative("free_decay", vehicle_mass=mass, vehicle_displaced_mass=displaced)
@@ -111,54 +140,112 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
 
 
 def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Decayed]:
-    """All decays of part `free_decay`, the empty pendulum first. Raises `CampaignError` and `DataError` as their recordings do."""
+    """All decays of part `free_decay`, the empty pendulum first. Raises `CampaignError`
+    and `DataError` as their recordings do.
+    """
     apparatus = apparatus_of(part, vehicle)
-    empties = [index for index, entry in enumerate(part["decays"]) if entry["role"] == "empty_pendulum"]
+    empties = [
+        index for index, entry in enumerate(part["decays"]) if entry["role"] == "empty_pendulum"
+    ]
     if len(empties) > 1:
-        raise CampaignError("at most one decay of the empty pendulum", field="free_decay.decays", value=len(empties))
+        raise CampaignError(
+            "at most one decay of the empty pendulum", field="free_decay.decays", value=len(empties)
+        )
     order = [*empties, *(index for index in range(len(part["decays"])) if index not in empties)]
     found: list[Decayed] = []
     for index in order:
         entry = part["decays"][index]
         field = f"free_decay.decays[{index}]"
         if entry["role"] == "vehicle" and "dof" not in entry:
-            raise CampaignError("a decay of the vehicle needs its direction", field=f"{field}.dof", allowed=("surge", "sway", "heave"))
+            raise CampaignError(
+                "a decay of the vehicle needs its direction",
+                field=f"{field}.dof",
+                allowed=("surge", "sway", "heave"),
+            )
         empty = found[0] if empties and index != empties[0] else None
         found.append(_decay(entry, field, apparatus, logs, empty))
     return found
 
 
-def _decay(entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty: Decayed | None) -> Decayed:
+def _decay(
+    entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty: Decayed | None
+) -> Decayed:
     hung = apparatus.hung(loaded=entry["role"] == "vehicle")
     pole = None if empty is None else empty.derivatives[empty.chosen, "output error"]
-    known = (0.0, 0.0) if pole is None else tuple(pole.values[1:] * apparatus.arm ** np.array([2.0, 3.0]) / hung.stiffness)
+    known = (
+        (0.0, 0.0)
+        if pole is None
+        else tuple(pole.values[1:] * apparatus.arm ** np.array([2.0, 3.0]) / hung.stiffness)
+    )
     recordings = [logs.recording(leg, f"{field}.legs", upright=False) for leg in entry["legs"]]
-    training = [_fallen(item, (float(known[0]), float(known[1]))) for item in recordings if not item.validation]
+    training = [
+        _fallen(item, (float(known[0]), float(known[1])))
+        for item in recordings
+        if not item.validation
+    ]
     if not training:
-        raise CampaignError("a decay needs a leg of use training", field=f"{field}.legs", value=", ".join(entry["legs"]))
-    others = [replace(prepared(item)[0], known=(float(known[0]), float(known[1]))) for item in recordings if item.validation]
+        raise CampaignError(
+            "a decay needs a leg of use training",
+            field=f"{field}.legs",
+            value=", ".join(entry["legs"]),
+        )
+    others = [
+        replace(prepared(item)[0], known=(float(known[0]), float(known[1])))
+        for item in recordings
+        if item.validation
+    ]
     if others:
         judged_on = "the validation leg" + ("s" if len(others) > 1 else "")
         pairs = [(decay, item.estimate.output_error) for decay in others for item in training]
-        held = {name: _root_mean([judge(decay, found[name]) for decay, found in pairs]) for name in DAMPING}
+        held = {
+            name: _root_mean([judge(decay, found[name]) for decay, found in pairs])
+            for name in DAMPING
+        }
 
     else:
         judged_on = "the last swings"
-        held = {name: _root_mean([item.estimate.output_error[name].held_out_rad for item in training]) for name in DAMPING}
-    chosen = choose_damping(held, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known))
+        held = {
+            name: _root_mean([item.estimate.output_error[name].held_out_rad for item in training])
+            for name in DAMPING
+        }
+    chosen = choose_damping(
+        held, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known)
+    )
     results = {}
     for name in DAMPING:
         for method in METHODS:
-            each = [derivatives(_ratios(item.estimate, method)[name], hung, arm=apparatus.arm, empty=pole) for item in training]
+            each = [
+                derivatives(
+                    _ratios(item.estimate, method)[name], hung, arm=apparatus.arm, empty=pole
+                )
+                for item in training
+            ]
             results[name, method] = mean_of(each)
     point = apparatus.hung(loaded=entry["role"] == "vehicle", point_mass=True)
     pole_point = None if empty is None else empty.point_mass
-    points = [derivatives(item.estimate.output_error[chosen], point, arm=apparatus.arm, empty=pole_point) for item in training]
-    return Decayed(entry, tuple(training), chosen, held, judged_on, hung, apparatus.arm, results, mean_of(points))
+    points = [
+        derivatives(item.estimate.output_error[chosen], point, arm=apparatus.arm, empty=pole_point)
+        for item in training
+    ]
+    return Decayed(
+        entry,
+        tuple(training),
+        chosen,
+        held,
+        judged_on,
+        hung,
+        apparatus.arm,
+        results,
+        mean_of(points),
+    )
 
 
 def _ratios(estimate: DecayEstimate, method: str) -> Mapping[str, Ratios]:
-    return {"output error": estimate.output_error, "recursive": estimate.recursive, "batch": estimate.batch}[method]
+    return {
+        "output error": estimate.output_error,
+        "recursive": estimate.recursive,
+        "batch": estimate.batch,
+    }[method]
 
 
 def _fallen(recording: Recording, known: tuple[float, float]) -> Fallen:
@@ -169,7 +256,9 @@ def _fallen(recording: Recording, known: tuple[float, float]) -> Fallen:
 
 
 def prepared(recording: Recording) -> tuple[Decay, float]:
-    """The decay from its release on, and how many swings it made. Raises `DataError` for an overdamped one or too few swings."""
+    """The decay from its release on, and how many swings it made. Raises `DataError`
+    for an overdamped one or too few swings.
+    """
     t, rate = recording.t_s, recording.rate
     first = release_index(rate)
     if t.size - first < 32:
@@ -184,7 +273,8 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
     swings = float((t[last] - t[first]) / period)
     if swings < FEWEST_SWINGS:
         raise DataError(
-            f"too few swings in leg '{recording.leg}': {swings:.1f} before it has died down or the recording ends",
+            f"too few swings in leg '{recording.leg}': {swings:.1f} before it has died down or the"
+            " recording ends",
             allowed=f"at least {FEWEST_SWINGS:g}",
             remedy="Add weight or take a longer arm, so that it swings on; record longer.",
         )
@@ -205,32 +295,43 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
         none if angle is None else np.searchsorted(grid, angle.t_s),
         empty if angle is None else angle.values[:, 0],
     )
-    # Without an angle the first guess of the release is the amplitude that the rate and the period tell.
+    # Without an angle the first guess of the release is the amplitude that the rate and
+    # the period tell.
     guess = float(centred.max() * period / (2.0 * np.pi)) * -float(np.sign(rate[first]))
     begin = np.array([rate[rows[0]], angle.values[0, 0] if angle is not None else guess])
     return Decay(run, begin, 2.0 * np.pi / period), swings
 
 
 def mean_of(items: Sequence[Derivatives]) -> Derivatives:
-    """Mean of repeated decays; errors as if independent, or as the repeats scatter where that is more."""
+    """Mean of repeated decays; errors as if independent, or as the repeats scatter
+    where that is more.
+    """
     values = np.mean([item.values for item in items], axis=0)
     covariance = np.mean([item.covariance for item in items], axis=0) / len(items)
     if len(items) == 1:
         return Derivatives(values, covariance)
     scatter = np.var([item.values for item in items], axis=0, ddof=1) / len(items)
-    widen = np.sqrt(np.maximum(1.0, scatter / np.maximum(np.diag(covariance), np.finfo(float).tiny)))
+    widen = np.sqrt(
+        np.maximum(1.0, scatter / np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    )
     return Derivatives(values, covariance * np.outer(widen, widen))
 
 
 def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
-    """Derivatives of every decay. Names: `surge: X_udot`, `surge: X_udot (linear)`, `surge: X_udot (linear, recursive)` ..."""
+    """Derivatives of every decay. Names: `surge: X_udot`, `surge: X_udot (linear)`,
+    `surge: X_udot (linear, recursive)` ...
+    """
     rows: list[Figure] = []
     for item in found:
         name, units = str(item.entry["id"]), ("kg", "kg/s", "kg/m")
         excited = item.fallen[0].estimate.excitation
         blocks = [("", item.chosen, "output error")]
         blocks += [(f" ({damping})", damping, "output error") for damping in DAMPING]
-        blocks += [(f" ({damping}, {method})", damping, method) for damping in DAMPING for method in METHODS[1:]]
+        blocks += [
+            (f" ({damping}, {method})", damping, method)
+            for damping in DAMPING
+            for method in METHODS[1:]
+        ]
         for suffix, damping, method in blocks:
             result = item.derivatives[damping, method]
             has = (True, *DAMPING[damping])
@@ -238,15 +339,35 @@ def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
                 if not has[index]:
                     continue
                 value, error = float(result.values[index]), float(result.standard_errors[index])
-                verdict = _verdict(value, error, excited.status == NOT_EXCITED) if method == "output error" else None
+                verdict = (
+                    _verdict(value, error, excited.status == NOT_EXCITED)
+                    if method == "output error"
+                    else None
+                )
                 note = f"{damping} damping, output error" if not suffix else None
                 headline = not suffix and item.entry["role"] == "vehicle"
                 more: dict[str, Any] = {"verdict": verdict, "note": note}
-                rows.append(figure(f"{name}: {quantity}{suffix}", value, units[index], error, headline=headline, **more))
+                rows.append(
+                    figure(
+                        f"{name}: {quantity}{suffix}",
+                        value,
+                        units[index],
+                        error,
+                        headline=headline,
+                        **more,
+                    )
+                )
         point = item.point_mass
         for index, quantity in enumerate(item.quantities):
             if (True, *DAMPING[item.chosen])[index]:
-                rows.append(figure(f"{name}: {quantity} (point mass)", point.values[index], units[index], point.standard_errors[index]))
+                rows.append(
+                    figure(
+                        f"{name}: {quantity} (point mass)",
+                        point.values[index],
+                        units[index],
+                        point.standard_errors[index],
+                    )
+                )
         rows += _decay_errors(name, item)
         rows.append(
             figure(
@@ -256,7 +377,11 @@ def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
                 note="a free decay is never persistently exciting (52)",
             )
         )
-        rows.append(figure(f"{name}: {item.quantities[0]} per 1 % of restoring moment", sensitivity(item), "kg"))
+        rows.append(
+            figure(
+                f"{name}: {item.quantities[0]} per 1 % of restoring moment", sensitivity(item), "kg"
+            )
+        )
     return rows
 
 
@@ -267,7 +392,9 @@ def _verdict(value: float, error: float, still: bool) -> str:
 
 
 def sensitivity(item: Decayed) -> float:
-    """How far the added mass moves [kg] when the weighed restoring moment is 1 % larger: -0.01 (G/k) / L^2."""
+    """How far the added mass moves [kg] when the weighed restoring moment is 1 %
+    larger: -0.01 (G/k) / L^2.
+    """
     k = float(item.fallen[0].estimate.output_error[item.chosen].values[0])
     return -0.01 * item.hung.stiffness / k / item.arm**2
 
@@ -275,9 +402,17 @@ def sensitivity(item: Decayed) -> float:
 def _decay_errors(name: str, item: Decayed) -> list[Figure]:
     rows = []
     for damping in DAMPING:
-        rmse = {method: _root_mean([_ratios(one.estimate, method)[damping].rmse_rad for one in item.fallen]) for method in METHODS}
+        rmse = {
+            method: _root_mean(
+                [_ratios(one.estimate, method)[damping].rmse_rad for one in item.fallen]
+            )
+            for method in METHODS
+        }
         rows.append(figure(f"{name}: rmse ({damping})", rmse["output error"], "rad"))
-        rows += [figure(f"{name}: rmse ({damping}, {method})", rmse[method], "rad") for method in METHODS[1:]]
+        rows += [
+            figure(f"{name}: rmse ({damping}, {method})", rmse[method], "rad")
+            for method in METHODS[1:]
+        ]
         rows.append(figure(f"{name}: rmse held out ({damping})", item.held_out[damping], "rad"))
     return rows
 

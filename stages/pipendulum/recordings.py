@@ -1,4 +1,6 @@
-"""From the raw streams of a log to one recorded swing: the axis it turned about, its rate and its angle."""
+"""From the raw streams of a log to one recorded swing: the axis it turned about, its
+rate and its angle.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import has_columns
-from auvid.hydro.identification.bench.swing import SwingAxis, angle_about, angle_per_rate, outside_range, release_index, swing_axis
+from auvid.hydro.identification.bench.swing import (
+    SwingAxis,
+    angle_about,
+    angle_per_rate,
+    outside_range,
+    release_index,
+    swing_axis,
+)
 from auvid.hydro.identification.signals.splines import smoothing_spline
 from auvid.stages.base import Collection, Document
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
@@ -20,19 +30,26 @@ from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Samples, leg_wi
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 50
 MOST_CLIPPED_PERCENT = 80.0
-"""Beyond this only the zero crossings are left. At 73 % the inertia of a swing of 40 degrees is 0.5 % off."""
+"""Beyond this only the zero crossings are left. At 73 % the inertia of a swing of 40
+degrees is 0.5 % off.
+"""
 ASKEW_DEG = 5.0
 """A recorder turned by more than this against the nearest of its axes is worth a word."""
 ONE_AXIS = 0.95
-"""Share of the rotation that must be about one axis; the rest is twist or sway of the pendulum."""
+"""Share of the rotation that must be about one axis; the rest is twist or sway of the
+pendulum.
+"""
 UPRIGHT_DEG = 20.0
 LEVELLED = 0.02
-"""Share by which an attitude may differ from the turn of the gyro; an autopilot that takes the swing's accelerations for gravity does."""
+"""Share by which an attitude may differ from the turn of the gyro; an autopilot that
+takes the swing's accelerations for gravity does.
+"""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One recorded swing: rate (n,) about its axis at t_s (n,), which samples are not clipped, and the angle at its own times, if logged.
+    """One recorded swing: rate (n,) about its axis at t_s (n,), which samples are not
+    clipped, and the angle at its own times, if logged.
 
     Times in s from the start of the log. `said` are notes, `warnings` what is doubtful.
     """
@@ -58,13 +75,21 @@ class Logs:
     attitude: Collection[pa.Table] | None
 
     def recording(self, leg_id: str, field: str, *, upright: bool) -> Recording:
-        """The swing of a leg; `upright`: its axis should stand upright (quadrifilar), else lie level (free decay).
+        """The swing of a leg; `upright`: its axis should stand upright (quadrifilar),
+        else lie level (free decay).
 
-        Raises `CampaignError` for a leg that the manifest does not have, `DataError` where its log has neither gyro nor attitude.
+        Raises `CampaignError` for a leg that the manifest does not have, `DataError`
+        where its log has neither gyro nor attitude.
         """
         if leg_id not in self.legs:
             remedy = nearest(leg_id, self.legs)
-            raise CampaignError("no such leg in the manifest", field=field, value=leg_id, allowed=self.legs, remedy=remedy)
+            raise CampaignError(
+                "no such leg in the manifest",
+                field=field,
+                value=leg_id,
+                allowed=self.legs,
+                remedy=remedy,
+            )
         leg = self.legs[leg_id]
         log = str(leg["log"])
         info = self.log_info[log]
@@ -85,12 +110,21 @@ class Logs:
             raise DataError(
                 f"leg '{leg_id}' has neither gyro nor attitude of a pendulum",
                 allowed=f"at least {FEWEST} samples",
-                remedy="Log the IMU or the attitude of an autopilot on the pendulum; check start_s and end_s of the leg.",
+                remedy=(
+                    "Log the IMU or the attitude of an autopilot on the pendulum; check start_s and"
+                    " end_s of the leg."
+                ),
             )
         return _recording(leg, gyro, attitude, samples(self.imu, ACCELEROMETER), upright)
 
 
-def _recording(leg: Document, gyro: Samples | None, attitude: Samples | None, accel: Samples | None, upright: bool) -> Recording:
+def _recording(
+    leg: Document,
+    gyro: Samples | None,
+    attitude: Samples | None,
+    accel: Samples | None,
+    upright: bool,
+) -> Recording:
     said: list[str] = []
     warnings: list[str] = []
     if gyro is not None:
@@ -101,33 +135,60 @@ def _recording(leg: Document, gyro: Samples | None, attitude: Samples | None, ac
         assert attitude is not None
         rates = _rates(attitude)
         axis = swing_axis(rates)
-        t, rate, usable = attitude.t_s, rates @ axis.axis, np.ones(attitude.t_s.size, dtype=np.bool_)
+        t, rate, usable = (
+            attitude.t_s,
+            rates @ axis.axis,
+            np.ones(attitude.t_s.size, dtype=np.bool_),
+        )
         said.append("No gyro: the rate is the slope of the logged attitude.")
-    angle = None if attitude is None else Samples(attitude.t_s, angle_about(attitude.values, axis.axis)[:, None])
+    angle = (
+        None
+        if attitude is None
+        else Samples(attitude.t_s, angle_about(attitude.values, axis.axis)[:, None])
+    )
     if angle is not None and gyro is not None and usable.all() and not upright:
         angle = _agreeing(angle, t, rate, warnings)
     _judge_axis(axis, accel, upright, said, warnings)
-    return Recording(str(leg["id"]), leg.get("use") == "validation", t, rate, usable, angle, axis, tuple(said), tuple(warnings))
+    return Recording(
+        str(leg["id"]),
+        leg.get("use") == "validation",
+        t,
+        rate,
+        usable,
+        angle,
+        axis,
+        tuple(said),
+        tuple(warnings),
+    )
 
 
 def _rates(attitude: Samples) -> Array:
-    """Rotation rates (n, 3) about the recorder's axes from its attitude, turned by less than half a turn."""
+    """Rotation rates (n, 3) about the recorder's axes from its attitude, turned by less
+    than half a turn.
+    """
     turns = np.column_stack([angle_about(attitude.values, axis) for axis in np.eye(3)])
     spline = smoothing_spline(attitude.t_s, turns)
     return spline.evaluate(attitude.t_s, 1)
 
 
 def _unclipped(gyro: Array, leg: str, warnings: list[str]) -> npt.NDArray[np.bool_]:
-    """Samples (n,) of a gyro (n, 3) at which no axis stands at the end of its range. Raises `DataError` where too few are left."""
+    """Samples (n,) of a gyro (n, 3) at which no axis stands at the end of its range.
+    Raises `DataError` where too few are left.
+    """
     clipped = outside_range(gyro)
     count, share = int(np.count_nonzero(clipped)), 100.0 * float(np.mean(clipped))
     if share > MOST_CLIPPED_PERCENT:
         words = f"the gyro of leg '{leg}' is clipped in {count} of {clipped.size} samples"
         raise DataError(
-            words, allowed=f"at most {MOST_CLIPPED_PERCENT:g} %", remedy="Choose a larger range of the gyro, or swing less far."
+            words,
+            allowed=f"at most {MOST_CLIPPED_PERCENT:g} %",
+            remedy="Choose a larger range of the gyro, or swing less far.",
         )
     if count:
-        warnings.append(f"The gyro is clipped in {count} samples ({share:.1f} %), which are left out: choose a larger range.")
+        warnings.append(
+            f"The gyro is clipped in {count} samples ({share:.1f} %), which are left out: choose a"
+            " larger range."
+        )
     return ~clipped
 
 
@@ -138,19 +199,26 @@ def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Sam
     if not abs(share - 1.0) > LEVELLED:
         return angle
     warnings.append(
-        f"The logged attitude shows {100.0 * share:.0f} % of the swing that the gyro shows and is not used: an autopilot takes the "
-        "accelerations of the swing for gravity. The angle is that of the gyro."
+        f"The logged attitude shows {100.0 * share:.0f} % of the swing that the gyro shows and is"
+        " not used: an autopilot takes the accelerations of the swing for gravity. The angle is"
+        " that of the gyro."
     )
     return None
 
 
-def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]) -> None:
+def _judge_axis(
+    axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]
+) -> None:
     askew = float(np.degrees(axis.misalignment_rad))
     said.append(
-        f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with {100.0 * axis.share:.1f} % of its rotation."
+        f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with"
+        f" {100.0 * axis.share:.1f} % of its rotation."
     )
     if axis.share < ONE_AXIS:
-        warnings.append("The pendulum also turned about other axes: it twisted or swayed, which the model does not have.")
+        warnings.append(
+            "The pendulum also turned about other axes: it twisted or swayed, which the model does"
+            " not have."
+        )
     if accel is None:
         return
     down = np.median(accel.values, axis=0)
@@ -160,7 +228,10 @@ def _judge_axis(axis: SwingAxis, accel: Samples | None, upright: bool, said: lis
     tilt = float(np.degrees(np.arccos(min(1.0, abs(float(down @ axis.axis)) / length))))
     if (upright and tilt > UPRIGHT_DEG) or (not upright and tilt < 90.0 - UPRIGHT_DEG):
         wanted = "upright" if upright else "level"
-        warnings.append(f"The axis of the swing stands {tilt:.0f} degrees off the vertical, but should be {wanted}: is this the right leg?")
+        warnings.append(
+            f"The axis of the swing stands {tilt:.0f} degrees off the vertical, but should be"
+            f" {wanted}: is this the right leg?"
+        )
 
 
 @contextmanager
@@ -170,14 +241,23 @@ def naming(leg: str) -> Iterator[None]:
         yield
     except DataError as fault:
         words = fault.message if f"'{leg}'" in fault.message else f"leg '{leg}': {fault.message}"
-        raise DataError(words, field=fault.field, value=fault.value, allowed=fault.allowed, remedy=fault.remedy) from fault
+        raise DataError(
+            words, field=fault.field, value=fault.value, allowed=fault.allowed, remedy=fault.remedy
+        ) from fault
 
 
 def not_negative(field: str, **values: float) -> None:
-    """Raises `CampaignError` for the first of these masses and inertias that is negative."""
+    """Raises `CampaignError` for the first of these masses and inertias that is
+    negative.
+    """
     for name, value in values.items():
         if value < 0.0:
-            raise CampaignError("a mass or inertia below zero", field=f"{field}.{name}", value=value, allowed="0 or more")
+            raise CampaignError(
+                "a mass or inertia below zero",
+                field=f"{field}.{name}",
+                value=value,
+                allowed="0 or more",
+            )
 
 
 def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:
@@ -185,5 +265,9 @@ def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for name in parts[0]:
         blocks = [part[name] for part in parts]
-        out[name] = [item for block in blocks for item in block] if isinstance(blocks[0], list) else np.concatenate(blocks)
+        out[name] = (
+            [item for block in blocks for item in block]
+            if isinstance(blocks[0], list)
+            else np.concatenate(blocks)
+        )
     return out

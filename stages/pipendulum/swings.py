@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -32,9 +33,11 @@ STOP_WATCH_SD_S = 0.2
 
 @dataclass(frozen=True)
 class Swung:
-    """One swing of the apparatus: its entry, mass of the object [kg], period, inertia of what lay on the tray, and its recordings.
+    """One swing of the apparatus: its entry, mass of the object [kg], period, inertia
+    of what lay on the tray, and its recordings.
 
-    `cylinder`: the calculated inertia (58), None where it is no cylinder. `amplitude_deg` of the largest swing.
+    `cylinder`: the calculated inertia (58), None where it is no cylinder.
+    `amplitude_deg` of the largest swing.
     """
 
     entry: Document
@@ -47,7 +50,9 @@ class Swung:
 
 
 def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
-    """All swings of part `quadrifilar` of an apparatus. Raises `CampaignError` for a faulty apparatus, `DataError` for bad recordings."""
+    """All swings of part `quadrifilar` of an apparatus. Raises `CampaignError` for a
+    faulty apparatus, `DataError` for bad recordings.
+    """
     read = Quantities(part, "quadrifilar")
     geometry = QuadrifilarGeometry(
         radius_ceiling=read.number("radius_ceiling", "m"),
@@ -59,46 +64,94 @@ def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
         mass_sd=read.number("mass_sd", "kg", default=0.0),
     )
     if min(geometry.radius_ceiling, geometry.radius_tray, geometry.line, geometry.tray_mass) <= 0.0:
-        raise CampaignError("a length or mass of the pendulum is not positive", field="quadrifilar", value=geometry)
+        raise CampaignError(
+            "a length or mass of the pendulum is not positive", field="quadrifilar", value=geometry
+        )
     if geometry.line <= abs(geometry.radius_ceiling - geometry.radius_tray):
         words = "the lines are shorter than the difference of the radii"
         remedy = "Check that all three are in the unit that they say, and that the radii are radii."
-        raise CampaignError(words, field="quadrifilar.line_length", value=geometry.line, remedy=remedy)
+        raise CampaignError(
+            words, field="quadrifilar.line_length", value=geometry.line, remedy=remedy
+        )
     trays = [index for index, entry in enumerate(part["swings"]) if entry["role"] == "empty_tray"]
     if len(trays) != 1:
-        raise CampaignError("one swing of the empty tray is needed", field="quadrifilar.swings", value=len(trays), allowed=1)
+        raise CampaignError(
+            "one swing of the empty tray is needed",
+            field="quadrifilar.swings",
+            value=len(trays),
+            allowed=1,
+        )
     order = [*trays, *(index for index in range(len(part["swings"])) if index not in trays)]
     found: list[Swung] = []
     for index in order:
-        found.append(_swing(part["swings"][index], f"quadrifilar.swings[{index}]", geometry, logs, found[0].period if found else None))
+        found.append(
+            _swing(
+                part["swings"][index],
+                f"quadrifilar.swings[{index}]",
+                geometry,
+                logs,
+                found[0].period if found else None,
+            )
+        )
     return found
 
 
-def _swing(entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None) -> Swung:
+def _swing(
+    entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None
+) -> Swung:
     read = Quantities(entry, field)
     mass = 0.0
     if empty is not None:
         if "mass" not in read:
-            raise CampaignError("an object on the tray needs its mass", field=f"{field}.mass", remedy="Weigh it, without the tray.")
+            raise CampaignError(
+                "an object on the tray needs its mass",
+                field=f"{field}.mass",
+                remedy="Weigh it, without the tray.",
+            )
         mass = read.number("mass", "kg")
         not_negative(field, mass=mass)
     total = geometry.tray_mass + mass
     soft = SIMPLE
-    recordings = [logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.get("legs") or ()]
+    recordings = [
+        logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.get("legs") or ()
+    ]
     periods: list[Estimate] = []
     fits: list[SwingFit] = []
     timed = [_timed(item) for item in entry.get("timed") or ()]
     if not recordings and not timed:
-        raise CampaignError("a swing needs legs that recorded it, or timed oscillations", field=field, value=entry["id"])
-    for _ in range(2):  # how much a large swing is slowed depends a little on the inertia that comes out
+        raise CampaignError(
+            "a swing needs legs that recorded it, or timed oscillations",
+            field=field,
+            value=entry["id"],
+        )
+    for _ in range(
+        2
+    ):  # how much a large swing is slowed depends a little on the inertia that comes out
         fits = [_fit(item, soft) for item in recordings]
         periods = [Estimate(fit.period_s, fit.standard_error_s) for fit in fits]
-        periods += [Estimate(small_swing_period(geometry, total, one.value, size), one.standard_error) for one, size in timed]
+        periods += [
+            Estimate(small_swing_period(geometry, total, one.value, size), one.standard_error)
+            for one, size in timed
+        ]
         period = combined(periods)
         soft = slowing(geometry, total, equivalent_inertia(geometry, total, period.value))
-    inertia = tray_inertia(geometry, period) if empty is None else object_inertia(geometry, mass, period, empty)
-    amplitude = max([np.degrees(fit.amplitude_rad) for fit in fits] + [np.degrees(size) for _, size in timed])
-    return Swung(entry, mass, period, inertia, tuple(zip(recordings, fits, strict=True)), _cylinder(read, mass), float(amplitude))
+    inertia = (
+        tray_inertia(geometry, period)
+        if empty is None
+        else object_inertia(geometry, mass, period, empty)
+    )
+    amplitude = max(
+        [np.degrees(fit.amplitude_rad) for fit in fits] + [np.degrees(size) for _, size in timed]
+    )
+    return Swung(
+        entry,
+        mass,
+        period,
+        inertia,
+        tuple(zip(recordings, fits, strict=True)),
+        _cylinder(read, mass),
+        float(amplitude),
+    )
 
 
 def _fit(recording: Recording, slowed: tuple[float, float]) -> SwingFit:
@@ -107,8 +160,14 @@ def _fit(recording: Recording, slowed: tuple[float, float]) -> SwingFit:
 
 
 def _timed(item: Document) -> tuple[Estimate, float]:
-    """Counted oscillations: period at the amplitude of the swing, and that amplitude [rad]."""
-    period = counted_period(int(item["oscillations"]), float(item["duration_s"]), float(item.get("duration_sd_s", STOP_WATCH_SD_S)))
+    """Counted oscillations: period at the amplitude of the swing, and that amplitude
+    [rad].
+    """
+    period = counted_period(
+        int(item["oscillations"]),
+        float(item["duration_s"]),
+        float(item.get("duration_sd_s", STOP_WATCH_SD_S)),
+    )
     return period, float(np.radians(item.get("amplitude_deg", 0.0)))
 
 
@@ -116,11 +175,18 @@ def _cylinder(read: Quantities, mass: float) -> float | None:
     if "cylinder" not in read:
         return None
     tube = read.part("cylinder")
-    return hollow_cylinder(mass, tube.number("length", "m"), tube.number("outer_radius", "m"), tube.number("inner_radius", "m"))
+    return hollow_cylinder(
+        mass,
+        tube.number("length", "m"),
+        tube.number("outer_radius", "m"),
+        tube.number("inner_radius", "m"),
+    )
 
 
 def swing_figures(found: Sequence[Swung]) -> list[Figure]:
-    """Periods, inertias, and the check of the pendulum against a cylinder. Names: `T of tray`, `I of tube`, `I_x` ..."""
+    """Periods, inertias, and the check of the pendulum against a cylinder. Names: `T of
+    tray`, `I of tube`, `I_x` ...
+    """
     rows = []
     for item in found:
         name, axis = str(item.entry["id"]), item.entry.get("axis")
@@ -130,12 +196,34 @@ def swing_figures(found: Sequence[Swung]) -> list[Figure]:
         verdict = "identified" if item.inertia.value > 2.0 * item.inertia.standard_error else "weak"
         empty = item is found[0]
         rows.append(
-            figure(quantity, item.inertia.value, "kg*m^2", item.inertia.standard_error, verdict=verdict, note=note, headline=not empty)
+            figure(
+                quantity,
+                item.inertia.value,
+                "kg*m^2",
+                item.inertia.standard_error,
+                verdict=verdict,
+                note=note,
+                headline=not empty,
+            )
         )
         if item.cylinder is not None:
-            rows.append(figure(f"I of {name} by (58)", item.cylinder, "kg*m^2", note="hollow cylinder, calculated"))
+            rows.append(
+                figure(
+                    f"I of {name} by (58)",
+                    item.cylinder,
+                    "kg*m^2",
+                    note="hollow cylinder, calculated",
+                )
+            )
             share = 100.0 * (item.inertia.value / item.cylinder - 1.0)
-            rows.append(figure(f"I of {name} against (58)", share, "%", 100.0 * item.inertia.standard_error / item.cylinder))
+            rows.append(
+                figure(
+                    f"I of {name} against (58)",
+                    share,
+                    "%",
+                    100.0 * item.inertia.standard_error / item.cylinder,
+                )
+            )
     return rows
 
 
@@ -145,7 +233,10 @@ def inertia_document(found: Sequence[Swung], vehicle: str, source: str) -> dict[
         f"I_{item.entry['axis']}": {
             "value": float(item.inertia.value),
             "unit": "kg*m^2",
-            "source": f"quadrifilar pendulum, swing {item.entry['id']}, standard error {item.inertia.standard_error:.2g} kg m^2",
+            "source": (
+                f"quadrifilar pendulum, swing {item.entry['id']}, standard error"
+                f" {item.inertia.standard_error:.2g} kg m^2"
+            ),
         }
         for item in found
         if item.entry.get("axis")

@@ -1,7 +1,9 @@
-"""The report and the recording: what all stages show, arranged; and a first screen that says what came out.
+"""The report and the recording: what all stages show, arranged; and a first screen that
+says what came out.
 
-The stage knows no other stage: it renders the sections, views and tables that they emit, in their order. Its own are the summary
-(`summary.py`), the list of logs and legs, and the provenance.
+The stage knows no other stage: it renders the sections, views and tables that they
+emit, in their order. Its own are the summary (`summary.py`), the list of logs and legs,
+and the provenance.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pyarrow as pa
+
 from auvid.stages.base import Collection, Document, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Summary
@@ -39,7 +42,9 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    path_rate_hz: float = param("Hz", 10.0, meaning="rate of the vehicle's pose in the 3D view", low=0.1, high=1000.0)
+    path_rate_hz: float = param(
+        "Hz", 10.0, meaning="rate of the vehicle's pose in the 3D view", low=0.1, high=1000.0
+    )
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,9 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Told:
-    """What page and recording share: the title, the first screen, all sections, segments and logs."""
+    """What page and recording share: the title, the first screen, all sections,
+    segments and logs.
+    """
 
     title: str
     summary: Summary
@@ -67,28 +74,48 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def page(inputs: Inputs, told: Told) -> bytes:
     """The report as HTML."""
     notes = str(inputs.campaign.get("notes") or "")
-    log_of = {name: str(item["log"]) for name, item in told.segments.items()} if len(told.logs) > 1 else {}
-    return render(told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of)
+    log_of = (
+        {name: str(item["log"]) for name, item in told.segments.items()}
+        if len(told.logs) > 1
+        else {}
+    )
+    return render(
+        told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of
+    )
 
 
 def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
     """The first screen and the sections of all stages, and `more` sections."""
     sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
-    cards, segments, logs = dict(inputs.model_card or {}), dict(inputs.segment or {}), dict(inputs.log_info or {})
-    title = str(inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"])
+    cards, segments, logs = (
+        dict(inputs.model_card or {}),
+        dict(inputs.segment or {}),
+        dict(inputs.log_info or {}),
+    )
+    title = str(
+        inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"]
+    )
     sections["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
     if logs:
         sections["campaign"] = legs_section(segments, logs)
     if results:
         summary = summarise_results(results, logs, sections, inputs.vehicle)
     else:
-        summary = summarise(cards, inputs.error_table, segments, logs, sections, inputs.vehicle, inputs.free_run)
+        summary = summarise(
+            cards, inputs.error_table, segments, logs, sections, inputs.vehicle, inputs.free_run
+        )
     return Told(title, summary, {**sections, **more}, segments, logs)
 
 
-def draw(inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = "") -> bytes:
-    """The recording, which opens on `tab`; a `preview` has its series thinned by minimum and maximum per bin."""
-    from auvid.stages.report.recording.recording import record  # Rerun takes half a second to import, and most commands draw nothing
+def draw(
+    inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = ""
+) -> bytes:
+    """The recording, which opens on `tab`; a `preview` has its series thinned by
+    minimum and maximum per bin.
+    """
+    from auvid.stages.report.recording.recording import (
+        record,
+    )  # Rerun takes half a second to import, and most commands draw nothing
 
     return record(
         told.title,

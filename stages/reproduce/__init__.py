@@ -1,4 +1,6 @@
-"""The page that holds a publication's error tables against those of a twin, in every variant of the chain that was run."""
+"""The page that holds a publication's error tables against those of a twin, in every
+variant of the chain that was run.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Collection, Document, Stage, port
@@ -20,9 +23,11 @@ from auvid.stages.reproduce.text import sections, summary
 
 @dataclass(frozen=True)
 class Inputs:
-    """`campaign` and `provenance` are those of the published procedure on the first plan.
+    """`campaign` and `provenance` are those of the published procedure on the first
+    plan.
 
-    Collections are keyed `plan/variant/item`, and `plan/item` for what the variants of a plan share.
+    Collections are keyed `plan/variant/item`, and `plan/item` for what the variants of
+    a plan share.
     """
 
     reproduction: Document = port("reproduction")
@@ -56,16 +61,31 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `CampaignError` where the document names a variant, plan or leg that was not run."""
+    """Raises `CampaignError` where the document names a variant, plan or leg that was
+    not run.
+    """
     document = inputs.reproduction
     found = {key: measure(key, inputs) for key in inputs.error_table}
     held = checks(document, found)
-    told = Told(document, inputs.published, vehicle_from_document(inputs.vehicle), dict(inputs.plans.items()), found, tuple(held))
+    told = Told(
+        document,
+        inputs.published,
+        vehicle_from_document(inputs.vehicle),
+        dict(inputs.plans.items()),
+        found,
+        tuple(held),
+    )
     shown: dict[str, dict[str, Any]] = {**sections(told), **figure_sections(inputs, document)}
     published = f"{told.plan}/{document['compared']['published']}/"
     cards = {key: inputs.model_card[key] for key in inputs.model_card if key.startswith(published)}
     shown["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
-    page = render(str(document["title"]), vehicle_line(inputs.vehicle), str(document.get("notes", "")), summary(told), shown)
+    page = render(
+        str(document["title"]),
+        vehicle_line(inputs.vehicle),
+        str(document.get("notes", "")),
+        summary(told),
+        shown,
+    )
     return Outputs(page, _errors(found, inputs.published), _checks(held))
 
 
@@ -91,12 +111,16 @@ def _errors(found: Mapping[str, Found], published: Document) -> pa.Table:
                     "published_ratio": None if row is None else float(row["ratio_recomputed"]),
                 }
             )
-    return make_table("reproduction_errors", {name: [row[name] for row in rows] for name in rows[0]})
+    return make_table(
+        "reproduction_errors", {name: [row[name] for row in rows] for name in rows[0]}
+    )
 
 
 def _checks(held: list[Check]) -> pa.Table:
     names = ("plan", "variant", "asked", "low", "high", "least", "most", "met", "known")
-    return make_table("reproduction_checks", {name: [getattr(item, name) for item in held] for name in names})
+    return make_table(
+        "reproduction_checks", {name: [getattr(item, name) for item in held] for name in names}
+    )
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(

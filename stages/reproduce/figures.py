@@ -1,4 +1,6 @@
-"""The figures of the thesis that a twin can give, from the artefacts of one variant: numbered as there, drawn as here."""
+"""The figures of the thesis that a twin can give, from the artefacts of one variant:
+numbered as there, drawn as here.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.stages.base import Document
@@ -39,17 +42,34 @@ MODEL_FIGURES = {
     "uncoupled": "5.14",
     "fossen": "5.15",
 }
-"""Number of the figure that shows the force of a model: the order of Tables 5.1 and 5.2."""
+"""Number of the figure that shows the force of a model: the order of Tables 5.1 and
+5.2.
+"""
 LEG_ROLES = ("fused", "predicted", "measured", "difference")
-UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m_s2": "m/s^2", "rad_s2": "rad/s^2"}
+UNITS = {
+    "m": "m",
+    "rad": "rad",
+    "m_s": "m/s",
+    "rad_s": "rad/s",
+    "m_s2": "m/s^2",
+    "rad_s2": "rad/s^2",
+}
 
 
 def figure_sections(inputs: Inputs, document: Document) -> dict[str, dict[str, Any]]:
-    """Sections with the figures. Raises `CampaignError` for a leg that the first plan does not have."""
+    """Sections with the figures. Raises `CampaignError` for a leg that the first plan
+    does not have.
+    """
     plan = str(document["plans"][0]["id"])
-    published, corrected = (f"{plan}/{document['compared'][role]}" for role in ("published", "corrected"))
+    published, corrected = (
+        f"{plan}/{document['compared'][role]}" for role in ("published", "corrected")
+    )
     label = {entry["id"]: f"({entry['label']})" for entry in document["variants"]}
-    segments = {key.rpartition("/")[2]: inputs.segment[key] for key in inputs.segment if key.startswith(f"{published}/")}
+    segments = {
+        key.rpartition("/")[2]: inputs.segment[key]
+        for key in inputs.segment
+        if key.startswith(f"{published}/")
+    }
     chosen = document.get("figures") or {}
     processed = _leg(segments, chosen, "processed", "validation")
     judged = _leg(segments, chosen, "forces", "validation")
@@ -59,31 +79,43 @@ def figure_sections(inputs: Inputs, document: Document) -> dict[str, dict[str, A
             "Figure 1.2: roll and pitch coupling",
             [_coupling(inputs, _coupling_key(inputs, document, published, segments))],
             order=20,
-            look_for="Steps in heading make the vehicle roll and pitch, the more the larger they are.",
+            look_for=(
+                "Steps in heading make the vehicle roll and pitch, the more the larger they are."
+            ),
         ),
         "processed": section(
             "Figures 5.1 to 5.4: raw against processed",
             _processed(inputs, f"{published}/{processed}", f"{corrected}/{processed}", shown),
             order=21,
-            look_for=f"Leg {processed}. In a turn the sway of {shown[0]} leaves what was measured; that of {shown[1]} does not.",
+            look_for=(
+                f"Leg {processed}. In a turn the sway of {shown[0]} leaves what was measured; that"
+                f" of {shown[1]} does not."
+            ),
         ),
         "data": section(
             "Figures 5.5 to 5.7: training and validation data",
             _data(inputs, corrected, segments),
             order=22,
-            look_for="Velocities of the legs that models are fitted to, and of those that judge them.",
+            look_for=(
+                "Velocities of the legs that models are fitted to, and of those that judge them."
+            ),
         ),
         "wrong": section(
             "The residual force, right and wrong",
             [_measured_forces(inputs, document, plan, judged)],
             order=23,
-            look_for=f"Leg {judged}: sway force Y and yaw moment N of {shown[0]} against the truth.",
+            look_for=(
+                f"Leg {judged}: sway force Y and yaw moment N of {shown[0]} against the truth."
+            ),
         ),
         "models": section(
             "Figures 5.8 to 5.15: force of each model against measurement",
             _models(inputs, published, judged, shown[0]),
             order=24,
-            look_for=f"Leg {judged}, fitted and measured with {shown[0]}. Uncoupled and Fossen miss the force in sway and yaw.",
+            look_for=(
+                f"Leg {judged}, fitted and measured with {shown[0]}. Uncoupled and Fossen miss the"
+                " force in sway and yaw."
+            ),
         ),
     }
 
@@ -95,18 +127,35 @@ def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: st
         if segment["leg"] == wanted or (wanted is None and segment["use"] == use):
             return name
     legs = list(dict.fromkeys(segment["leg"] for segment in segments.values()))
-    raise CampaignError("the first plan has no such leg", field=f"figures.{figure}", value=wanted or use, allowed=legs)
+    raise CampaignError(
+        "the first plan has no such leg",
+        field=f"figures.{figure}",
+        value=wanted or use,
+        allowed=legs,
+    )
 
 
-def _coupling_key(inputs: Inputs, document: Document, published: str, segments: Mapping[str, Document]) -> str:
-    """The segment of Figure 1.2 as `plan/variant/segment`; another plan is looked at through its first variant."""
+def _coupling_key(
+    inputs: Inputs, document: Document, published: str, segments: Mapping[str, Document]
+) -> str:
+    """The segment of Figure 1.2 as `plan/variant/segment`; another plan is looked at
+    through its first variant.
+    """
     wanted = str((document.get("figures") or {}).get("coupling", ""))
     if "/" not in wanted:
-        return f"{published}/{_leg(segments, document.get('figures') or {}, 'coupling', 'training')}"
+        return (
+            f"{published}/{_leg(segments, document.get('figures') or {}, 'coupling', 'training')}"
+        )
     plan, leg = wanted.split("/", 1)
-    found = [key for key in inputs.segment if key.startswith(f"{plan}/") and inputs.segment[key]["leg"] == leg]
+    found = [
+        key
+        for key in inputs.segment
+        if key.startswith(f"{plan}/") and inputs.segment[key]["leg"] == leg
+    ]
     if not found:
-        raise CampaignError("no such leg of a plan was flown", field="figures.coupling", value=wanted)
+        raise CampaignError(
+            "no such leg of a plan was flown", field="figures.coupling", value=wanted
+        )
     return found[0]
 
 
@@ -119,7 +168,9 @@ def _coupling(inputs: Inputs, key: str) -> Block:
     inside = (clock(truth) >= start) & (clock(truth) <= start + clock(fused)[-1])
     t_true, t = clock(truth)[inside] - start, clock(fused)
     # A heading is logged within one turn; which one it starts in says nothing.
-    turns = {name: _turns(column(fused, name)[0] - column(truth, name)[inside][0]) for name in ATTITUDE}
+    turns = {
+        name: _turns(column(fused, name)[0] - column(truth, name)[inside][0]) for name in ATTITUDE
+    }
     panels = [
         panel(
             words,
@@ -139,10 +190,15 @@ def _turns(angle: float) -> float:
     return 2.0 * np.pi * round(angle / (2.0 * np.pi))
 
 
-def _processed(inputs: Inputs, published: str, corrected: str, labels: tuple[str, str]) -> list[Block]:
+def _processed(
+    inputs: Inputs, published: str, corrected: str, labels: tuple[str, str]
+) -> list[Block]:
     raw = inputs.resampled[published]
     fused = [
-        (label, inputs.fused[key], role) for label, key, role in zip(labels, (published, corrected), ("predicted", "fused"), strict=True)
+        (label, inputs.fused[key], role)
+        for label, key, role in zip(
+            labels, (published, corrected), ("predicted", "fused"), strict=True
+        )
     ]
     blocks = []
     for number, title, names, source in (
@@ -154,10 +210,14 @@ def _processed(inputs: Inputs, published: str, corrected: str, labels: tuple[str
         panels = []
         for name, sensed in zip(names, source, strict=True):
             lines = []
-            # Gravity is in the logged accelerometer: drawn only where it does not drown the rest.
+            # Gravity is in the logged accelerometer: drawn only where it does not drown
+            # the rest.
             if has_columns(raw, (sensed,)) and sensed not in ACCELEROMETER:
                 lines.append(series("raw", clock(raw), column(raw, sensed), "raw"))
-            lines += [series(f"processed {label}", clock(table), column(table, name), role) for label, table, role in fused]
+            lines += [
+                series(f"processed {label}", clock(table), column(table, name), role)
+                for label, table, role in fused
+            ]
             panels.append(panel(_symbol(name), _unit(name), lines))
         blocks.append(plot(f"Figure {number}: {title}", panels, group="processed"))
     return blocks
@@ -176,12 +236,25 @@ def _data(inputs: Inputs, variant: str, segments: Mapping[str, Document]) -> lis
     groups: dict[str, list[str]] = {}
     for name, segment in segments.items():
         kind = "depth steps" if name.startswith("depth") else "heading steps"
-        groups.setdefault("validation legs" if segment["use"] == "validation" else f"training legs, {kind}", []).append(name)
+        groups.setdefault(
+            "validation legs" if segment["use"] == "validation" else f"training legs, {kind}", []
+        ).append(name)
     blocks = []
-    for number, (title, names) in zip(("5.5", "5.6", "5.7"), sorted(groups.items(), key=lambda item: item[0]), strict=False):
+    for number, (title, names) in zip(
+        ("5.5", "5.6", "5.7"), sorted(groups.items(), key=lambda item: item[0]), strict=False
+    ):
         tables = {name: inputs.fused[f"{variant}/{name}"] for name in names}
-        panels = [panel(_symbol(column_name), _unit(column_name), _joined(tables, column_name)) for column_name in VELOCITY]
-        blocks.append(plot(f"Figure {number}: {title}", panels, look_for=f"{', '.join(names)}, one after the other."))
+        panels = [
+            panel(_symbol(column_name), _unit(column_name), _joined(tables, column_name))
+            for column_name in VELOCITY
+        ]
+        blocks.append(
+            plot(
+                f"Figure {number}: {title}",
+                panels,
+                look_for=f"{', '.join(names)}, one after the other.",
+            )
+        )
     return blocks
 
 
@@ -203,16 +276,30 @@ def _measured_forces(inputs: Inputs, document: Document, plan: str, leg: str) ->
         if entry.get("states") == "truth" or key not in inputs.residual:
             continue
         residual = inputs.residual[key]
-        _add(lines, f"({entry['label']})", clock(residual) + float(inputs.segment[key]["leg_start_s"]), forces(residual, "tau_bar"), role)
+        _add(
+            lines,
+            f"({entry['label']})",
+            clock(residual) + float(inputs.segment[key]["leg_start_s"]),
+            forces(residual, "tau_bar"),
+            role,
+        )
     segment = inputs.segment[f"{plan}/{document['compared']['published']}/{leg}"]
     truth = inputs.truth[f"{plan}/{segment['log']}"]
     start = float(segment["leg_start_s"])
     inside = (clock(truth) >= start) & (clock(truth) <= start + float(segment["duration_s"]))
-    _add(lines, "true", clock(truth)[inside], matrix(truth, force_columns("tau_bar"))[inside], "true")
-    return plot(f"Residual force of leg {leg}", [panel(axis, AXIS_UNITS[axis], lines[axis]) for axis in AXES], group="force")
+    _add(
+        lines, "true", clock(truth)[inside], matrix(truth, force_columns("tau_bar"))[inside], "true"
+    )
+    return plot(
+        f"Residual force of leg {leg}",
+        [panel(axis, AXIS_UNITS[axis], lines[axis]) for axis in AXES],
+        group="force",
+    )
 
 
-def _add(lines: dict[str, list[dict[str, Any]]], name: str, t_s: Array, force: Array, role: str) -> None:
+def _add(
+    lines: dict[str, list[dict[str, Any]]], name: str, t_s: Array, force: Array, role: str
+) -> None:
     for index, axis in enumerate(AXES):
         lines[axis].append(series(name, t_s, force[:, index], role))
 
@@ -227,12 +314,18 @@ def _models(inputs: Inputs, variant: str, leg: str, label: str) -> list[Block]:
         rows = np.flatnonzero(names == model)
         if not rows.size:
             continue
-        force, title = matrix(predictions, force_columns("tau"))[rows], str(inputs.model_card[f"{variant}/{model}"]["title"])
+        force, title = (
+            matrix(predictions, force_columns("tau"))[rows],
+            str(inputs.model_card[f"{variant}/{model}"]["title"]),
+        )
         panels = [
             panel(
                 axis,
                 AXIS_UNITS[axis],
-                [series(f"measured {label}", t, measured[:, index], "measured"), series(title, t, force[:, index], model)],
+                [
+                    series(f"measured {label}", t, measured[:, index], "measured"),
+                    series(title, t, force[:, index], model),
+                ],
             )
             for index, axis in enumerate(AXES)
         ]

@@ -1,4 +1,6 @@
-"""What one variant of the chain found on one plan, measured against the truth of the twin; and bounds held against it."""
+"""What one variant of the chain found on one plan, measured against the truth of the
+twin; and bounds held against it.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -48,8 +51,10 @@ class Score:
 class Found:
     """One variant on one plan.
 
-    `force_error` (6,), `force` (6,), `velocity_error` (6,): RMS per axis over all legs. `turn`: the number c that fits the sway force by
-    c u r alone on the training legs, and `turn_added` the same for the error of the sway force. `turn_terms`: model -> fitted value.
+    `force_error` (6,), `force` (6,), `velocity_error` (6,): RMS per axis over all legs.
+    `turn`: the number c that fits the sway force by c u r alone on the training legs,
+    and `turn_added` the same for the error of the sway force. `turn_terms`: model ->
+    fitted value.
     """
 
     scores: Mapping[tuple[str, str], Score]
@@ -91,7 +96,9 @@ class Check:
     @property
     def met(self) -> bool:
         """Whether every value is within the bounds."""
-        return (self.low is None or self.least >= self.low) and (self.high is None or self.most <= self.high)
+        return (self.low is None or self.least >= self.low) and (
+            self.high is None or self.most <= self.high
+        )
 
 
 def total(per_axis: Array) -> float:
@@ -109,15 +116,25 @@ def measure(key: str, inputs: Inputs) -> Found:
     sway: list[float] = []
     turn: list[tuple[Array, Array, Array]] = []
     warnings: list[str] = []
-    rotation, biases = vehicle_from_document(inputs.vehicle).imu.rotation, drawn_biases(inputs.simulation[plan])
+    rotation, biases = (
+        vehicle_from_document(inputs.vehicle).imu.rotation,
+        drawn_biases(inputs.simulation[plan]),
+    )
     for segment_key in inputs.residual:
         if not segment_key.startswith(f"{key}/"):
             continue
-        segment, fusion, residual = inputs.segment[segment_key], inputs.fusion[segment_key], inputs.residual[segment_key]
+        segment, fusion, residual = (
+            inputs.segment[segment_key],
+            inputs.fusion[segment_key],
+            inputs.residual[segment_key],
+        )
         truth = inputs.truth[f"{plan}/{segment['log']}"]
         at = clock(residual) + float(segment["leg_start_s"])
         bar, nu = forces(residual, "tau_bar"), matrix(residual, VELOCITY)
-        true_bar, true_nu = true_values(truth, force_columns("tau_bar"), at), true_values(truth, VELOCITY, at)
+        true_bar, true_nu = (
+            true_values(truth, force_columns("tau_bar"), at),
+            true_values(truth, VELOCITY, at),
+        )
         errors.append(bar - true_bar)
         true_forces.append(true_bar)
         velocities.append(nu - true_nu)
@@ -165,9 +182,16 @@ def _titles(key: str, inputs: Inputs) -> dict[str, str]:
     }
 
 
-def _scores(rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]) -> tuple[dict[tuple[str, str], Score], dict[str, float]]:
+def _scores(
+    rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str]
+) -> tuple[dict[tuple[str, str], Score], dict[str, float]]:
     whole = [row for row in rows if row["leg"] == row["axis"] == "all"]
-    scores = {(row["use"], row["model"]): Score(titles[row["model"]], row["n_bar"], row["rank"], row["rms"], row["ratio"]) for row in whole}
+    scores = {
+        (row["use"], row["model"]): Score(
+            titles[row["model"]], row["n_bar"], row["rank"], row["rms"], row["ratio"]
+        )
+        for row in whole
+    }
     return scores, {row["use"]: row["j0"] for row in whole}
 
 
@@ -183,14 +207,22 @@ def _turn_terms(key: str, inputs: Inputs) -> dict[str, tuple[str, float]]:
 
 
 def checks(document: Document, found: Mapping[str, Found]) -> list[Check]:
-    """The bounds of a document beside what was measured. Raises `CampaignError` for a bound on what was not run or not measured."""
+    """The bounds of a document beside what was measured. Raises `CampaignError` for a
+    bound on what was not run or not measured.
+    """
     return [_check(entry, index, found) for index, entry in enumerate(document["expected"])]
 
 
 def _check(entry: Mapping[str, Any], index: int, found: Mapping[str, Found]) -> Check:
     key, at = f"{entry['plan']}/{entry['variant']}", f"expected[{index}]"
     if key not in found:
-        raise CampaignError("no such variant of a plan was run", field=at, value=key, allowed=tuple(found), remedy=nearest(key, found))
+        raise CampaignError(
+            "no such variant of a plan was run",
+            field=at,
+            value=key,
+            allowed=tuple(found),
+            remedy=nearest(key, found),
+        )
     item, name = found[key], str(entry["figure"])
     sets = entry.get("sets") or [use for use in SETS if use in item.j0]
     words, low, high = FIGURES[name], entry.get("low"), entry.get("high")
@@ -213,13 +245,28 @@ def _check(entry: Mapping[str, Any], index: int, found: Mapping[str, Found]) -> 
         raise CampaignError("nothing to hold against this bound", field=at, value=name)
     if name in ("j0", "ratio", "order") and len(sets) == 1:
         words += f", {sets[0]}"
-    return Check(entry["plan"], entry["variant"], words, low, high, min(values), max(values), str(entry.get("known", "")))
+    return Check(
+        entry["plan"],
+        entry["variant"],
+        words,
+        low,
+        high,
+        min(values),
+        max(values),
+        str(entry.get("known", "")),
+    )
 
 
 def _ratio(item: Found, use: str, model: str, at: str) -> float:
     if (use, model) not in item.scores:
         known = sorted({name for _, name in item.scores})
-        raise CampaignError("no such model was fitted", field=at, value=model, allowed=known, remedy=nearest(model, known))
+        raise CampaignError(
+            "no such model was fitted",
+            field=at,
+            value=model,
+            allowed=known,
+            remedy=nearest(model, known),
+        )
     return item.scores[(use, model)].ratio
 
 
@@ -228,6 +275,8 @@ def _title(item: Found, model: str) -> str:
 
 
 def _steps(item: Found, use: str, groups: Sequence[Sequence[str]], at: str) -> list[float]:
-    """For each pair of neighbouring groups: the largest J/J0 of the first over the smallest of the second."""
+    """For each pair of neighbouring groups: the largest J/J0 of the first over the
+    smallest of the second.
+    """
     ratios = [[_ratio(item, use, model, at) for model in group] for group in groups]
     return [max(first) / min(second) for first, second in pairwise(ratios)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import matrix
@@ -23,7 +24,9 @@ FEWEST = 5  # samples; a spline needs as many
 
 @dataclass(frozen=True)
 class Signal:
-    """The samples of one stream inside the leg: times (n,) in s from the start of the log, lag taken off, and the stream's columns."""
+    """The samples of one stream inside the leg: times (n,) in s from the start of the
+    log, lag taken off, and the stream's columns.
+    """
 
     stream: str
     t_s: Array
@@ -45,7 +48,9 @@ class Signal:
         return self.values[:, self.names.index(name)]
 
 
-def signal(stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float) -> Signal | None:
+def signal(
+    stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float
+) -> Signal | None:
     """The samples of a stream inside the window; None if there are fewer than five."""
     t = (table["time_us"].to_numpy() - start_us) / 1e6 - lag_s
     rows = np.flatnonzero((t >= window[0]) & (t <= window[1]))
@@ -53,28 +58,50 @@ def signal(stream: str, table: pa.Table, *, start_us: int, lag_s: float, window:
         return None
     names = tuple(name for name in table.column_names if name != "time_us")
     t, values = t[rows], matrix(table, names)[rows]
-    spans = tuple((float(t[first]), float(t[last - 1])) for first, last in gaps(t, max_gap_s) if last - first >= FEWEST)
+    spans = tuple(
+        (float(t[first]), float(t[last - 1]))
+        for first, last in gaps(t, max_gap_s)
+        if last - first >= FEWEST
+    )
     return Signal(stream, t, names, values, spans)
 
 
 def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
-    """The attitude with its spans ended where it jumps without the gyro, and a sentence for each jump.
+    """The attitude with its spans ended where it jumps without the gyro, and a sentence
+    for each jump.
 
     A spline through a jump would turn the vehicle in a motion that never was.
     """
     gyro = np.stack([imu.column(name) for name in GYRO], axis=1)
     euler = np.stack([item.column(name) for name in ATTITUDE], axis=1)
-    jumps = list(zip(*(array.tolist() for array in attitude_jumps(item.t_s, euler, imu.t_s, gyro)), strict=True))
+    jumps = list(
+        zip(
+            *(array.tolist() for array in attitude_jumps(item.t_s, euler, imu.t_s, gyro)),
+            strict=True,
+        )
+    )
     spans = list(item.spans)
     for start, end, _ in jumps:
-        spans = [part for first, last in spans for part in ((first, min(last, start)), (max(first, end), last)) if part[0] < part[1]]
-    kept = tuple(span for span in spans if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= FEWEST)
+        spans = [
+            part
+            for first, last in spans
+            for part in ((first, min(last, start)), (max(first, end), last))
+            if part[0] < part[1]
+        ]
+    kept = tuple(
+        span
+        for span in spans
+        if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= FEWEST
+    )
     notes = [
-        f"the attitude jumps by {math.degrees(size):.0f} degrees at {start:.2f} s without the gyro; the leg is split there"
+        f"the attitude jumps by {math.degrees(size):.0f} degrees at {start:.2f} s without the gyro;"
+        " the leg is split there"
         for start, _, size in jumps[:NAMED_JUMPS]
     ]
     if len(jumps) > NAMED_JUMPS:
-        notes.append(f"the attitude jumps {len(jumps) - NAMED_JUMPS} times more, each splits the leg")
+        notes.append(
+            f"the attitude jumps {len(jumps) - NAMED_JUMPS} times more, each splits the leg"
+        )
     return (replace(item, spans=kept) if jumps else item), notes
 
 
@@ -82,13 +109,17 @@ def common_spans(signals: Sequence[Signal]) -> list[Span]:
     """The spans that all signals cover without a gap."""
     spans: list[Span] = [(-np.inf, np.inf)]
     for item in signals:
-        both = [(max(one[0], other[0]), min(one[1], other[1])) for one in spans for other in item.spans]
+        both = [
+            (max(one[0], other[0]), min(one[1], other[1])) for one in spans for other in item.spans
+        ]
         spans = [span for span in both if span[0] < span[1]]
     return spans
 
 
 def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
-    """The span without the ends that a slow signal does not cover, each cut by `longest_s` at most."""
+    """The span without the ends that a slow signal does not cover, each cut by
+    `longest_s` at most.
+    """
     if item is None:
         return span
     first, last = float(item.t_s[0]), float(item.t_s[-1])
@@ -103,12 +134,16 @@ def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
 
 
 def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[dict[str, object]]:
-    """Every pause of a stream that is longer than allowed, in seconds from the start of the log."""
+    """Every pause of a stream that is longer than allowed, in seconds from the start of
+    the log.
+    """
     found: list[dict[str, object]] = []
     for item in signals:
         for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):
             start, end = float(item.t_s[index]), float(item.t_s[index + 1])
-            found.append({"stream": item.stream, "start_s": start, "end_s": end, "duration_s": end - start})
+            found.append(
+                {"stream": item.stream, "start_s": start, "end_s": end, "duration_s": end - start}
+            )
     return sorted(found, key=lambda gap: (str(gap["start_s"]), str(gap["stream"])))
 
 
@@ -122,15 +157,19 @@ def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> D
     )
 
 
-def too_short(leg: Mapping[str, object], signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float) -> DataError:
+def too_short(
+    leg: Mapping[str, object], signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
+) -> DataError:
     """The error for a leg of which no part is covered by all sensors for long enough."""
     cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
     return DataError(
         f"no part of leg '{leg['id']}' is covered by all sensors for {min_segment_s:g} s",
         value=cover,
         allowed=f"pauses up to {max_gap_s:g} s",
-        remedy="Raise stages.resample.max_gap_s, lower stages.resample.min_segment_s, choose another source, or leave the stream out "
-        "(sources: {STREAM: none} in the manifest).",
+        remedy=(
+            "Raise stages.resample.max_gap_s, lower stages.resample.min_segment_s, choose another"
+            " source, or leave the stream out (sources: {STREAM: none} in the manifest)."
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""Added mass and damping of single channels by recursive least squares and output error: Alberti 2015, chapters III and V."""
+"""Added mass and damping of single channels by recursive least squares and output
+error: Alberti 2015, chapters III and V.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +10,16 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
-from auvid.hydro.identification.bench.single_channel import DAMPING, ChannelEstimate, estimate_channel, unexcited
+from auvid.hydro.identification.bench.single_channel import (
+    DAMPING,
+    ChannelEstimate,
+    estimate_channel,
+    unexcited,
+)
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import leg_window
 from auvid.stages.rlse.figures import channel_results, dry_mass, nothing_found
@@ -38,14 +46,34 @@ class Inputs:
 class Params:
     """Filter, estimator, and what is taken for the force."""
 
-    filter_rate_rad_s: float = param("rad/s", 1.0, meaning="rate a of the regression filter (44)", low=1e-3, high=1e3)
-    prior_spread: float = param("1", 1e6, meaning="initial covariance gamma_0 of every coefficient of (62)", low=1e-9, high=1e15)
-    memory_s: float = param("s", 0.0, meaning="time constant of exponential forgetting; 0: none", low=0.0)
-    lowest_trace: float = param("1", 0.0, meaning="lower limit of the trace of the covariance; 0: none", low=0.0)
-    highest_trace: float = param("1", 1e12, meaning="upper limit of the trace of the covariance under forgetting", low=1e-9)
-    constant_force: tuple[str, ...] = param("1", ("heave",), meaning="channels in which a constant force is found too (net buoyancy)")
-    use_commands: bool = param("1", False, meaning="take normalised commands for the force even where pulses are logged")
-    max_gap_s: float = param("s", 1.0, meaning="a longer pause of the measured signal splits the leg", low=0.01)
+    filter_rate_rad_s: float = param(
+        "rad/s", 1.0, meaning="rate a of the regression filter (44)", low=1e-3, high=1e3
+    )
+    prior_spread: float = param(
+        "1",
+        1e6,
+        meaning="initial covariance gamma_0 of every coefficient of (62)",
+        low=1e-9,
+        high=1e15,
+    )
+    memory_s: float = param(
+        "s", 0.0, meaning="time constant of exponential forgetting; 0: none", low=0.0
+    )
+    lowest_trace: float = param(
+        "1", 0.0, meaning="lower limit of the trace of the covariance; 0: none", low=0.0
+    )
+    highest_trace: float = param(
+        "1", 1e12, meaning="upper limit of the trace of the covariance under forgetting", low=1e-9
+    )
+    constant_force: tuple[str, ...] = param(
+        "1", ("heave",), meaning="channels in which a constant force is found too (net buoyancy)"
+    )
+    use_commands: bool = param(
+        "1", False, meaning="take normalised commands for the force even where pulses are logged"
+    )
+    max_gap_s: float = param(
+        "s", 1.0, meaning="a longer pause of the measured signal splits the leg", low=0.01
+    )
 
 
 @dataclass(frozen=True)
@@ -60,22 +88,36 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """One leg. Raises `DataError` when a stream that its channel needs is missing or too short."""
+    """One leg. Raises `DataError` when a stream that its channel needs is missing or
+    too short.
+    """
     channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
     if channel is None:
         return Outputs()
-    vehicle, said = with_logged_directions(vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"])
+    vehicle, said = with_logged_directions(
+        vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"]
+    )
     start_us = int(inputs.log_info["start_us"])
     names = ("velocity", "imu", "attitude", "depth", "actuators", "battery")
     tables = {name: getattr(inputs, name) for name in names}
-    streams = Streams(tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info["end_us"])), vehicle)
+    streams = Streams(
+        tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info["end_us"])), vehicle
+    )
     constant = channel in params.constant_force
     found = run_of_leg(
-        channel, streams, constant=constant, max_gap_s=params.max_gap_s, commands=params.use_commands, leg=leg, said=[said] if said else []
+        channel,
+        streams,
+        constant=constant,
+        max_gap_s=params.max_gap_s,
+        commands=params.use_commands,
+        leg=leg,
+        said=[said] if said else [],
     )
     reason = unexcited(found.data)
     if reason:
-        return Outputs(results=nothing_found(leg, found, reason), section=still_section(leg, found, reason))
+        return Outputs(
+            results=nothing_found(leg, found, reason), section=still_section(leg, found, reason)
+        )
     estimate = estimate_channel(
         found.data,
         filter_rate=params.filter_rate_rad_s,
@@ -89,7 +131,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         results=results,
         channel_run=_run_table(found, estimate),
         channel_history=_history_table(estimate),
-        section=channel_section(leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry),
+        section=channel_section(
+            leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry
+        ),
         views=channel_views(leg, found, estimate),
     )
 
@@ -97,7 +141,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def _run_table(found: LegRun, estimate: ChannelEstimate) -> pa.Table:
     """Measured and simulated signal at the samples of the run."""
     run, at = estimate.data.run, estimate.data.samples
-    columns = {"t_s": run.grid_s[at], "measured": found.signal, "force": np.append(run.force_left, run.force_right[-1])[at]}
+    columns = {
+        "t_s": run.grid_s[at],
+        "measured": found.signal,
+        "force": np.append(run.force_left, run.force_right[-1])[at],
+    }
     for name in DAMPING:
         columns[name.replace(" ", "_")] = estimate.fits[name].simulated[at]
     return make_table("channel_run", columns)
@@ -120,7 +168,17 @@ def _history_table(estimate: ChannelEstimate) -> pa.Table:
 
 
 def _joined(values: list[Any]) -> Any:
-    return list(chain.from_iterable(values)) if isinstance(values[0], list) else np.concatenate(values)
+    return (
+        list(chain.from_iterable(values)) if isinstance(values[0], list) else np.concatenate(values)
+    )
 
 
-STAGE = Stage("rlse", "Added mass and damping of single-channel legs, by recursive least squares", "leg", Inputs, Params, Outputs, run)
+STAGE = Stage(
+    "rlse",
+    "Added mass and damping of single-channel legs, by recursive least squares",
+    "leg",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+)

@@ -1,8 +1,10 @@
-"""The figures of a single-channel run as results: masses and damping with intervals, verdicts, and what was compared.
+"""The figures of a single-channel run as results: masses and damping with intervals,
+verdicts, and what was compared.
 
-Names: `m - X_udot`, `X_udot`, `X_u`, `X_u|u|` are those of the chosen damping model by output error; in brackets behind them stands another
-damping model, and `recursive` for the recursive estimate: `X_udot (quadratic)`, `X_udot (quadratic, recursive)`. Where only commands are
-known: `X_u/(m - X_udot)`, `X_u|u|/(m - X_udot)`, `1/(m - X_udot)`.
+Names: `m - X_udot`, `X_udot`, `X_u`, `X_u|u|` are those of the chosen damping model by
+output error; in brackets behind them stands another damping model, and `recursive` for
+the recursive estimate: `X_udot (quadratic)`, `X_udot (quadratic, recursive)`. Where
+only commands are known: `X_u/(m - X_udot)`, `X_u|u|/(m - X_udot)`, `1/(m - X_udot)`.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
 from auvid.hydro.identification.bench.single_channel import (
@@ -34,21 +37,47 @@ IDENTIFIED, WEAK, CONSTANT = "identified", "weak", "constant force"
 
 
 def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
-    """Results of a channel that was never excited: every figure by name, without a number."""
+    """Results of a channel that was never excited: every figure by name, without a
+    number.
+    """
     names = symbols(found.channel)
     mass, one, two, _ = names.units
-    quantities = ((f"{names.mass} - {names.added}", mass), (names.added, mass), (names.linear, one), (names.quadratic, two))
-    rows = [figure(quantity, None, unit, verdict=NOT_EXCITED, note=reason, headline=True) for quantity, unit in quantities]
+    quantities = (
+        (f"{names.mass} - {names.added}", mass),
+        (names.added, mass),
+        (names.linear, one),
+        (names.quadratic, two),
+    )
+    rows = [
+        figure(quantity, None, unit, verdict=NOT_EXCITED, note=reason, headline=True)
+        for quantity, unit in quantities
+    ]
     return {"title": f"{found.channel} of leg {leg}", "rows": rows}
 
 
-def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, dry: float) -> dict[str, Any]:
-    """All figures of a leg: the chosen damping model first, then every damping model by both methods, errors and excitation."""
+def channel_results(
+    leg: str, found: LegRun, estimate: ChannelEstimate, dry: float
+) -> dict[str, Any]:
+    """All figures of a leg: the chosen damping model first, then every damping model by
+    both methods, errors and excitation.
+    """
     rows: list[Figure] = []
     for name in (None, *DAMPING):
         fit = estimate.fits[name or estimate.chosen]
-        suffix, note = ("", f"{estimate.chosen} damping, output error") if name is None else (f" ({name})", None)
-        rows += _figures(found, fit, _status(estimate, name or estimate.chosen), dry, suffix, note, headline=name is None)
+        suffix, note = (
+            ("", f"{estimate.chosen} damping, output error")
+            if name is None
+            else (f" ({name})", None)
+        )
+        rows += _figures(
+            found,
+            fit,
+            _status(estimate, name or estimate.chosen),
+            dry,
+            suffix,
+            note,
+            headline=name is None,
+        )
     for name in DAMPING:
         rows += _recursive_figures(found, estimate.recursive[name], estimate, name, dry)
     signal = "m/s" if CHANNELS.index(found.channel) < 3 else "rad/s"
@@ -59,15 +88,30 @@ def channel_results(leg: str, found: LegRun, estimate: ChannelEstimate, dry: flo
         rows.append(figure(f"rmse held out ({name})", fit.held_out, signal))
     if estimate.lag is not None:
         rows.append(
-            figure("thrust lag", estimate.lag.value_s, "s", estimate.lag.standard_error_s, note="first-order, found with the figures")
+            figure(
+                "thrust lag",
+                estimate.lag.value_s,
+                "s",
+                estimate.lag.standard_error_s,
+                note="first-order, found with the figures",
+            )
         )
     for name, excited in estimate.excitation.items():
-        rows.append(figure(f"smallest eigenvalue of C_n ({name})", float(excited.smallest[-1]), "1", verdict=excited.status))
+        rows.append(
+            figure(
+                f"smallest eigenvalue of C_n ({name})",
+                float(excited.smallest[-1]),
+                "1",
+                verdict=excited.status,
+            )
+        )
     return {"title": f"{found.channel} of leg {leg}", "rows": rows}
 
 
 def dry_mass(channel: str, vehicle: Vehicle, leg: Mapping[str, Any]) -> float:
-    """Mass [kg] or moment of inertia [kg m^2] that is taken off for the added mass: of the leg, else of the vehicle file."""
+    """Mass [kg] or moment of inertia [kg m^2] that is taken off for the added mass: of
+    the leg, else of the vehicle file.
+    """
     index = CHANNELS.index(channel)
     said = leg.get("mass_kg" if index < 3 else "inertia_kg_m2")
     if said is not None:
@@ -88,7 +132,16 @@ def _verdict(status: str, value: float, error: float, *, signed: bool = False) -
     return WRONG_SIGN if signed and value > 0.0 else IDENTIFIED
 
 
-def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
+def _figures(
+    found: LegRun,
+    fit: ChannelFit,
+    status: str,
+    dry: float,
+    suffix: str,
+    note: str | None,
+    *,
+    headline: bool,
+) -> list[Figure]:
     names = symbols(found.channel)
     mass_unit = names.units[0]
     values, errors = fit.values, fit.standard_errors
@@ -101,61 +154,134 @@ def _figures(found: LegRun, fit: ChannelFit, status: str, dry: float, suffix: st
             return rows
         spread = np.sqrt(np.diag(covariance))
         for index, (quantity, unit) in enumerate(
-            ((names.linear, "1/s"), (names.quadratic, per_length(found.channel)), ("1", per_command(found)))
+            (
+                (names.linear, "1/s"),
+                (names.quadratic, per_length(found.channel)),
+                ("1", per_command(found)),
+            )
         ):
             if theta[index] != 0.0:
                 verdict = _verdict(status, theta[index], spread[index], signed=index < 2)
                 quantity = f"{quantity}/({total}){suffix}"
-                rows.append(figure(quantity, theta[index], unit, spread[index], verdict=verdict, note=note, headline=headline))
+                rows.append(
+                    figure(
+                        quantity,
+                        theta[index],
+                        unit,
+                        spread[index],
+                        verdict=verdict,
+                        note=note,
+                        headline=headline,
+                    )
+                )
         return rows
     low, high = fit.mass_interval
     more: dict[str, Any] = {"note": note, "headline": headline}
     if not fit.resolved:
         rows += [
-            figure(name + suffix, None, mass_unit, verdict=NOT_EXCITED, note=TOO_FAST, headline=headline) for name in (total, names.added)
+            figure(
+                name + suffix,
+                None,
+                mass_unit,
+                verdict=NOT_EXCITED,
+                note=TOO_FAST,
+                headline=headline,
+            )
+            for name in (total, names.added)
         ]
         return rows + _damping_figures(names, fit, status, suffix, more)
     verdict = _verdict(status, values[0], errors[0])
-    rows.append(figure(total + suffix, values[0], mass_unit, errors[0], interval=(low, high), verdict=verdict, **more))
-    added = figure(names.added + suffix, dry - values[0], mass_unit, errors[0], interval=(dry - high, dry - low), **more)
+    rows.append(
+        figure(
+            total + suffix,
+            values[0],
+            mass_unit,
+            errors[0],
+            interval=(low, high),
+            verdict=verdict,
+            **more,
+        )
+    )
+    added = figure(
+        names.added + suffix,
+        dry - values[0],
+        mass_unit,
+        errors[0],
+        interval=(dry - high, dry - low),
+        **more,
+    )
     rows.append(added | {"verdict": _verdict(status, dry - values[0], errors[0], signed=True)})
     return rows + _damping_figures(names, fit, status, suffix, more)
 
 
-def _damping_figures(names: Symbols, fit: ChannelFit, status: str, suffix: str, more: Mapping[str, Any]) -> list[Figure]:
+def _damping_figures(
+    names: Symbols, fit: ChannelFit, status: str, suffix: str, more: Mapping[str, Any]
+) -> list[Figure]:
     """Damping and constant force, as far as the damping model has them."""
-    heads = zip((names.linear, names.quadratic, CONSTANT), names.units[1:], fit.values[1:], fit.standard_errors[1:], strict=True)
+    heads = zip(
+        (names.linear, names.quadratic, CONSTANT),
+        names.units[1:],
+        fit.values[1:],
+        fit.standard_errors[1:],
+        strict=True,
+    )
     return [
-        figure(quantity + suffix, value, unit, error, verdict=_verdict(status, value, error, signed=quantity != CONSTANT), **more)
+        figure(
+            quantity + suffix,
+            value,
+            unit,
+            error,
+            verdict=_verdict(status, value, error, signed=quantity != CONSTANT),
+            **more,
+        )
         for quantity, unit, value, error in heads
         if error > 0.0
     ]
 
 
-def _in_commands(found: LegRun, fit: ChannelFit, status: str, suffix: str, note: str | None, *, headline: bool) -> list[Figure]:
-    """Damping and constant force in units of the whole command: what steady speeds tell even without masses."""
+def _in_commands(
+    found: LegRun, fit: ChannelFit, status: str, suffix: str, note: str | None, *, headline: bool
+) -> list[Figure]:
+    """Damping and constant force in units of the whole command: what steady speeds tell
+    even without masses.
+    """
     names, angle = symbols(found.channel), "m" if CHANNELS.index(found.channel) < 3 else "rad"
     units = ("1", f"s/{angle}", f"s^2/{angle}^2", "1")
-    inside = Symbols(names.mass, names.added, f"{names.linear} in commands", f"{names.quadratic} in commands", units)
+    inside = Symbols(
+        names.mass,
+        names.added,
+        f"{names.linear} in commands",
+        f"{names.quadratic} in commands",
+        units,
+    )
     rows = _damping_figures(inside, fit, status, suffix, {"note": note, "headline": headline})
     for item in rows:
         item["quantity"] = str(item["quantity"]).replace(CONSTANT, f"{CONSTANT} in commands")
     return rows
 
 
-def _recursive_figures(found: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float) -> list[Figure]:
+def _recursive_figures(
+    found: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float
+) -> list[Figure]:
     names, suffix = symbols(found.channel), f" ({name}, recursive)"
     values, errors = fit.values[-1], fit.spread[-1]
     total = f"{names.mass} - {names.added}"
     if found.normalised:
         theta, spread = fit.estimate.theta[-1], errors[0] / values[0] ** 2
-        return [figure(f"1/({total}){suffix}", 1.0 / values[0], per_command(found), spread)] if theta.size else []
+        return (
+            [figure(f"1/({total}){suffix}", 1.0 / values[0], per_command(found), spread)]
+            if theta.size
+            else []
+        )
     rows = [
         figure(total + suffix, values[0], names.units[0], errors[0]),
         figure(names.added + suffix, dry - values[0], names.units[0], errors[0]),
     ]
     has: Array = np.array(DAMPING[name])
-    for quantity, unit, index in ((names.linear, names.units[1], 1), (names.quadratic, names.units[2], 2)):
+    for quantity, unit, index in (
+        (names.linear, names.units[1], 1),
+        (names.quadratic, names.units[2], 2),
+    ):
         if has[index - 1]:
             rows.append(figure(quantity + suffix, values[index], unit, errors[index]))
     return rows

@@ -5,43 +5,86 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, WINDOWS
-from auvid.hydro.identification.bench.single_channel import CHANNELS, DAMPING, ChannelEstimate, symbols
+from auvid.hydro.identification.bench.single_channel import (
+    CHANNELS,
+    DAMPING,
+    ChannelEstimate,
+    symbols,
+)
 from auvid.stages.columns import span_text
-from auvid.stages.presentation import Block, equation, panel, plot, remark, section, series, table, text
+from auvid.stages.presentation import (
+    Block,
+    equation,
+    panel,
+    plot,
+    remark,
+    section,
+    series,
+    table,
+    text,
+)
 from auvid.stages.rlse.figures import CLEAR, TOO_FAST
 from auvid.stages.rlse.run_of_leg import LegRun
 
 CHAPTER = "Single channels"
 SETTLED_AFTER = 0.1
-"""Share of a run that the history plots leave out: the first estimates are those of the prior."""
+"""Share of a run that the history plots leave out: the first estimates are those of the
+prior.
+"""
 
 
 def still_section(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
     """The section of a leg whose channel was never excited."""
-    words = f"{leg}: {found.channel} was never excited ({reason}), so that nothing is identified from it."
-    return section(_title(leg, found), [remark(words, "warning"), *map(remark, found.said)], order=20, chapter=CHAPTER)
+    words = (
+        f"{leg}: {found.channel} was never excited ({reason}), so that nothing is identified"
+        " from it."
+    )
+    return section(
+        _title(leg, found),
+        [remark(words, "warning"), *map(remark, found.said)],
+        order=20,
+        chapter=CHAPTER,
+    )
 
 
 def channel_section(
-    leg: str, found: LegRun, estimate: ChannelEstimate, results: dict[str, Any], *, filter_rate: float, dry: float
+    leg: str,
+    found: LegRun,
+    estimate: ChannelEstimate,
+    results: dict[str, Any],
+    *,
+    filter_rate: float,
+    dry: float,
 ) -> dict[str, Any]:
-    """Verdict, figures by both methods, damping models, run, histories and persistence of excitation."""
+    """Verdict, figures by both methods, damping models, run, histories and persistence
+    of excitation.
+    """
     excited = estimate.excitation[estimate.chosen]
     words = f"{leg}: {excited.words(_columns(found, estimate.chosen))}"
     blocks: list[Block] = [remark(words, "finding" if excited.status == PERSISTENT else "warning")]
     if not estimate.fits[estimate.chosen].resolved:
         blocks.append(
-            remark(f"{leg}: {TOO_FAST}. Masses, and ratios to them, are not determined; sample faster, and step the command.", "warning")
+            remark(
+                f"{leg}: {TOO_FAST}. Masses, and ratios to them, are not determined; sample faster,"
+                " and step the command.",
+                "warning",
+            )
         )
-    blocks += [remark(f"{leg}: {item}", "warning") for item in (*found.warnings, *_unphysical(found, estimate, dry))]
+    blocks += [
+        remark(f"{leg}: {item}", "warning")
+        for item in (*found.warnings, *_unphysical(found, estimate, dry))
+    ]
     blocks += [
         text(
-            f"{found.channel.capitalize()} from {found.measured}, {span_text((found.data.run.grid_s[0], found.data.run.grid_s[-1]))}. "
-            "Two estimates: recursive least squares of the filtered static form (43)-(50) shows how the figures settle; output error, "
-            "started from it, fits the simulated run to the measured one and gives the figures to take, because noise in the measured "
-            "velocity biases a regression but not a simulation. Damping is chosen by the last third of the run, predicted with figures "
-            "from the first two."
+            f"{found.channel.capitalize()} from {found.measured},"
+            f" {span_text((found.data.run.grid_s[0], found.data.run.grid_s[-1]))}. Two estimates:"
+            " recursive least squares of the filtered static form (43)-(50) shows how the figures"
+            " settle; output error, started from it, fits the simulated run to the measured one"
+            " and gives the figures to take, because noise in the measured velocity biases a"
+            " regression but not a simulation. Damping is chosen by the last third of the run,"
+            " predicted with figures from the first two."
         ),
         *[remark(item) for item in (*found.said, *_sensed(found, estimate))],
         equation(*_equation(found)),
@@ -51,7 +94,10 @@ def channel_section(
         _history_plot(found, estimate, filter_rate),
         _excitation_plot(found, estimate),
     ]
-    look = "The chosen model follows the run on its last third too; the histories stand still long before the end; C_n keeps its height."
+    look = (
+        "The chosen model follows the run on its last third too; the histories stand still long"
+        " before the end; C_n keeps its height."
+    )
     return section(_title(leg, found), blocks, order=20, look_for=look, chapter=CHAPTER)
 
 
@@ -104,7 +150,14 @@ def _columns(found: LegRun, name: str) -> tuple[str, ...]:
     linear, quadratic = DAMPING[name]
     drive = "the command" if found.normalised else f"{'XYZKMN'[index]}_prop"
     return tuple(
-        word for word, has in ((x, linear), (f"{x}|{x}|", quadratic), (drive, True), ("the constant force", found.data.constant)) if has
+        word
+        for word, has in (
+            (x, linear),
+            (f"{x}|{x}|", quadratic),
+            (drive, True),
+            ("the constant force", found.data.constant),
+        )
+        if has
     )
 
 
@@ -113,27 +166,49 @@ def _sensed(found: LegRun, estimate: ChannelEstimate) -> list[str]:
     fit, words = estimate.fits[estimate.chosen].fit, []
     if estimate.lag is not None:
         words.append(
-            f"The force follows its command with a time constant of {estimate.lag.value_s:.2g} s (standard error "
-            f"{estimate.lag.standard_error_s:.1g} s), found with the figures: thrusters coming to speed, or a velocity logged late."
+            f"The force follows its command with a time constant of {estimate.lag.value_s:.2g} s"
+            f" (standard error {estimate.lag.standard_error_s:.1g} s), found with the figures:"
+            " thrusters coming to speed, or a velocity logged late."
         )
     if fit.bias[0] != 0.0:
-        what = "the sensor's zero" if CHANNELS.index(found.channel) > 2 else "a current, or the sensor's zero"
-        words.append(f"Constant of the {found.measured}, found with the figures: {fit.bias[0]:+.2g} {_signal_unit(found)} ({what}).")
+        what = (
+            "the sensor's zero"
+            if CHANNELS.index(found.channel) > 2
+            else "a current, or the sensor's zero"
+        )
+        words.append(
+            f"Constant of the {found.measured}, found with the figures: {fit.bias[0]:+.2g}"
+            f" {_signal_unit(found)} ({what})."
+        )
     return words
 
 
 def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[str]:
-    """Signs that no body in water has, of the chosen damping model, where they are clear of zero."""
+    """Signs that no body in water has, of the chosen damping model, where they are
+    clear of zero.
+    """
     fit, names = estimate.fits[estimate.chosen], symbols(found.channel)
     damping = ((names.linear, 1), (names.quadratic, 2))
-    wrong = [name for name, index in damping if fit.values[index] > CLEAR * fit.standard_errors[index] > 0.0]
-    words = [f"{', '.join(wrong)} come out positive: damping that feeds energy in. Look for another channel that moved."] if wrong else []
+    wrong = [
+        name
+        for name, index in damping
+        if fit.values[index] > CLEAR * fit.standard_errors[index] > 0.0
+    ]
+    words = (
+        [
+            f"{', '.join(wrong)} come out positive: damping that feeds energy in. Look for another"
+            " channel that moved."
+        ]
+        if wrong
+        else []
+    )
     added = dry - float(fit.values[0])
     if fit.resolved and not found.normalised and added > CLEAR * fit.standard_errors[0]:
         unit = names.units[0]
         words.append(
-            f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle, {dry:.4g} {unit}, is more than "
-            f"{names.mass} - {names.added}. Is it the vehicle as it was driven, and the thrust its own?"
+            f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle,"
+            f" {dry:.4g} {unit}, is more than {names.mass} - {names.added}. Is it the vehicle as it"
+            " was driven, and the thrust its own?"
         )
     return words
 
@@ -147,18 +222,30 @@ def _equation(found: LegRun) -> tuple[str, str]:
         latex += f"-R\\sin\\{'phi' if index == 3 else 'theta'}"
     if found.data.constant:
         latex += "+C"
-    return latex, "one channel by itself, Alberti (61)-(64) corrected; what the other channels couple in is neglected"
+    return (
+        latex,
+        (
+            "one channel by itself, Alberti (61)-(64) corrected; what the other channels couple in"
+            " is neglected"
+        ),
+    )
 
 
 def _quantities(found: LegRun, name: str) -> list[tuple[str, str, str]]:
     names, (linear, quadratic) = symbols(found.channel), DAMPING[name]
     units = _units(found)
-    rows = (("mass", f"{names.mass} - {names.added}", True), ("linear", names.linear, linear), ("quadratic", names.quadratic, quadratic))
+    rows = (
+        ("mass", f"{names.mass} - {names.added}", True),
+        ("linear", names.linear, linear),
+        ("quadratic", names.quadratic, quadratic),
+    )
     return [(key, label, unit) for (key, label, has), unit in zip(rows, units, strict=True) if has]
 
 
 def _units(found: LegRun) -> tuple[str, str, str]:
-    """Units of mass, linear and quadratic damping, by the whole command where that is all that is known."""
+    """Units of mass, linear and quadratic damping, by the whole command where that is
+    all that is known.
+    """
     if not found.normalised:
         return symbols(found.channel).units[:3]
     length = "m" if CHANNELS.index(found.channel) < 3 else "rad"
@@ -184,8 +271,21 @@ def _methods_table(found: LegRun, estimate: ChannelEstimate, results: dict[str, 
                     item["verdict"],
                 ]
             )
-    heads = ("figure", "unit", "recursive", "standard error", "output error", "standard error", "low", "high", "verdict")
-    note = "Intervals are 95 %, coloured residuals allowed for; mass and inertia of the vehicle file count as exact."
+    heads = (
+        "figure",
+        "unit",
+        "recursive",
+        "standard error",
+        "output error",
+        "standard error",
+        "low",
+        "high",
+        "verdict",
+    )
+    note = (
+        "Intervals are 95 %, coloured residuals allowed for; mass and inertia of the vehicle file"
+        " count as exact."
+    )
     return table(f"Methods side by side, {estimate.chosen} damping", heads, rows, note=note)
 
 
@@ -197,16 +297,31 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
         linear, quadratic = DAMPING[name]
         chosen = "chosen" if name == estimate.chosen else ""
         rows.append(
-            [name, m if fit.resolved else None, one if linear else None, two if quadratic else None, fit.rmse, fit.held_out, chosen]
+            [
+                name,
+                m if fit.resolved else None,
+                one if linear else None,
+                two if quadratic else None,
+                fit.rmse,
+                fit.held_out,
+                chosen,
+            ]
         )
     heads: list[str | tuple[str, str]] = [
         "damping",
-        *zip((f"{names.mass} - {names.added}", names.linear, names.quadratic), _units(found), strict=True),
+        *zip(
+            (f"{names.mass} - {names.added}", names.linear, names.quadratic),
+            _units(found),
+            strict=True,
+        ),
         ("RMSE", unit),
         ("RMSE, last third", unit),
         "",
     ]
-    note = "Chosen by the last third; of nearly equal ones (5 %) the simpler, unless the term that it leaves out is clear of zero."
+    note = (
+        "Chosen by the last third; of nearly equal ones (5 %) the simpler, unless the term that it"
+        " leaves out is clear of zero."
+    )
     return table("Damping models (as Table 9)", heads, rows, note=note)
 
 
@@ -214,10 +329,15 @@ def _run_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
     run, at = estimate.data.run, estimate.data.samples
     t = run.grid_s[at]
     lines = [series("measured", t, found.signal, "raw")]
-    lines += [series(f"{name} damping", t, fit.simulated[at], name) for name, fit in estimate.fits.items()]
+    lines += [
+        series(f"{name} damping", t, fit.simulated[at], name) for name, fit in estimate.fits.items()
+    ]
     drive = np.append(run.force_left, run.force_right[-1])[at]
     unit = "1" if found.normalised else symbols(found.channel).units[3]
-    panels = [panel(found.measured, _signal_unit(found), lines), panel("driven by", unit, [series("force", t, drive, "thrusters")])]
+    panels = [
+        panel(found.measured, _signal_unit(found), lines),
+        panel("driven by", unit, [series("force", t, drive, "thrusters")]),
+    ]
     look = "Which damping follows fast and slow parts alike."
     return plot("Measured and simulated", panels, group=f"rlse {found.channel}", look_for=look)
 
@@ -238,16 +358,35 @@ def _history_plot(found: LegRun, estimate: ChannelEstimate, rate: float) -> Bloc
             series("output error", t[[rows.start, -1]], np.full(2, fit.values[index]), "predicted"),
         ]
         panels.append(panel(label, unit, lines))
-    note = f"Filter rate {rate:g} rad/s; the first tenth, which the prior rules, is not shown. The lines stand still before the end."
-    return plot(f"Recursive estimates over time, {estimate.chosen} damping", panels, group=f"rlse {found.channel}", look_for=note)
+    note = (
+        f"Filter rate {rate:g} rad/s; the first tenth, which the prior rules, is not shown. The"
+        " lines stand still before the end."
+    )
+    return plot(
+        f"Recursive estimates over time, {estimate.chosen} damping",
+        panels,
+        group=f"rlse {found.channel}",
+        look_for=note,
+    )
 
 
 def _excitation_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
-    lines = [series(f"{name} damping", item.t_s, item.smallest, name) for name, item in estimate.excitation.items()]
+    lines = [
+        series(f"{name} damping", item.t_s, item.smallest, name)
+        for name, item in estimate.excitation.items()
+    ]
     spread = ", ".join(f"{item.spread:.1f} ({name})" for name, item in estimate.excitation.items())
-    look = f"A line that falls towards zero has lost its excitation. Information spread over windows of {WINDOWS}: {spread}."
+    look = (
+        "A line that falls towards zero has lost its excitation. Information spread over windows"
+        f" of {WINDOWS}: {spread}."
+    )
     panels = [panel("eigenvalue", "1", lines)]
-    return plot("Smallest eigenvalue of C_n (52), columns of unit RMS", panels, group=f"rlse {found.channel}", look_for=look)
+    return plot(
+        "Smallest eigenvalue of C_n (52), columns of unit RMS",
+        panels,
+        group=f"rlse {found.channel}",
+        look_for=look,
+    )
 
 
 def _signal_unit(found: LegRun) -> str:

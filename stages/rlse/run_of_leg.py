@@ -1,4 +1,6 @@
-"""From the raw streams of a log to one run of one channel: what was measured, and what drove it."""
+"""From the raw streams of a log to one run of one channel: what was measured, and what
+drove it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns
@@ -30,7 +33,9 @@ NO_FORCE = 1e-9
 
 @dataclass(frozen=True)
 class LegRun:
-    """The run, its channel, whether its force is a command without unit, what was `measured` with its values `signal` (n,), what to say."""
+    """The run, its channel, whether its force is a command without unit, what was
+    `measured` with its values `signal` (n,), what to say.
+    """
 
     data: ChannelRun
     channel: str
@@ -43,7 +48,9 @@ class LegRun:
 
 @dataclass(frozen=True)
 class Streams:
-    """Raw streams of a log by name, absent where it has none; times in s from the start of the log, lags taken off."""
+    """Raw streams of a log by name, absent where it has none; times in s from the start
+    of the log, lags taken off.
+    """
 
     tables: Mapping[str, pa.Table | None]
     start_us: int
@@ -51,7 +58,9 @@ class Streams:
     vehicle: Vehicle
 
     def samples(self, stream: str, names: tuple[str, ...], lag_s: float = 0.0) -> Samples | None:
-        """Samples of a stream inside the leg with all of these columns; None for a stream that is not there."""
+        """Samples of a stream inside the leg with all of these columns; None for a
+        stream that is not there.
+        """
         table = self.tables.get(stream)
         if table is None or not has_columns(table, names):
             return None
@@ -59,11 +68,19 @@ class Streams:
 
 
 def run_of_leg(
-    channel: str, streams: Streams, *, constant: bool, max_gap_s: float, commands: bool, leg: str, said: Sequence[str] = ()
+    channel: str,
+    streams: Streams,
+    *,
+    constant: bool,
+    max_gap_s: float,
+    commands: bool,
+    leg: str,
+    said: Sequence[str] = (),
 ) -> LegRun:
     """The run of a leg; `said` are notes on its thrusters.
 
-    Raises `DataError` when a stream that the channel needs is missing or too short, or nothing says what drove it.
+    Raises `DataError` when a stream that the channel needs is missing or too short, or
+    nothing says what drove it.
     """
     index = CHANNELS.index(channel)
     words: list[str] = []
@@ -86,7 +103,9 @@ def run_of_leg(
         position = None
     first, last = signal.t_s[0], signal.t_s[-1]
     changes = drive.t_s[(drive.t_s > first) & (drive.t_s < last)]
-    grid = np.unique(np.concatenate([signal.t_s, changes, [] if position is None else position.t_s]))
+    grid = np.unique(
+        np.concatenate([signal.t_s, changes, [] if position is None else position.t_s])
+    )
     x = _velocity(signal, grid, rate is not None)
     left, right = drive.over(grid, x, streams.vehicle, index)
     restoring = _restoring(channel, streams.vehicle, words)
@@ -110,17 +129,28 @@ def run_of_leg(
         restoring=restoring,
         constant=constant,
         rate_bias=rate is not None and index > 2,
-        # A constant force and a constant of the velocity (a current, or the sensor's zero) are hardly told apart.
+        # A constant force and a constant of the velocity (a current, or the sensor's
+        # zero) are hardly told apart.
         current=rate is not None and not constant,
         lag=channel != "pitch" and drive.propeller_rev_s is None,
         noise=THRESHOLDS["uvwpqr"[index]],
     )
-    return LegRun(data, channel, drive.normalised, measured, signal.values[:, 0], tuple(words), tuple(warnings))
+    return LegRun(
+        data,
+        channel,
+        drive.normalised,
+        measured,
+        signal.values[:, 0],
+        tuple(words),
+        tuple(warnings),
+    )
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What drives a channel: `values` (m,) held from t_s (m,) on, and the propeller speed (m,) where a propeller adds to it."""
+    """What drives a channel: `values` (m,) held from t_s (m,) on, and the propeller
+    speed (m,) where a propeller adds to it.
+    """
 
     t_s: Array
     values: Array
@@ -129,7 +159,9 @@ class Drive:
     propeller_rev_s: Array | None = None
 
     def over(self, grid: Array, x: Array, vehicle: Vehicle, index: int) -> tuple[Array, Array]:
-        """Force at both ends of every step of the grid (n,) -> two of (n-1,): held, but for a propeller, whose thrust depends on speed."""
+        """Force at both ends of every step of the grid (n,) -> two of (n-1,): held, but
+        for a propeller, whose thrust depends on speed.
+        """
         at = np.searchsorted(self.t_s, grid[:-1] + NEUTRAL_AFTER_S, side="right") - 1
         held = self.values[at]
         if self.propeller_rev_s is None or vehicle.propeller is None:
@@ -138,11 +170,18 @@ class Drive:
         nu[:, 0] = x
         turns = self.propeller_rev_s[at]
         ends = (nu[:-1], nu[1:])
-        left, right = (propeller_force(vehicle.propeller, end, turns, water_density=vehicle.water_density)[:, index] for end in ends)
+        left, right = (
+            propeller_force(vehicle.propeller, end, turns, water_density=vehicle.water_density)[
+                :, index
+            ]
+            for end in ends
+        )
         return held + left, held + right
 
 
-def _measured(channel: str, streams: Streams, leg: str) -> tuple[Samples | None, Samples | None, str]:
+def _measured(
+    channel: str, streams: Streams, leg: str
+) -> tuple[Samples | None, Samples | None, str]:
     """Rate and position samples of a channel, and what they are, in words."""
     index, vehicle = CHANNELS.index(channel), streams.vehicle
     gyro = streams.samples("imu", GYRO)
@@ -153,10 +192,20 @@ def _measured(channel: str, streams: Streams, leg: str) -> tuple[Samples | None,
         if found is not None and found.t_s.size:
             body = found.values @ vehicle.dvl.rotation.T
             if np.any(vehicle.dvl.arm_m != 0.0) and gyro is not None and gyro.t_s.size:
-                omega = np.column_stack([np.interp(found.t_s, gyro.t_s, gyro.values[:, axis]) for axis in range(3)])
+                omega = np.column_stack(
+                    [np.interp(found.t_s, gyro.t_s, gyro.values[:, axis]) for axis in range(3)]
+                )
                 body = body - cross(omega, vehicle.dvl.arm_m)
-            return Samples(found.t_s, body[:, index : index + 1]), None, f"velocity {VELOCITY[index][0]}"
-        depth = streams.samples("depth", ("depth_m",), vehicle.depth_sensor.lag_s) if channel == "heave" else None
+            return (
+                Samples(found.t_s, body[:, index : index + 1]),
+                None,
+                f"velocity {VELOCITY[index][0]}",
+            )
+        depth = (
+            streams.samples("depth", ("depth_m",), vehicle.depth_sensor.lag_s)
+            if channel == "heave"
+            else None
+        )
         if depth is None or not depth.t_s.size:
             more = " or 'depth'" if channel == "heave" else ""
             raise _missing("velocity", leg, f"{more} for {channel}")
@@ -168,41 +217,76 @@ def _measured(channel: str, streams: Streams, leg: str) -> tuple[Samples | None,
         gyro = Samples(gyro.t_s, gyro.values[:, index - 3 : index - 2])
     if gyro is None and angle is None:
         raise _missing("imu", leg, f" or 'attitude' for {channel}")
-    return gyro, angle, f"rate {'pqr'[index - 3]}" if gyro is not None else f"angle {('phi', 'theta', 'psi')[index - 3]}"
+    return (
+        gyro,
+        angle,
+        (
+            f"rate {'pqr'[index - 3]}"
+            if gyro is not None
+            else f"angle {('phi', 'theta', 'psi')[index - 3]}"
+        ),
+    )
 
 
 def _missing(stream: str, leg: str, more: str) -> DataError:
-    return DataError(f"leg '{leg}' needs the stream '{stream}'{more}", remedy=f"It can come from: {supply_text(stream)}.")
+    return DataError(
+        f"leg '{leg}' needs the stream '{stream}'{more}",
+        remedy=f"It can come from: {supply_text(stream)}.",
+    )
 
 
 def _too_few(signal: Samples | None, leg: str) -> DataError:
-    return DataError(f"too few samples in leg '{leg}'", value=0 if signal is None else signal.t_s.size, allowed=f"at least {FEWEST}")
+    return DataError(
+        f"too few samples in leg '{leg}'",
+        value=0 if signal is None else signal.t_s.size,
+        allowed=f"at least {FEWEST}",
+    )
 
 
-def _longest(signal: Samples | None, max_gap_s: float, leg: str, warnings: list[str]) -> tuple[float, float]:
+def _longest(
+    signal: Samples | None, max_gap_s: float, leg: str, warnings: list[str]
+) -> tuple[float, float]:
     """The longest part of a signal without a gap; what is left out is said."""
     if signal is None or signal.t_s.size < FEWEST:
         raise _too_few(signal, leg)
-    parts = [(float(signal.t_s[a]), float(signal.t_s[b - 1])) for a, b in gaps(signal.t_s, max_gap_s)]
+    parts = [
+        (float(signal.t_s[a]), float(signal.t_s[b - 1])) for a, b in gaps(signal.t_s, max_gap_s)
+    ]
     best = max(parts, key=lambda part: part[1] - part[0])
     if len(parts) > 1:
         lost = signal.t_s[-1] - signal.t_s[0] - (best[1] - best[0])
         warnings.append(
-            f"Leg {leg} has {len(parts) - 1} gaps of more than {max_gap_s:g} s: the longest part without one is used, "
-            f"{span_text(best)}; {lost:.0f} s are left out."
+            f"Leg {leg} has {len(parts) - 1} gaps of more than {max_gap_s:g} s: the longest part"
+            f" without one is used, {span_text(best)}; {lost:.0f} s are left out."
         )
     return best
 
 
-def _drive(index: int, streams: Streams, kept: tuple[float, float], commands: bool, leg: str, said: list[str]) -> Drive:
-    """Force of thrusters and propeller, or the normalised command where the log has no more than that."""
+def _drive(
+    index: int,
+    streams: Streams,
+    kept: tuple[float, float],
+    commands: bool,
+    leg: str,
+    said: list[str],
+) -> Drive:
+    """Force of thrusters and propeller, or the normalised command where the log has no
+    more than that.
+    """
     table, vehicle = streams.tables.get("actuators"), streams.vehicle
     if table is None:
         raise _missing("actuators", leg, "")
     t = (column(table, "time_us") - streams.start_us) / 1e6
-    rows = np.arange(max(int(np.searchsorted(t, kept[0], side="right")) - 1, 0), int(np.searchsorted(t, kept[1], side="right")))
+    rows = np.arange(
+        max(int(np.searchsorted(t, kept[0], side="right")) - 1, 0),
+        int(np.searchsorted(t, kept[1], side="right")),
+    )
     command = f"command_{CHANNELS[index]}"
-    pulses = () if vehicle.thrusters is None else tuple(f"pwm_{number}_us" for number in vehicle.thrusters.outputs)
+    pulses = (
+        ()
+        if vehicle.thrusters is None
+        else tuple(f"pwm_{number}_us" for number in vehicle.thrusters.outputs)
+    )
     has_pulses = bool(pulses) and has_columns(table, pulses)
     has_propeller = vehicle.propeller is not None and has_columns(table, ("propeller_rev_s",))
     if commands or not (has_pulses or has_propeller):
@@ -211,10 +295,16 @@ def _drive(index: int, streams: Streams, kept: tuple[float, float], commands: bo
                 f"nothing in leg '{leg}' says what drove {CHANNELS[index]}",
                 field="actuators",
                 value=", ".join(table.column_names),
-                allowed=f"{', '.join(pulses) or 'pulses of the thrusters'}, propeller_rev_s, or {command}",
+                allowed=(
+                    f"{', '.join(pulses) or 'pulses of the thrusters'}, propeller_rev_s, or"
+                    f" {command}"
+                ),
             )
         values = column(table, command)[rows]
-        said.append("The log has commands without a unit of force: only the ratios of (62) can be found, not masses.")
+        said.append(
+            "The log has commands without a unit of force: only the ratios of (62) can be found,"
+            " not masses."
+        )
         return _drive_of(t[rows], values, None, normalised=True, leg=leg)
     force = np.zeros(rows.size)
     if has_pulses:
@@ -228,13 +318,21 @@ def _drive(index: int, streams: Streams, kept: tuple[float, float], commands: bo
 
 
 def _drive_of(t: Array, values: Array, turns: Array | None, *, normalised: bool, leg: str) -> Drive:
-    """The drive without samples that say nothing (nan) and without those that only repeat."""
+    """The drive without samples that say nothing (nan) and without those that only
+    repeat.
+    """
     known = np.isfinite(values) if turns is None else np.isfinite(values) & np.isfinite(turns)
     if not known.any():
-        raise DataError(f"the actuators are empty in leg '{leg}'", field="actuators", remedy="Choose a leg in which commands are logged.")
+        raise DataError(
+            f"the actuators are empty in leg '{leg}'",
+            field="actuators",
+            remedy="Choose a leg in which commands are logged.",
+        )
     t, values, end = t[known], values[known], float(t[known][-1])
     turns = None if turns is None else turns[known]
-    new = np.append(True, (np.diff(values) != 0.0) | (np.diff(turns) != 0.0 if turns is not None else False))
+    new = np.append(
+        True, (np.diff(values) != 0.0) | (np.diff(turns) != 0.0 if turns is not None else False)
+    )
     return Drive(t[new], values[new], end, normalised, None if turns is None else turns[new])
 
 
@@ -248,7 +346,9 @@ def _voltage(streams: Streams, t_s: Array) -> Array | None:
 
 
 def _velocity(signal: Samples, grid: Array, is_rate: bool) -> Array:
-    """x on the grid: straight lines between its samples, or the slope of a smoothing spline through positions."""
+    """x on the grid: straight lines between its samples, or the slope of a smoothing
+    spline through positions.
+    """
     if is_rate:
         return np.interp(grid, signal.t_s, signal.values[:, 0])
     return smoothing_spline(signal.t_s, signal.values[:, 0]).evaluate(grid, 1)
@@ -259,24 +359,34 @@ def _restoring(channel: str, vehicle: Vehicle, said: list[str]) -> float:
     if channel not in ("roll", "pitch"):
         return 0.0
     lever = float(vehicle.weight * vehicle.r_G[2] - vehicle.buoyancy * vehicle.r_B[2])
-    said.append(f"Restoring moment of {channel}: {lever:.4g} N m at 90 degrees, from weight, buoyancy and centres of the vehicle file.")
+    said.append(
+        f"Restoring moment of {channel}: {lever:.4g} N m at 90 degrees, from weight, buoyancy and"
+        " centres of the vehicle file."
+    )
     return lever
 
 
 def _munk(streams: Streams, grid: Array, said: list[str], leg: str) -> Array:
-    """-(Z_wdot - X_udot) u w on the grid (n,) [N m]: what drives pitch when surge and heave are driven, (64) corrected."""
+    """-(Z_wdot - X_udot) u w on the grid (n,) [N m]: what drives pitch when surge and
+    heave are driven, (64) corrected.
+    """
     found = streams.samples("velocity", VELOCITY[:3], streams.vehicle.dvl.lag_s)
     if found is None or found.t_s.size < 2:
         raise _missing("velocity", leg, " for pitch")
     body = found.values @ streams.vehicle.dvl.rotation.T
     u, w = (np.interp(grid, found.t_s, body[:, axis]) for axis in (0, 2))
     difference = float(streams.vehicle.added_mass[2, 2] - streams.vehicle.added_mass[0, 0])
-    said.append(f"Pitch is driven by -(Z_wdot - X_udot) u w with Z_wdot - X_udot = {difference:.4g} kg of the vehicle file.")
+    said.append(
+        f"Pitch is driven by -(Z_wdot - X_udot) u w with Z_wdot - X_udot = {difference:.4g} kg of"
+        " the vehicle file."
+    )
     return np.asarray(-difference * u * w)
 
 
 def _gyro_bias(run: SingleRun, index: int) -> float:
-    """Constant of the gyro [rad/s] where the angle is measured too: mean rate less the turn of the angle; else 0."""
+    """Constant of the gyro [rad/s] where the angle is measured too: mean rate less the
+    turn of the angle; else 0.
+    """
     if index < 3 or not (run.rate.size and run.position.size > 1):
         return 0.0
     t, at = run.grid_s[run.rate_at], run.grid_s[run.position_at]

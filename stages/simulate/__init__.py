@@ -1,4 +1,6 @@
-"""Fly a plan with a twin and write what its sensors record as real log files, with the truth beside them."""
+"""Fly a plan with a twin and write what its sensors record as real log files, with the
+truth beside them.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
@@ -30,7 +33,9 @@ from auvid.stages.simulate.tlog_writer import write_tlog
 
 @dataclass(frozen=True)
 class Inputs:
-    """The vehicle, what the manifest says of the twin (plan, truth, seed, format), and the pendulums of a bench campaign."""
+    """The vehicle, what the manifest says of the twin (plan, truth, seed, format), and
+    the pendulums of a bench campaign.
+    """
 
     vehicle: Document = port("vehicle")
     twin: Document = port("twin")
@@ -56,8 +61,9 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """All legs of a plan, or all experiments of a bench plan.
 
-    A truth that becomes unstable ends its leg with time, state and reason; what was flown before is kept. Raises `CampaignError` for a
-    plan that asks for the impossible, and `DataError` where no leg was reached at all.
+    A truth that becomes unstable ends its leg with time, state and reason; what was
+    flown before is kept. Raises `CampaignError` for a plan that asks for the
+    impossible, and `DataError` where no leg was reached at all.
     """
     vehicle, twin = vehicle_from_document(inputs.vehicle), inputs.twin
     check_document(twin["plan"], "plan", file="the plan")
@@ -65,12 +71,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         return _bench(vehicle, twin, inputs.apparatus)
     plan = plan_from_document(twin["plan"], vehicle, file="the plan")
     plant, notes = truth_force(twin["truth"], plan, vehicle)
-    seed, words = int(twin["seed"]), f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}"
+    seed, words = (
+        int(twin["seed"]),
+        f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}",
+    )
     flown = {leg.id: fly_leg(plan, leg, plant, seed=seed) for leg in plan.legs}
     reached = {name: leg for name, leg in flown.items() if leg.reached}
     if not reached:
         reasons = "; ".join(f"{name}: {leg.flight.stop}" for name, leg in flown.items())
-        raise DataError(f"the twin reached no leg: {reasons}", remedy="Choose another truth, or a plan with less motion.")
+        raise DataError(
+            f"the twin reached no leg: {reasons}",
+            remedy="Choose another truth, or a plan with less motion.",
+        )
     recorded = {name: record(leg, plan, seed=seed, text=words) for name, leg in reached.items()}
     logs: dict[str, bytes] = {}
     for item in recorded.values():
@@ -78,7 +90,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
     if isinstance(plant.truth, IdentifiedModel):
-        document["coefficients"] = {axis: dict(terms) for axis, terms in plant.truth.coefficients.items()}
+        document["coefficients"] = {
+            axis: dict(terms) for axis, terms in plant.truth.coefficients.items()
+        }
     return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
 
 
@@ -86,15 +100,22 @@ def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outp
     plan, seed = bench_plan(twin["plan"], vehicle, file="the plan"), int(twin["seed"])
     words = f"auvid bench twin of {vehicle.name}, seed {seed}"
     flown = {item.id: fly_experiment(item, plan, vehicle, apparatus) for item in plan.experiments}
-    recorded = {name: record_experiment(item, plan, vehicle, seed=seed, text=words) for name, item in flown.items()}
+    recorded = {
+        name: record_experiment(item, plan, vehicle, seed=seed, text=words)
+        for name, item in flown.items()
+    }
     logs: dict[str, bytes] = {}
     for item in recorded.values():
         logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
-    document = bench_document(plan.title, "numbers of the plan, by run", seed, twin["format"], flown, recorded)
+    document = bench_document(
+        plan.title, "numbers of the plan, by run", seed, twin["format"], flown, recorded
+    )
     return Outputs(logs, {}, document, bench_section(document, flown), _views(()))
 
 
-def log_files(recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str) -> dict[str, bytes]:
+def log_files(
+    recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str
+) -> dict[str, bytes]:
     """The files of one log by name, in one of the formats bin, tlog, csv."""
     if format == "csv":
         return write_csv(recorded, vehicle, accelerometer=accelerometer)
@@ -102,7 +123,12 @@ def log_files(recorded: Recorded, vehicle: Vehicle, *, format: str, acceleromete
     return {log_name(recorded.leg, format): writer(recorded)}
 
 
-def _document(twin: Document, flown: Mapping[str, FlownLeg], recorded: Mapping[str, Recorded], vehicle: Vehicle) -> dict[str, Any]:
+def _document(
+    twin: Document,
+    flown: Mapping[str, FlownLeg],
+    recorded: Mapping[str, Recorded],
+    vehicle: Vehicle,
+) -> dict[str, Any]:
     assert vehicle.propeller is not None
     legs = [
         {
@@ -112,27 +138,80 @@ def _document(twin: Document, flown: Mapping[str, FlownLeg], recorded: Mapping[s
             "start_s": leg.start_s,
             "end_s": leg.end_s if leg.reached else None,
             "stopped": None if leg.flight.stop is None else str(leg.flight.stop),
-            "biases": {key: value.tolist() for key, value in recorded[name].biases.items()} if name in recorded else {},
+            "biases": (
+                {key: value.tolist() for key, value in recorded[name].biases.items()}
+                if name in recorded
+                else {}
+            ),
         }
         for name, leg in flown.items()
     ]
     truth = f"{twin['truth']['name']} ({twin['truth']['source']})"
-    return {"plan": twin["plan"]["title"], "truth": truth, "seed": twin["seed"], "format": twin["format"], "legs": legs}
+    return {
+        "plan": twin["plan"]["title"],
+        "truth": truth,
+        "seed": twin["seed"],
+        "format": twin["format"],
+        "legs": legs,
+    }
 
 
-def _section(document: Document, flown: Mapping[str, FlownLeg], tables: Mapping[str, pa.Table], notes: list[str]) -> dict[str, Any]:
-    blocks = [text(f"Plan: {document['plan']}. Truth: {document['truth']}. Seed {document['seed']}, logs as {document['format']}.")]
+def _section(
+    document: Document,
+    flown: Mapping[str, FlownLeg],
+    tables: Mapping[str, pa.Table],
+    notes: list[str],
+) -> dict[str, Any]:
+    blocks = [
+        text(
+            f"Plan: {document['plan']}. Truth: {document['truth']}. Seed {document['seed']}, logs"
+            f" as {document['format']}."
+        )
+    ]
     blocks += [remark(words, "note") for words in notes]
-    blocks += [remark(f"Leg '{leg['id']}': {leg['stopped']}", "warning") for leg in document["legs"] if leg["stopped"]]
+    blocks += [
+        remark(f"Leg '{leg['id']}': {leg['stopped']}", "warning")
+        for leg in document["legs"]
+        if leg["stopped"]
+    ]
     rows = []
     for name, truth in tables.items():
         inside = truth.slice(*_rows_of(truth, flown[name]))
-        spread = {key: float(np.degrees(np.abs(column(inside, f"{key}_rad")).max())) for key in ("phi", "theta")}
-        sway, rate = float(np.abs(column(inside, "v_m_s")).max()), float(np.abs(column(inside, "r_rad_s")).max())
-        rows.append([name, flown[name].leg.rpm, float(column(inside, "u_m_s").mean()), sway, rate, spread["phi"], spread["theta"]])
-    heads: list[str | tuple[str, str]] = ["leg", ("speed", "rpm"), ("mean u", "m/s"), ("largest v", "m/s"), ("largest r", "rad/s")]
+        spread = {
+            key: float(np.degrees(np.abs(column(inside, f"{key}_rad")).max()))
+            for key in ("phi", "theta")
+        }
+        sway, rate = (
+            float(np.abs(column(inside, "v_m_s")).max()),
+            float(np.abs(column(inside, "r_rad_s")).max()),
+        )
+        rows.append(
+            [
+                name,
+                flown[name].leg.rpm,
+                float(column(inside, "u_m_s").mean()),
+                sway,
+                rate,
+                spread["phi"],
+                spread["theta"],
+            ]
+        )
+    heads: list[str | tuple[str, str]] = [
+        "leg",
+        ("speed", "rpm"),
+        ("mean u", "m/s"),
+        ("largest v", "m/s"),
+        ("largest r", "rad/s"),
+    ]
     heads += [("roll", "deg"), ("pitch", "deg")]
-    blocks.append(table("What was flown", heads, rows, note="Of the true motion, largest magnitudes within the leg."))
+    blocks.append(
+        table(
+            "What was flown",
+            heads,
+            rows,
+            note="Of the true motion, largest magnitudes within the leg.",
+        )
+    )
     for name, truth in tables.items():
         t = column(truth, "t_s")
         panels = [
@@ -140,7 +219,14 @@ def _section(document: Document, flown: Mapping[str, FlownLeg], tables: Mapping[
             for label, key in (("heading", "psi_rad"), ("roll", "phi_rad"), ("pitch", "theta_rad"))
         ]
         panels.append(panel("depth", "m", [series("true", t, column(truth, "z_m"), "true")]))
-        blocks.append(plot(f"True motion of {name}", panels, group=f"truth {name}", look_for="Roll and pitch answer to steps in heading."))
+        blocks.append(
+            plot(
+                f"True motion of {name}",
+                panels,
+                group=f"truth {name}",
+                look_for="Roll and pitch answer to steps in heading.",
+            )
+        )
     return section("The twin", blocks, order=5)
 
 
@@ -155,7 +241,12 @@ def _views(tables: Iterable[str]) -> dict[str, Any]:
         ("fins", tuple(f"fin_{fin}_rad" for fin in "spbt"), "rad"),
     )
     groups = [
-        {"entity": f"twin/{name}", "table": f"truth/{leg}", "columns": list(columns), "names": [f"{item} true" for item in columns]}
+        {
+            "entity": f"twin/{name}",
+            "table": f"truth/{leg}",
+            "columns": list(columns),
+            "names": [f"{item} true" for item in columns],
+        }
         | {"roles": ["true"] * len(columns), "tab": "Twin", "unit": unit}
         for leg in tables
         for name, columns, unit in shown

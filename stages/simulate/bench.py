@@ -1,4 +1,6 @@
-"""Fly the experiments of a bench plan, and record them as the vehicle's sensors or a Pixhawk on the pendulum would."""
+"""Fly the experiments of a bench plan, and record them as the vehicle's sensors or a
+Pixhawk on the pendulum would.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +9,33 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import FULL_COMMAND, NEUTRAL_US, Thrusters, thruster_force, thruster_forces
+from auvid.hydro.dynamics.actuators.thrusters import (
+    FULL_COMMAND,
+    NEUTRAL_US,
+    Thrusters,
+    thruster_force,
+    thruster_forces,
+)
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.simplified import DERIVATIVES, LINEAR, QUADRATIC
-from auvid.hydro.dynamics.simulation.bench_motion import PhysicalPendulum, Quadrifilar, Trajectory, drive, free_decay, swing
-from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise, ahrs, pressure_depth, velocity_log
+from auvid.hydro.dynamics.simulation.bench_motion import (
+    PhysicalPendulum,
+    Quadrifilar,
+    Trajectory,
+    drive,
+    free_decay,
+    swing,
+)
+from auvid.hydro.dynamics.simulation.sensor_models import (
+    AhrsNoise,
+    ahrs,
+    pressure_depth,
+    velocity_log,
+)
 from auvid.hydro.dynamics.simulation.simulation import Motion, constant_inputs
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
 from auvid.stages.columns import POSE, VELOCITY, named
@@ -30,7 +51,9 @@ DOFS = ("surge", "sway", "heave")
 
 @dataclass(frozen=True)
 class FlownExperiment:
-    """A run with its motion (times from the start of its leg), the pulses of a tank run, and its true numbers."""
+    """A run with its motion (times from the start of its leg), the pulses of a tank
+    run, and its true numbers.
+    """
 
     experiment: Experiment
     trajectory: Trajectory
@@ -39,22 +62,38 @@ class FlownExperiment:
     pulses_us: Array | None = None
 
 
-def fly_experiment(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document | None) -> FlownExperiment:
-    """One run. Raises `CampaignError` where the apparatus does not have what it names, `DataError` where the motion cannot be."""
+def fly_experiment(
+    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document | None
+) -> FlownExperiment:
+    """One run. Raises `CampaignError` where the apparatus does not have what it names,
+    `DataError` where the motion cannot be.
+    """
     if experiment.kind == "tank":
         return _tank(experiment, plan, vehicle)
     part = {"decays": "free_decay", "swings": "quadrifilar"}[experiment.kind]
     if apparatus is None or part not in apparatus:
         remedy = "Name the document of the pendulums in the manifest (apparatus: apparatus.yaml)."
-        raise CampaignError(f"the plan has {experiment.kind}, but there is no apparatus with '{part}'", field="apparatus", remedy=remedy)
-    return (_decay if experiment.kind == "decays" else _swing)(experiment, plan, vehicle, apparatus[part])
+        raise CampaignError(
+            f"the plan has {experiment.kind}, but there is no apparatus with '{part}'",
+            field="apparatus",
+            remedy=remedy,
+        )
+    return (_decay if experiment.kind == "decays" else _swing)(
+        experiment, plan, vehicle, apparatus[part]
+    )
 
 
 def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExperiment:
-    """From rest, every command held until the next; thrust follows the whole pulses that are logged."""
+    """From rest, every command held until the next; thrust follows the whole pulses
+    that are logged.
+    """
     assert vehicle.thrusters is not None
     commands = experiment.entry["commands"]
-    changes = np.unique(np.concatenate([[0.0], *(np.array(steps["times_s"], dtype=np.float64) for steps in commands.values())]))
+    changes = np.unique(
+        np.concatenate(
+            [[0.0], *(np.array(steps["times_s"], dtype=np.float64) for steps in commands.values())]
+        )
+    )
     pulses = np.full((changes.size, len(vehicle.thrusters.outputs)), NEUTRAL_US)
     for channel, steps in commands.items():
         index = output_of(channel, vehicle)
@@ -68,29 +107,46 @@ def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExp
     shallowest = float(trajectory(np.arange(0.0, experiment.end_s, LOOK_S))[0][:, 2].min())
     if shallowest < 0.0:
         remedy = "Start deeper (depth_m), or heave less."
-        raise DataError(f"run '{experiment.id}' leaves the water", value=f"{-shallowest:.2g} m above the surface", remedy=remedy)
+        raise DataError(
+            f"run '{experiment.id}' leaves the water",
+            value=f"{-shallowest:.2g} m above the surface",
+            remedy=remedy,
+        )
     return FlownExperiment(experiment, trajectory, plan.truths[truth], changes, pulses)
 
 
 def _pulse(thrusters: Thrusters, percent: Array) -> Array:
     """Pulses [us] of commands of -100 to 100."""
     ends = thrusters.curve.pwm_us
-    return np.asarray(np.interp(percent, [-FULL_COMMAND, 0.0, FULL_COMMAND], [ends[0], NEUTRAL_US, ends[-1]]))
+    return np.asarray(
+        np.interp(percent, [-FULL_COMMAND, 0.0, FULL_COMMAND], [ends[0], NEUTRAL_US, ends[-1]])
+    )
 
 
-def _decay(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document) -> FlownExperiment:
+def _decay(
+    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document
+) -> FlownExperiment:
     truth = plan.truths[experiment.entry["truth"]]
     hung = _entry(apparatus["decays"], experiment.entry["decay"], "bench.decays", "decay")
-    pendulum = pendulum_of(apparatus, truth, vehicle, dof=str(hung.get("dof", "surge")) if hung["role"] == "vehicle" else None)
+    pendulum = pendulum_of(
+        apparatus,
+        truth,
+        vehicle,
+        dof=str(hung.get("dof", "surge")) if hung["role"] == "vehicle" else None,
+    )
     angle = float(np.radians(experiment.entry["angle_deg"]))
     return FlownExperiment(experiment, free_decay(pendulum, angle, experiment.end_s), truth)
 
 
-def pendulum_of(apparatus: Document, truth: Mapping[str, float], vehicle: Vehicle, *, dof: str | None) -> PhysicalPendulum:
-    """The pendulum of part `free_decay` of an apparatus, empty (`dof` None) or with the vehicle's axis `dof` along the swing.
+def pendulum_of(
+    apparatus: Document, truth: Mapping[str, float], vehicle: Vehicle, *, dof: str | None
+) -> PhysicalPendulum:
+    """The pendulum of part `free_decay` of an apparatus, empty (`dof` None) or with the
+    vehicle's axis `dof` along the swing.
 
-    Mass, added mass and drag of the vehicle act at the arm L, as in Alberti (66)-(70): its turning with the pole is left out. The parts
-    have their own arms; those of the pole's own water (pole_added_mass, pole_linear, pole_quadratic) are given at L.
+    Mass, added mass and drag of the vehicle act at the arm L, as in Alberti (66)-(70):
+    its turning with the pole is left out. The parts have their own arms; those of the
+    pole's own water (pole_added_mass, pole_linear, pole_quadratic) are given at L.
     """
     read = Quantities(apparatus)
     arm, gravity = read.number("arm", "m"), vehicle.gravity
@@ -100,8 +156,12 @@ def pendulum_of(apparatus: Document, truth: Mapping[str, float], vehicle: Vehicl
         mass, at = part.number("mass", "kg"), part.number("arm", "m")
         inertia += mass * at**2 + part.number("inertia", "kg*m^2", default=0.0)
         displaced = part.number("displaced_mass", "kg", default=0.0)
-        restoring += gravity * (mass * at - displaced * part.number("displaced_arm", "m", default=at))
-    added, linear, quadratic = (truth.get(name, 0.0) for name in ("pole_added_mass", "pole_linear", "pole_quadratic"))
+        restoring += gravity * (
+            mass * at - displaced * part.number("displaced_arm", "m", default=at)
+        )
+    added, linear, quadratic = (
+        truth.get(name, 0.0) for name in ("pole_added_mass", "pole_linear", "pole_quadratic")
+    )
     if dof is not None:
         axis = DOFS.index(dof)
         mass = truth.get("mass", read.number("vehicle_mass", "kg", default=vehicle.mass_kg))
@@ -111,10 +171,14 @@ def pendulum_of(apparatus: Document, truth: Mapping[str, float], vehicle: Vehicl
         added += truth.get(DERIVATIVES[axis], float(vehicle.added_mass[axis, axis]))
         linear += truth.get(LINEAR[axis], 0.0)
         quadratic += truth.get(QUADRATIC[axis], 0.0)
-    return PhysicalPendulum(inertia - added * arm**2, restoring, linear * arm**2, quadratic * arm**3)
+    return PhysicalPendulum(
+        inertia - added * arm**2, restoring, linear * arm**2, quadratic * arm**3
+    )
 
 
-def _swing(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document) -> FlownExperiment:
+def _swing(
+    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document
+) -> FlownExperiment:
     entry, read = experiment.entry, Quantities(apparatus)
     laid = _entry(apparatus["swings"], entry["swing"], "bench.swings", "swing")
     tray = Quadrifilar(
@@ -134,30 +198,57 @@ def _entry(entries: list[Document], name: str, field: str, key: str) -> Document
     known = {str(entry["id"]): entry for entry in entries}
     if name not in known:
         raise CampaignError(
-            f"the apparatus has no such {key}", field=f"{field}.{key}", value=name, allowed=known, remedy=nearest(name, known)
+            f"the apparatus has no such {key}",
+            field=f"{field}.{key}",
+            value=name,
+            allowed=known,
+            remedy=nearest(name, known),
         )
     return known[name]
 
 
-def record_experiment(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, *, seed: int, text: str) -> Recorded:
-    """The streams of a run's log, which begins `margin_s` before its leg; clocks tick in whole milliseconds."""
+def record_experiment(
+    flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, *, seed: int, text: str
+) -> Recorded:
+    """The streams of a run's log, which begins `margin_s` before its leg; clocks tick
+    in whole milliseconds.
+    """
     seen = plan.with_noise(flown.experiment.noise)
-    return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(flown, seen, vehicle, seed, text)
+    return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(
+        flown, seen, vehicle, seed, text
+    )
 
 
-def _record_tank(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed: int, text: str) -> Recorded:
+def _record_tank(
+    flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed: int, text: str
+) -> Recorded:
     assert vehicle.thrusters is not None
     assert flown.changes_s is not None
     assert flown.pulses_us is not None
     name, margin = flown.experiment.id, flown.experiment.margin_s
-    times = {stream: sample_times(margin + flown.experiment.end_s, stream, rate) for stream, rate in plan.rates_hz.items()}
+    times = {
+        stream: sample_times(margin + flown.experiment.end_s, stream, rate)
+        for stream, rate in plan.rates_hz.items()
+    }
     at = {stream: (values - BOOT_US) / 1e6 - margin for stream, values in times.items()}
     motion = {stream: _free(values, flown.trajectory) for stream, values in at.items()}
-    unit = ahrs(motion["imu"], vehicle.imu, plan.ahrs, random_of(seed, name, IMU), rate_hz=plan.rates_hz["imu"], gravity=vehicle.gravity)
-    velocity = velocity_log(motion["velocity"], vehicle.dvl, random_of(seed, name, DVL), noise_m_s=plan.velocity_sd_m_s)
-    depth = pressure_depth(motion["depth"], vehicle.depth_sensor, random_of(seed, name, DEPTH), noise_m=plan.depth_sd_m)
+    unit = ahrs(
+        motion["imu"],
+        vehicle.imu,
+        plan.ahrs,
+        random_of(seed, name, IMU),
+        rate_hz=plan.rates_hz["imu"],
+        gravity=vehicle.gravity,
+    )
+    velocity = velocity_log(
+        motion["velocity"], vehicle.dvl, random_of(seed, name, DVL), noise_m_s=plan.velocity_sd_m_s
+    )
+    depth = pressure_depth(
+        motion["depth"], vehicle.depth_sensor, random_of(seed, name, DEPTH), noise_m=plan.depth_sd_m
+    )
     logged = np.zeros((at["actuators"].size, OUTPUTS))
-    # A command holds from its own time on; before the first sample of the leg the outputs are neutral.
+    # A command holds from its own time on; before the first sample of the leg the
+    # outputs are neutral.
     which = np.searchsorted(flown.changes_s, at["actuators"] + 1e-9, side="right") - 1
     pulses = np.where(which[:, None] < 0, NEUTRAL_US, flown.pulses_us[np.maximum(which, 0)])
     logged[:, [output - 1 for output in vehicle.thrusters.outputs]] = pulses
@@ -166,7 +257,10 @@ def _record_tank(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed
         "attitude": {"time_us": times["imu"], **named(POSE[3:], wrapped(unit))},
         "velocity": {"time_us": times["velocity"], **named(VELOCITY[:3], velocity)},
         "depth": {"time_us": times["depth"], "depth_m": depth},
-        "actuators": {"time_us": times["actuators"], **named(tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1)), logged)},
+        "actuators": {
+            "time_us": times["actuators"],
+            **named(tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1)), logged),
+        },
     }
     return Recorded(name, streams, unit.biases, text)
 
@@ -178,11 +272,17 @@ def _free(t_s: Array, trajectory: Trajectory) -> Motion:
 
 def _motion(t_s: Array, eta: Array, nu: Array, nu_dot: Array) -> Motion:
     """A motion of which the sensors need pose, velocity and acceleration alone."""
-    return Motion(t_s, eta, nu, nu_dot, constant_inputs(0.0, np.zeros(4), knots=t_s.size), np.zeros(nu.shape))
+    return Motion(
+        t_s, eta, nu, nu_dot, constant_inputs(0.0, np.zeros(4), knots=t_s.size), np.zeros(nu.shape)
+    )
 
 
-def _record_pendulum(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed: int, text: str) -> Recorded:
-    """A Pixhawk on the pole, below the pivot, or in the middle of the tray; pole and tray turn it in pitch or yaw."""
+def _record_pendulum(
+    flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed: int, text: str
+) -> Recorded:
+    """A Pixhawk on the pole, below the pivot, or in the middle of the tray; pole and
+    tray turn it in pitch or yaw.
+    """
     name, margin, rate = flown.experiment.id, flown.experiment.margin_s, plan.pixhawk_hz
     times = sample_times(margin + flown.experiment.end_s, "imu", rate)
     state, speed = flown.trajectory((times - BOOT_US) / 1e6 - margin)
@@ -194,7 +294,9 @@ def _record_pendulum(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, 
     noise: AhrsNoise = plan.pixhawk
     motion = turned(_motion((times - BOOT_US) / 1e6, eta, nu, nu_dot), turn)
     sensor = MountedSensor(arm @ turn, np.eye(3), 0.0)
-    unit = ahrs(motion, sensor, noise, random_of(seed, name, IMU), rate_hz=rate, gravity=vehicle.gravity)
+    unit = ahrs(
+        motion, sensor, noise, random_of(seed, name, IMU), rate_hz=rate, gravity=vehicle.gravity
+    )
     streams = {
         "imu": {"time_us": times, **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},
         "attitude": {"time_us": times, **named(POSE[3:], wrapped(unit))},
@@ -203,11 +305,16 @@ def _record_pendulum(flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, 
 
 
 def turned(motion: Motion, turn: Array) -> Motion:
-    """The motion in axes that are turned by `turn` (3, 3), sensor axes -> body axes: an autopilot reports all in its own axes."""
+    """The motion in axes that are turned by `turn` (3, 3), sensor axes -> body axes: an
+    autopilot reports all in its own axes.
+    """
     rotation = rotation_body_to_ned(motion.eta[:, 3:]) @ turn
     eta = motion.eta.copy()
     eta[:, 3] = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
     eta[:, 4] = np.arcsin(np.clip(-rotation[:, 2, 0], -1.0, 1.0))
     eta[:, 5] = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-    parts = [np.concatenate([values[:, :3] @ turn, values[:, 3:] @ turn], axis=1) for values in (motion.nu, motion.nu_dot)]
+    parts = [
+        np.concatenate([values[:, :3] @ turn, values[:, 3:] @ turn], axis=1)
+        for values in (motion.nu, motion.nu_dot)
+    ]
     return _motion(motion.t_s, eta, parts[0], parts[1])

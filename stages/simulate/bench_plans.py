@@ -1,4 +1,6 @@
-"""Plans of bench experiments (key `bench` of schema `plan`): tank runs, free decays, quadrifilar swings; refused where they cannot be."""
+"""Plans of bench experiments (key `bench` of schema `plan`): tank runs, free decays,
+quadrifilar swings; refused where they cannot be.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.hydro.arrays import Array, read_only
-from auvid.hydro.dynamics.simplified import DERIVATIVES, INERTIAS, LINEAR, QUADRATIC, SimplifiedModel, simplified_of
+from auvid.hydro.dynamics.simplified import (
+    DERIVATIVES,
+    INERTIAS,
+    LINEAR,
+    QUADRATIC,
+    SimplifiedModel,
+    simplified_of,
+)
 from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.simulate.plans import CSV_PARTS, ID, ahrs_noise, log_entry, margin_s
@@ -17,7 +27,9 @@ from auvid.stages.simulate.plans import CSV_PARTS, ID, ahrs_noise, log_entry, ma
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 """Channels in the order of the axes."""
 DRIVEN = {"pitch": frozenset({"surge", "heave"})}
-"""Which channels are commanded to excite one; those that are not named here by themselves."""
+"""Which channels are commanded to excite one; those that are not named here by
+themselves.
+"""
 POLE = ("pole_added_mass", "pole_linear", "pole_quadratic")
 BODY = ("mass", *INERTIAS, *DERIVATIVES, *LINEAR, *QUADRATIC)
 KINDS = ("tank", "decays", "swings")
@@ -28,7 +40,9 @@ OUTPUTS = 8
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run: `entry` as the plan writes it; times of its log count from `margin_s` before its start."""
+    """One run: `entry` as the plan writes it; times of its log count from `margin_s`
+    before its start.
+    """
 
     kind: str
     entry: Mapping[str, Any]
@@ -51,7 +65,9 @@ class Experiment:
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """A checked plan: the runs, their truths by name, and what the sensors of the tank and the Pixhawk of the pendulums are like."""
+    """A checked plan: the runs, their truths by name, and what the sensors of the tank
+    and the Pixhawk of the pendulums are like.
+    """
 
     title: str
     experiments: tuple[Experiment, ...]
@@ -78,7 +94,9 @@ class BenchPlan:
         )
 
     def model(self, truth: str, vehicle: Vehicle) -> SimplifiedModel:
-        """The simplified model of a truth: the vehicle with the numbers that the truth replaces."""
+        """The simplified model of a truth: the vehicle with the numbers that the truth
+        replaces.
+        """
         return model_of(self.truths[truth], vehicle, keep_z_G=self.keep_z_G)
 
 
@@ -94,56 +112,97 @@ def _scaled(noise: AhrsNoise, factor: float) -> AhrsNoise:
 
 
 def bench_plan(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None) -> BenchPlan:
-    """The plan of a document that agrees with schema `plan` and has the key `bench`. Raises `CampaignError`, all faults together."""
+    """The plan of a document that agrees with schema `plan` and has the key `bench`.
+    Raises `CampaignError`, all faults together.
+    """
     raise_faults(list(_faults(document, vehicle, file)), file=file)
     bench, margin = document["bench"], margin_s(document)
     sensors = document.get("sensors") or {}
     a, dvl, depth = (sensors.get(key) or {} for key in ("ahrs", "dvl", "depth"))
     pixhawk = bench.get("pixhawk") or {}
-    rates = {"imu": (a, 50.0), "velocity": (dvl, 4.0), "depth": (depth, 10.0), "actuators": (sensors.get("actuators") or {}, 50.0)}
+    rates = {
+        "imu": (a, 50.0),
+        "velocity": (dvl, 4.0),
+        "depth": (depth, 10.0),
+        "actuators": (sensors.get("actuators") or {}, 50.0),
+    }
     return BenchPlan(
         title=str(document["title"]),
-        experiments=tuple(Experiment(kind, entry, margin) for kind in KINDS for entry in bench.get(kind) or ()),
+        experiments=tuple(
+            Experiment(kind, entry, margin) for kind in KINDS for entry in bench.get(kind) or ()
+        ),
         truths=bench["truths"],
         keep_z_G=bool(bench.get("keep_z_G", False)),
         depth_m=float(document.get("depth_m", 5.0)),
-        rates_hz={stream: float(entry.get("rate_hz", default)) for stream, (entry, default) in rates.items()},
+        rates_hz={
+            stream: float(entry.get("rate_hz", default))
+            for stream, (entry, default) in rates.items()
+        },
         ahrs=ahrs_noise(a),
         velocity_sd_m_s=float(dvl.get("sd_m_s", 0.0)),
         depth_sd_m=float(depth.get("sd_m", 0.0)),
         pixhawk=ahrs_noise(pixhawk),
         pixhawk_hz=float(pixhawk.get("rate_hz", 50.0)),
         pixhawk_arm_m=float(pixhawk.get("arm_m", 1.0)),
-        pixhawk_mounting_rad=np.radians(np.array(pixhawk.get("mounting_deg", (0.0, 0.0, 0.0)), dtype=np.float64)),
+        pixhawk_mounting_rad=np.radians(
+            np.array(pixhawk.get("mounting_deg", (0.0, 0.0, 0.0)), dtype=np.float64)
+        ),
     )
 
 
-def bench_entries(document: Mapping[str, Any], *, format: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The logs and legs of a manifest for a bench plan: one log per run, whose leg says its role or channel."""
+def bench_entries(
+    document: Mapping[str, Any], *, format: str
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The logs and legs of a manifest for a bench plan: one log per run, whose leg says
+    its role or channel.
+    """
     logs, legs = [], []
     margin = margin_s(document)
     for kind in KINDS:
         for entry in document["bench"].get(kind) or ():
-            logs.append(log_entry(entry["id"], format, TANK_PARTS if kind == "tank" else CSV_PARTS[:1]))
-            said = _driven(entry, document) if kind == "tank" else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
+            logs.append(
+                log_entry(entry["id"], format, TANK_PARTS if kind == "tank" else CSV_PARTS[:1])
+            )
+            said = (
+                _driven(entry, document)
+                if kind == "tank"
+                else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
+            )
             end = margin + float(entry["duration_s"])
             legs.append(
-                {"id": entry["id"], "log": entry["id"], "start_s": margin, "end_s": end, "use": entry.get("use", "training"), **said}
+                {
+                    "id": entry["id"],
+                    "log": entry["id"],
+                    "start_s": margin,
+                    "end_s": end,
+                    "use": entry.get("use", "training"),
+                    **said,
+                }
             )
     return logs, legs
 
 
 def _driven(entry: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the leg of a tank run says: its channel, and the mass or moment of inertia of its truth where that has one of its own."""
+    """What the leg of a tank run says: its channel, and the mass or moment of inertia
+    of its truth where that has one of its own.
+    """
     truth = document["bench"]["truths"][entry["truth"]]
     axis = CHANNELS.index(entry["channel"])
     key, name = ("mass_kg", "mass") if axis < 3 else ("inertia_kg_m2", INERTIAS[axis - 3])
     return {"channel": entry["channel"], **({key: float(truth[name])} if name in truth else {})}
 
 
-def model_of(truth: Mapping[str, float], vehicle: Vehicle, *, keep_z_G: bool = False) -> SimplifiedModel:
-    """The simplified model of a vehicle with numbers of a truth in the place of its own; the weight follows the mass."""
-    model = simplified_of(vehicle, linear=[truth.get(name, 0.0) for name in LINEAR], quadratic=_of(truth, QUADRATIC, np.zeros(6)))
+def model_of(
+    truth: Mapping[str, float], vehicle: Vehicle, *, keep_z_G: bool = False
+) -> SimplifiedModel:
+    """The simplified model of a vehicle with numbers of a truth in the place of its
+    own; the weight follows the mass.
+    """
+    model = simplified_of(
+        vehicle,
+        linear=[truth.get(name, 0.0) for name in LINEAR],
+        quadratic=_of(truth, QUADRATIC, np.zeros(6)),
+    )
     mass = float(truth.get("mass", model.mass))
     return replace(
         model,
@@ -160,7 +219,9 @@ def _of(truth: Mapping[str, float], names: tuple[str, ...], default: Array) -> A
 
 
 def output_of(channel: str, vehicle: Vehicle) -> int | None:
-    """The index of the thruster that drives one channel and nothing else; None without one."""
+    """The index of the thruster that drives one channel and nothing else; None without
+    one.
+    """
     if vehicle.thrusters is None:
         return None
     axis = CHANNELS.index(channel)
@@ -175,7 +236,11 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
         return CampaignError(message, file=file, field=field, value=value, **more)
 
     bench = document["bench"]
-    entries = [(f"bench.{kind}[{index}]", kind, entry) for kind in KINDS for index, entry in enumerate(bench.get(kind) or ())]
+    entries = [
+        (f"bench.{kind}[{index}]", kind, entry)
+        for kind in KINDS
+        for index, entry in enumerate(bench.get(kind) or ())
+    ]
     if "legs" in document:
         yield fault("a plan has either legs or bench", "legs", len(document["legs"]))
     if not entries:
@@ -186,25 +251,52 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
     seen: set[str] = set()
     for at, kind, entry in entries:
         if not ID.fullmatch(entry["id"]) or entry["id"].lower() in seen:
-            yield fault("not a name of its own", f"{at}.id", entry["id"], allowed="letters, digits, _ and -, each name once")
+            yield fault(
+                "not a name of its own",
+                f"{at}.id",
+                entry["id"],
+                allowed="letters, digits, _ and -, each name once",
+            )
         seen.add(entry["id"].lower())
         if kind != "swings" and entry["truth"] not in bench["truths"]:
             known = list(bench["truths"])
-            yield fault("no such truth", f"{at}.truth", entry["truth"], allowed=known, remedy=nearest(entry["truth"], known))
+            yield fault(
+                "no such truth",
+                f"{at}.truth",
+                entry["truth"],
+                allowed=known,
+                remedy=nearest(entry["truth"], known),
+            )
         if kind == "tank":
             yield from _command_faults(at, entry, vehicle, fault)
     for name, truth in bench["truths"].items():
         yield from _truth_faults(f"bench.truths.{name}", truth, vehicle, fault)
 
 
-def _truth_faults(at: str, truth: Mapping[str, float], vehicle: Vehicle, fault: Callable[..., CampaignError]) -> Iterator[PipelineError]:
+def _truth_faults(
+    at: str, truth: Mapping[str, float], vehicle: Vehicle, fault: Callable[..., CampaignError]
+) -> Iterator[PipelineError]:
     known = (*BODY, *POLE)
     unknown = [key for key in truth if key not in known]
     for key in unknown:
-        yield fault("no number of the simplified model", f"{at}.{key}", truth[key], remedy=nearest(key, known))
-    positive = [key for key, value in truth.items() if key in (*DERIVATIVES, *LINEAR, *QUADRATIC, *POLE) and value > 0.0]
+        yield fault(
+            "no number of the simplified model",
+            f"{at}.{key}",
+            truth[key],
+            remedy=nearest(key, known),
+        )
+    positive = [
+        key
+        for key, value in truth.items()
+        if key in (*DERIVATIVES, *LINEAR, *QUADRATIC, *POLE) and value > 0.0
+    ]
     for key in positive:
-        yield fault("a derivative of added mass or damping is positive", f"{at}.{key}", truth[key], allowed="at most 0")
+        yield fault(
+            "a derivative of added mass or damping is positive",
+            f"{at}.{key}",
+            truth[key],
+            allowed="at most 0",
+        )
     if unknown or positive:
         return
     try:
@@ -216,19 +308,35 @@ def _truth_faults(at: str, truth: Mapping[str, float], vehicle: Vehicle, fault: 
         yield fault("the mass matrix is not positive definite", at, dict(truth))
 
 
-def _command_faults(at: str, entry: Mapping[str, Any], vehicle: Vehicle, fault: Callable[..., CampaignError]) -> Iterator[PipelineError]:
+def _command_faults(
+    at: str, entry: Mapping[str, Any], vehicle: Vehicle, fault: Callable[..., CampaignError]
+) -> Iterator[PipelineError]:
     driven = DRIVEN.get(entry["channel"], frozenset({entry["channel"]}))
     if set(entry["commands"]) != driven:
-        yield fault("the channel is not driven by these commands", f"{at}.commands", sorted(entry["commands"]), allowed=sorted(driven))
+        yield fault(
+            "the channel is not driven by these commands",
+            f"{at}.commands",
+            sorted(entry["commands"]),
+            allowed=sorted(driven),
+        )
         return
     for channel, steps in entry["commands"].items():
         times, values, where = steps["times_s"], steps["values_percent"], f"{at}.commands.{channel}"
         output = output_of(channel, vehicle)
         if output is None:
-            yield fault("the vehicle has no thruster that drives this channel alone", where, vehicle.name)
+            yield fault(
+                "the vehicle has no thruster that drives this channel alone", where, vehicle.name
+            )
         elif vehicle.thrusters is not None and vehicle.thrusters.outputs[output] > OUTPUTS:
-            yield fault(f"the twin logs {OUTPUTS} outputs", where, vehicle.thrusters.outputs[output])
+            yield fault(
+                f"the twin logs {OUTPUTS} outputs", where, vehicle.thrusters.outputs[output]
+            )
         if len(times) != len(values) or not times:
-            yield fault("as many times as values are needed", f"{where}.times_s", len(times), allowed=len(values))
+            yield fault(
+                "as many times as values are needed",
+                f"{where}.times_s",
+                len(times),
+                allowed=len(values),
+            )
         elif np.any(np.diff(times) <= 0.0) or times[-1] >= entry["duration_s"]:
             yield fault("the times do not increase within the leg", f"{where}.times_s", times)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.stages.presentation import Block, panel, plot, section, series, table, text
 from auvid.stages.simulate.bench import FlownExperiment
 from auvid.stages.simulate.bench_plans import CHANNELS
@@ -15,7 +16,12 @@ SHOWN_S = 120.0
 
 
 def bench_document(
-    title: str, truth: str, seed: int, format: str, flown: Mapping[str, FlownExperiment], recorded: Mapping[str, Recorded]
+    title: str,
+    truth: str,
+    seed: int,
+    format: str,
+    flown: Mapping[str, FlownExperiment],
+    recorded: Mapping[str, Recorded],
 ) -> dict[str, Any]:
     """Schema `simulation`; a leg names its experiment and its true numbers."""
     legs = [
@@ -33,18 +39,30 @@ def bench_document(
     return {"plan": title, "truth": truth, "seed": seed, "format": format, "legs": legs}
 
 
-def bench_section(document: Mapping[str, Any], flown: Mapping[str, FlownExperiment]) -> dict[str, Any]:
+def bench_section(
+    document: Mapping[str, Any], flown: Mapping[str, FlownExperiment]
+) -> dict[str, Any]:
     """Truths as a table, and the motion of every run."""
     blocks: list[Block] = [
-        text(f"Plan: {document['plan']}. Seed {document['seed']}, logs as {document['format']}. Each run begins at rest."),
+        text(
+            f"Plan: {document['plan']}. Seed {document['seed']}, logs as {document['format']}. Each"
+            " run begins at rest."
+        ),
         table(
             "True numbers of each run",
             ["run", "experiment", "numbers in SI"],
             [
-                [leg["id"], leg["experiment"], ", ".join(f"{key} {value:g}" for key, value in leg["truth"].items())]
+                [
+                    leg["id"],
+                    leg["experiment"],
+                    ", ".join(f"{key} {value:g}" for key, value in leg["truth"].items()),
+                ]
                 for leg in document["legs"]
             ],
-            note="What is not named here is that of the vehicle file; damping that is not named is 0.",
+            note=(
+                "What is not named here is that of the vehicle file; damping that is not named"
+                " is 0."
+            ),
         ),
     ]
     blocks += [_plot(name, item) for name, item in flown.items()]
@@ -61,8 +79,17 @@ def _plot(name: str, flown: FlownExperiment) -> Block:
     assert flown.pulses_us is not None
     which = np.searchsorted(flown.changes_s, t, side="right") - 1
     used = np.flatnonzero(np.ptp(flown.pulses_us, axis=0) > 0.0)
-    pulses = [series(f"output {index + 1}", t, flown.pulses_us[which, index], "raw") for index in used]
+    pulses = [
+        series(f"output {index + 1}", t, flown.pulses_us[which, index], "raw") for index in used
+    ]
     axis = CHANNELS.index(flown.experiment.entry["channel"])
     unit = "m/s" if axis < 3 else "rad/s"
-    panels = [panel("pulse", "us", pulses), panel("uvwpqr"[axis], unit, [series("true", t, state[:, 6 + axis], "true")])]
-    return plot(f"True motion of {name}", panels, look_for="Each step of the pulse starts a new rise towards its own speed.")
+    panels = [
+        panel("pulse", "us", pulses),
+        panel("uvwpqr"[axis], unit, [series("true", t, state[:, 6 + axis], "true")]),
+    ]
+    return plot(
+        f"True motion of {name}",
+        panels,
+        look_for="Each step of the pulse starts a new rise towards its own speed.",
+    )

@@ -1,4 +1,6 @@
-"""Write a log of the twin as CSV, one file per sensor, in double precision, and the column maps that say what the columns are."""
+"""Write a log of the twin as CSV, one file per sensor, in double precision, and the
+column maps that say what the columns are.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.dynamics.simulation.sensor_models import without_gravity
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.columns import POSE, VELOCITY, Array
@@ -22,24 +25,42 @@ PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "outputs": (("actuators", tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1))),),
 }
 """File -> the streams in it with their fields; columns have the names of the fields."""
-UNIT_OF_SUFFIX = (("_us", "us"), ("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_rev_s", "1/s"), ("_m_s", "m/s"), ("_rad", "rad"), ("_m", "m"))
+UNIT_OF_SUFFIX = (
+    ("_us", "us"),
+    ("_rad_s", "rad/s"),
+    ("_m_s2", "m/s^2"),
+    ("_rev_s", "1/s"),
+    ("_m_s", "m/s"),
+    ("_rad", "rad"),
+    ("_m", "m"),
+)
 
 
 def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> dict[str, bytes]:
     """The files of one log by name, of the parts that were recorded.
 
-    `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude, errors included.
+    `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude,
+    errors included.
     """
     files = {}
     for part in PARTS:
-        if any(name not in recorded.streams.get(stream, ()) for stream, fields in PARTS[part] for name in fields):
+        if any(
+            name not in recorded.streams.get(stream, ())
+            for stream, fields in PARTS[part]
+            for name in fields
+        ):
             continue
         columns: dict[str, Any] = {TIME: recorded.streams[PARTS[part][0][0]]["time_us"] / 1e6}
         for stream, fields in PARTS[part]:
             columns |= {name: recorded.streams[stream][name] for name in fields}
         if part == "ahrs" and accelerometer == "inertial":
             attitude = np.column_stack([columns[name] for name in POSE[3:]])
-            accel = without_gravity(np.column_stack([columns[name] for name in ACCEL]), attitude, vehicle.imu, gravity=vehicle.gravity)
+            accel = without_gravity(
+                np.column_stack([columns[name] for name in ACCEL]),
+                attitude,
+                vehicle.imu,
+                gravity=vehicle.gravity,
+            )
             columns |= dict(zip(ACCEL, accel.T, strict=True))
         files[csv_name(recorded.leg, part)] = _text(columns)
     return files
@@ -47,7 +68,10 @@ def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> di
 
 def _text(columns: Mapping[str, Array]) -> bytes:
     lines = [",".join(columns)]
-    lines += [",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)]
+    lines += [
+        ",".join(map(repr, row))
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True)
+    ]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -55,8 +79,15 @@ def column_maps(*, accelerometer: str) -> dict[str, dict[str, Any]]:
     """The column map of each file (schema `column_map`), by part."""
     maps = {}
     for part, streams in PARTS.items():
-        entries = [{"column": name, "stream": stream, "field": name, "unit": _unit(name)} for stream, fields in streams for name in fields]
-        maps[part] = {"time": {"column": TIME, "unit": "s", "epoch": "boot", "start": BOOT_US / 1e6}, "columns": entries}
+        entries = [
+            {"column": name, "stream": stream, "field": name, "unit": _unit(name)}
+            for stream, fields in streams
+            for name in fields
+        ]
+        maps[part] = {
+            "time": {"column": TIME, "unit": "s", "epoch": "boot", "start": BOOT_US / 1e6},
+            "columns": entries,
+        }
     maps["ahrs"]["accelerometer"] = accelerometer
     return maps
 

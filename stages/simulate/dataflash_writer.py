@@ -1,8 +1,10 @@
-"""Write a log of the twin as ArduPilot DataFlash (.BIN), as a vehicle would: definitions, units, then records in order of time.
+"""Write a log of the twin as ArduPilot DataFlash (.BIN), as a vehicle would:
+definitions, units, then records in order of time.
 
-IMU, ATT, BARO and VISO have the layouts of ArduSub 4.5 (single precision: 1e-7 of a value, 2e-7 rad of attitude, enough to recover
-coefficients from sensors without noise). Propeller and fins stand in a message of our own, ACTU, pulses in RCOU. Fields that the twin does
-not know are 0; a log has the types of the streams that were recorded.
+IMU, ATT, BARO and VISO have the layouts of ArduSub 4.5 (single precision: 1e-7 of a
+value, 2e-7 rad of attitude, enough to recover coefficients from sensors without noise).
+Propeller and fins stand in a message of our own, ACTU, pulses in RCOU. Fields that the
+twin does not know are 0; a log has the types of the streams that were recorded.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats.dataflash import FMT, MAGIC, Definition, define
 from auvid.stages.simulate.sensing import BOOT_US, Recorded
 
@@ -38,12 +41,18 @@ UNIT = define(117, "UNIT", "QbZ", "TimeUS,Id,Label")
 MULT = define(118, "MULT", "Qbd", "TimeUS,Id,Mult")
 FMTU = define(116, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")
 MSG = define(59, "MSG", "QZ", "TimeUS,Message")
-IMU = define(164, "IMU", "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz")
+IMU = define(
+    164, "IMU", "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
+)
 ATT = define(72, "ATT", "QffffffB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,AEKF")
-BARO = define(64, "BARO", "QBfffcfIffBf", "TimeUS,I,Alt,AltAMSL,Press,Temp,CRt,SMS,Offset,GndTemp,H,CPress")
+BARO = define(
+    64, "BARO", "QBfffcfIffBf", "TimeUS,I,Alt,AltAMSL,Press,Temp,CRt,SMS,Offset,GndTemp,H,CPress"
+)
 VISO = define(168, "VISO", "Qffffffff", "TimeUS,dt,AngDX,AngDY,AngDZ,PosDX,PosDY,PosDZ,conf")
 ACTU = define(200, "ACTU", "Qfffff", "TimeUS,RevS,FinS,FinP,FinB,FinT")
-RCOU = define(132, "RCOU", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14")
+RCOU = define(
+    132, "RCOU", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"
+)
 COMMON: tuple[tuple[Definition, str, str], ...] = (
     (FMT, "", ""),
     (UNIT, "s--", "F--"),
@@ -63,25 +72,45 @@ OF_STREAMS: tuple[tuple[Definition, str, str], ...] = (
 
 
 def write_dataflash(recorded: Recorded) -> bytes:
-    """The whole log as bytes. Records with equal times keep the order MSG, IMU, ATT, VISO, BARO, ACTU, RCOU."""
+    """The whole log as bytes. Records with equal times keep the order MSG, IMU, ATT,
+    VISO, BARO, ACTU, RCOU.
+    """
     tables = _tables(recorded)
     present = {definition.id for definition, *_ in tables}
     types = [*COMMON, *(item for item in OF_STREAMS if item[0].id in present)]
     head = b"".join(item.pack() for item, _, _ in types)
     used = {key for _, units, _ in types for key in units}
-    letters = [_rows(UNIT, {"Id": [ord(key)], "Label": [text.encode()]}, _start()) for key, text in UNITS.items() if key in used]
-    letters += [_rows(MULT, {"Id": [ord(key)], "Mult": [value]}, _start()) for key, value in MULTIPLIERS.items()]
+    letters = [
+        _rows(UNIT, {"Id": [ord(key)], "Label": [text.encode()]}, _start())
+        for key, text in UNITS.items()
+        if key in used
+    ]
     letters += [
-        _rows(FMTU, {"FmtType": [item.id], "UnitIds": [units.encode()], "MultIds": [factors.encode()]}, _start())
+        _rows(MULT, {"Id": [ord(key)], "Mult": [value]}, _start())
+        for key, value in MULTIPLIERS.items()
+    ]
+    letters += [
+        _rows(
+            FMTU,
+            {"FmtType": [item.id], "UnitIds": [units.encode()], "MultIds": [factors.encode()]},
+            _start(),
+        )
         for item, units, factors in types
         if units
     ]
     words = _rows(MSG, {"Message": [recorded.text.encode()[:64]]}, _start())
-    return head + words.tobytes() + b"".join(item.tobytes() for item in letters) + in_order(_records(tables))
+    return (
+        head
+        + words.tobytes()
+        + b"".join(item.tobytes() for item in letters)
+        + in_order(_records(tables))
+    )
 
 
 def in_order(blocks: list[tuple[npt.NDArray[np.int64], list[bytes]]]) -> bytes:
-    """Records of several types (times (n,), bytes of each) in order of time; types keep their order at equal times."""
+    """Records of several types (times (n,), bytes of each) in order of time; types keep
+    their order at equal times.
+    """
     times = np.concatenate([when for when, _ in blocks])
     records = [item for _, items in blocks for item in items]
     return b"".join(records[index] for index in np.argsort(times, kind="stable"))
@@ -91,7 +120,9 @@ def _start() -> npt.NDArray[np.int64]:
     return np.array([BOOT_US])
 
 
-def _rows(definition: Definition, columns: Mapping[str, Any], time_us: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+def _rows(
+    definition: Definition, columns: Mapping[str, Any], time_us: npt.NDArray[np.int64]
+) -> npt.NDArray[np.void]:
     """Records (n,) of a type with these columns; the others are 0."""
     rows = np.zeros(time_us.size, definition.record)
     raw = rows.view(np.uint8).reshape(time_us.size, -1)
@@ -105,10 +136,18 @@ def _rows(definition: Definition, columns: Mapping[str, Any], time_us: npt.NDArr
     return rows
 
 
-def _tables(recorded: Recorded) -> list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]:
+def _tables(
+    recorded: Recorded,
+) -> list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]:
     """Message type, columns and times of each stream that there is."""
     made = []
-    for stream, table in (("imu", _imu), ("attitude", _attitude), ("velocity", _velocity), ("depth", _depth), ("actuators", _actuators)):
+    for stream, table in (
+        ("imu", _imu),
+        ("attitude", _attitude),
+        ("velocity", _velocity),
+        ("depth", _depth),
+        ("actuators", _actuators),
+    ):
         if stream in recorded.streams:
             columns = recorded.streams[stream]
             made.append((*table(columns), np.asarray(columns["time_us"])))
@@ -120,38 +159,65 @@ Columns = Mapping[str, npt.NDArray[Any]]
 
 def _imu(imu: Columns) -> tuple[Definition, Mapping[str, Any]]:
     gyro = {f"Gyr{axis.upper()}": imu[f"gyro_{axis}_rad_s"] for axis in "xyz"}
-    return IMU, gyro | {f"Acc{axis.upper()}": imu[f"accel_{axis}_m_s2"] for axis in "xyz"} | {"GH": 1, "AH": 1, "T": 20.0}
+    return IMU, gyro | {f"Acc{axis.upper()}": imu[f"accel_{axis}_m_s2"] for axis in "xyz"} | {
+        "GH": 1,
+        "AH": 1,
+        "T": 20.0,
+    }
 
 
 def _attitude(attitude: Columns) -> tuple[Definition, Mapping[str, Any]]:
-    degrees = {name: np.degrees(attitude[f"{symbol}_rad"]) for name, symbol in (("Roll", "phi"), ("Pitch", "theta"), ("Yaw", "psi"))}
+    degrees = {
+        name: np.degrees(attitude[f"{symbol}_rad"])
+        for name, symbol in (("Roll", "phi"), ("Pitch", "theta"), ("Yaw", "psi"))
+    }
     degrees["Yaw"] = np.remainder(degrees["Yaw"], 360.0)
     return ATT, {**degrees, "AEKF": 3}
 
 
 def _velocity(velocity: Columns) -> tuple[Definition, Mapping[str, Any]]:
-    interval = np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1]) / 1e6
+    interval = (
+        np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1])
+        / 1e6
+    )
     interval = interval.astype(np.float32).astype(np.float64)
-    moved = {f"PosD{name}": velocity[f"{axis}_m_s"] * interval for name, axis in zip("XYZ", "uvw", strict=True)}
+    moved = {
+        f"PosD{name}": velocity[f"{axis}_m_s"] * interval
+        for name, axis in zip("XYZ", "uvw", strict=True)
+    }
     return VISO, {"dt": interval, "conf": 100.0} | moved
 
 
 def _depth(depth: Columns) -> tuple[Definition, Mapping[str, Any]]:
     below = depth["depth_m"]
     pressure = {"Press": STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * below}
-    return BARO, {"Alt": -below, "AltAMSL": -below, "H": 1, "SMS": depth["time_us"] // 1000, "Temp": 1000} | pressure
+    return (
+        BARO,
+        {"Alt": -below, "AltAMSL": -below, "H": 1, "SMS": depth["time_us"] // 1000, "Temp": 1000}
+        | pressure,
+    )
 
 
 def _actuators(actuators: Columns) -> tuple[Definition, Mapping[str, Any]]:
-    pulses = {f"C{name.split('_')[1]}": values for name, values in actuators.items() if name.startswith("pwm_")}
+    pulses = {
+        f"C{name.split('_')[1]}": values
+        for name, values in actuators.items()
+        if name.startswith("pwm_")
+    }
     if pulses:
         return RCOU, pulses
-    return ACTU, {"RevS": actuators["propeller_rev_s"]} | {f"Fin{name.upper()}": actuators[f"fin_{name}_rad"] for name in "spbt"}
+    return ACTU, {"RevS": actuators["propeller_rev_s"]} | {
+        f"Fin{name.upper()}": actuators[f"fin_{name}_rad"] for name in "spbt"
+    }
 
 
-def _records(tables: list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]) -> list[tuple[npt.NDArray[np.int64], list[bytes]]]:
+def _records(
+    tables: list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]],
+) -> list[tuple[npt.NDArray[np.int64], list[bytes]]]:
     blocks = []
     for definition, columns, time_us in tables:
         data, size = _rows(definition, columns, time_us).tobytes(), definition.length
-        blocks.append((time_us, [data[start : start + size] for start in range(0, len(data), size)]))
+        blocks.append(
+            (time_us, [data[start : start + size] for start in range(0, len(data), size)])
+        )
     return blocks

@@ -1,4 +1,6 @@
-"""Fly the legs of a plan, and fit models to what was flown: the physical truth, given coefficients, or a model refitted to the physics."""
+"""Fly the legs of a plan, and fit models to what was flown: the physical truth, given
+coefficients, or a model refitted to the physics.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest, raise_faults
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
-from auvid.hydro.dynamics.simulation.simulation import Flight, Limits, Motion, Plant, fly, gauss_markov, motion_at
+from auvid.hydro.dynamics.simulation.simulation import (
+    Flight,
+    Limits,
+    Motion,
+    Plant,
+    fly,
+    gauss_markov,
+    motion_at,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel, model_named
@@ -25,14 +36,18 @@ FORCE, IMU, VELOCITY, DEPTH, SCATTER = range(5)
 REFERENCE_SPEED_M_S = 2.0
 DEEPER_M = 50.0
 SPREAD = np.array([0.05, 0.05, 0.05, 0.3, 0.05, 0.05])
-"""Standard deviation of u v w [m/s] and p q r [rad/s] about the flown motion, where a model is refitted."""
+"""Standard deviation of u v w [m/s] and p q r [rad/s] about the flown motion, where a
+model is refitted.
+"""
 
 
 @dataclass(frozen=True)
 class FlownLeg:
-    """A leg as flown. Times count from the start of its log, which lies `offset_s` after the start of the flight.
+    """A leg as flown. Times count from the start of its log, which lies `offset_s`
+    after the start of the flight.
 
-    `start_s` to `end_s` is the leg, cut where the flight stopped; `log_end_s` is the last moment that the log can hold.
+    `start_s` to `end_s` is the leg, cut where the flight stopped; `log_end_s` is the
+    last moment that the log can hold.
     """
 
     leg: Leg
@@ -54,15 +69,19 @@ class FlownLeg:
 
 
 def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
-    """The random numbers of one sensor of one leg: independent of the other legs and of their order."""
+    """The random numbers of one sensor of one leg: independent of the other legs and of
+    their order.
+    """
     return np.random.default_rng([seed, zlib.crc32(leg.encode()), stream])
 
 
 def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
-    """Settle at the leg's propeller speed, fly the leg, and go on for the margin of the log.
+    """Settle at the leg's propeller speed, fly the leg, and go on for the margin of the
+    log.
 
-    The unsteady force grows with the square of the level speed and acts from the start of the settling. Raises `DataError` where the
-    truth needs a level speed that the vehicle's table does not have.
+    The unsteady force grows with the square of the level speed and acts from the start
+    of the settling. Raises `DataError` where the truth needs a level speed that the
+    vehicle's table does not have.
     """
     vehicle = plant.vehicle
     assert vehicle.propeller is not None
@@ -73,10 +92,25 @@ def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
     if plan.unsteady is not None:
         sd = plan.unsteady.sd * (cruise / REFERENCE_SPEED_M_S) ** 2
         random = random_of(seed, leg.id, FORCE)
-        force = gauss_markov(random, sd=sd, correlation_s=plan.unsteady.correlation_s, step_s=plan.tick_s, samples=ticks)
+        force = gauss_markov(
+            random,
+            sd=sd,
+            correlation_s=plan.unsteady.correlation_s,
+            step_s=plan.tick_s,
+            samples=ticks,
+        )
     depth = plan.depth_m + leg.depth_m(t_s)
-    pilot = StepAutopilot(fin_mixing(vehicle), leg.yaw_rad(t_s), depth, plan.tick_s, plan.fin_limit_rad, plan.fin_rate_rad_s)
-    start = plant.start([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0], [cruise, 0.0, 0.0, 0.0, 0.0, 0.0], leg.rev_s)
+    pilot = StepAutopilot(
+        fin_mixing(vehicle),
+        leg.yaw_rad(t_s),
+        depth,
+        plan.tick_s,
+        plan.fin_limit_rad,
+        plan.fin_rate_rad_s,
+    )
+    start = plant.start(
+        [0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0], [cruise, 0.0, 0.0, 0.0, 0.0, 0.0], leg.rev_s
+    )
     flight = fly(
         plant,
         pilot,
@@ -89,13 +123,16 @@ def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
     )
     offset = plan.settle_s - plan.margin_s
     last = float(flight.t_s[-1]) - offset
-    return FlownLeg(leg, plant, flight, offset, plan.margin_s, min(plan.margin_s + leg.duration_s, last), last)
+    return FlownLeg(
+        leg, plant, flight, offset, plan.margin_s, min(plan.margin_s + leg.duration_s, last), last
+    )
 
 
 def truth_force(truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle) -> tuple[Plant, list[str]]:
     """The plant of a truth (part `truth` of schema `twin`), and sentences about it.
 
-    Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown model.
+    Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown
+    model.
     """
     name, kind = str(truth["name"]), truth["kind"]
     if kind == "physics":
@@ -107,8 +144,12 @@ def truth_force(truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle) -> tuple
     return Plant(vehicle, IdentifiedModel(name, coefficients), plan.viscous_lag_s), []
 
 
-def checked_coefficients(coefficients: Mapping[str, Mapping[str, float]], *, file: object) -> Mapping[str, Mapping[str, float]]:
-    """The coefficients, if every axis and term is known and every value is finite; else `CampaignError`, all faults together."""
+def checked_coefficients(
+    coefficients: Mapping[str, Mapping[str, float]], *, file: object
+) -> Mapping[str, Mapping[str, float]]:
+    """The coefficients, if every axis and term is known and every value is finite; else
+    `CampaignError`, all faults together.
+    """
     faults: list[PipelineError] = []
     if not any(coefficients.values()):
         faults.append(CampaignError("no coefficients", file=file))
@@ -117,19 +158,33 @@ def checked_coefficients(coefficients: Mapping[str, Mapping[str, float]], *, fil
             faults.append(CampaignError("unknown axis", file=file, value=axis, allowed=AXES))
         for term, value in terms.items():
             if term not in BASIS_TERMS:
-                faults.append(CampaignError("unknown term", file=file, field=axis, value=term, remedy=nearest(term, BASIS_TERMS)))
+                faults.append(
+                    CampaignError(
+                        "unknown term",
+                        file=file,
+                        field=axis,
+                        value=term,
+                        remedy=nearest(term, BASIS_TERMS),
+                    )
+                )
             if not np.isfinite(value):
-                faults.append(CampaignError("not a finite coefficient", file=file, field=f"{axis}.{term}", value=value))
+                faults.append(
+                    CampaignError(
+                        "not a finite coefficient", file=file, field=f"{axis}.{term}", value=value
+                    )
+                )
     raise_faults(faults, file=file)
     return coefficients
 
 
 def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, list[str]]:
-    """A model fitted to the physical truth over all legs of a plan, flown without unsteady force: a truth in the span of that model.
+    """A model fitted to the physical truth over all legs of a plan, flown without
+    unsteady force: a truth in the span of that model.
 
-    The force is sampled around the flown velocities (`SPREAD`, seeded), so that motions which the legs hardly have, roll above all, keep
-    their damping and the model stays flyable.
-    Where columns are inseparable on these legs, one coefficient of each group carries the force and the others are 0.
+    The force is sampled around the flown velocities (`SPREAD`, seeded), so that motions
+    which the legs hardly have, roll above all, keep their damping and the model stays
+    flyable. Where columns are inseparable on these legs, one coefficient of each group
+    carries the force and the others are 0.
     """
     assert vehicle.propeller is not None
     model = model_named(name)
@@ -143,14 +198,22 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
         nu = nu[round(plan.settle_s / plan.tick_s) :]
         nu = nu + SPREAD * random_of(0, leg.id, SCATTER).standard_normal(nu.shape)
         ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)
-        factor = factor.update(basis_rows(nu.T, ratio, model.distinct_terms), plant.viscous_force(nu, ratio))
+        factor = factor.update(
+            basis_rows(nu.T, ratio, model.distinct_terms), plant.viscous_force(nu, ratio)
+        )
     coefficients, errors = {}, []
     for axis, terms in model.terms.items():
         if terms:
             fit = solve_axis(factor, axis, terms)
-            coefficients[axis] = {term: float(value) for term, value in zip(terms, fit.solution, strict=True) if value != 0.0}
+            coefficients[axis] = {
+                term: float(value)
+                for term, value in zip(terms, fit.solution, strict=True)
+                if value != 0.0
+            }
             errors.append(f"{axis} {fit.rms / fit.j0:.3f}" if fit.j0 > 0.0 else f"{axis} -")
-    return IdentifiedModel(name, coefficients), [f"refitted to the flow physics, J/J0 over the legs: {', '.join(errors)}"]
+    return IdentifiedModel(name, coefficients), [
+        f"refitted to the flow physics, J/J0 over the legs: {', '.join(errors)}"
+    ]
 
 
 def _steady(plan: Plan) -> Plan:

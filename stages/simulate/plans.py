@@ -1,4 +1,6 @@
-"""Plans of a twin: read from their document, refused where they ask for the impossible, and what the autopilot is told at each tick."""
+"""Plans of a twin: read from their document, refused where they ask for the impossible,
+and what the autopilot is told at each tick.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, raise_faults
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise
@@ -21,7 +24,9 @@ LONGEST_LEG_S = 7200.0
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg: steady propeller speed, and the steps that the autopilot is told (times [s] from the start of the leg, values)."""
+    """One leg: steady propeller speed, and the steps that the autopilot is told (times
+    [s] from the start of the leg, values).
+    """
 
     id: str
     rpm: float
@@ -36,7 +41,9 @@ class Leg:
         return self.rpm / 60.0
 
     def yaw_rad(self, t_s: Array) -> Array:
-        """Heading asked for at times from the start of the leg, 0 before the first step."""
+        """Heading asked for at times from the start of the leg, 0 before the first
+        step.
+        """
         return _held(self.yaw_steps, t_s)
 
     def depth_m(self, t_s: Array) -> Array:
@@ -52,7 +59,9 @@ def _held(steps: tuple[Array, Array], t_s: Array) -> Array:
 
 @dataclass(frozen=True)
 class Unsteady:
-    """First-order Gauss-Markov force: standard deviations (6,) [N, N m] at a level speed of 2 m/s, and the correlation time."""
+    """First-order Gauss-Markov force: standard deviations (6,) [N, N m] at a level
+    speed of 2 m/s, and the correlation time.
+    """
 
     sd: Array
     correlation_s: float
@@ -60,7 +69,9 @@ class Unsteady:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked plan in SI. `rates_hz` by stream: imu (with attitude), velocity, depth, actuators."""
+    """A checked plan in SI. `rates_hz` by stream: imu (with attitude), velocity, depth,
+    actuators.
+    """
 
     title: str
     depth_m: float
@@ -81,15 +92,22 @@ class Plan:
     legs: tuple[Leg, ...]
 
 
-def plan_from_document(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None) -> Plan:
+def plan_from_document(
+    document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None
+) -> Plan:
     """The plan of a document that agrees with schema `plan`.
 
-    Raises `CampaignError`, all faults together: legs without length or with equal names, propeller speeds that the vehicle's table of level
-    speeds does not reach, depths above the surface, steps that are not in order, and a vehicle without propeller or fins.
+    Raises `CampaignError`, all faults together: legs without length or with equal
+    names, propeller speeds that the vehicle's table of level speeds does not reach,
+    depths above the surface, steps that are not in order, and a vehicle without
+    propeller or fins.
     """
     faults = list(_faults(document, vehicle, file))
     raise_faults(faults, file=file)
-    sensors = {key: document.get("sensors", {}).get(key, {}) for key in ("ahrs", "dvl", "depth", "actuators")}
+    sensors = {
+        key: document.get("sensors", {}).get(key, {})
+        for key in ("ahrs", "dvl", "depth", "actuators")
+    }
     a, dvl = sensors["ahrs"], sensors["dvl"]
     rate = float(document.get("control_hz", 50.0))
     return Plan(
@@ -112,7 +130,9 @@ def plan_from_document(document: Mapping[str, Any], vehicle: Vehicle, *, file: o
         ahrs=ahrs_noise(a),
         dvl_sd_m_s=float(dvl.get("sd_m_s", 0.0)),
         dvl_arm_error_m=np.array(dvl.get("arm_error_m", (0.0, 0.0, 0.0)), dtype=np.float64),
-        dvl_mounting_error_rad=np.radians(np.array(dvl.get("mounting_error_deg", (0.0, 0.0, 0.0)), dtype=np.float64)),
+        dvl_mounting_error_rad=np.radians(
+            np.array(dvl.get("mounting_error_deg", (0.0, 0.0, 0.0)), dtype=np.float64)
+        ),
         depth_sd_m=float(sensors["depth"].get("sd_m", 0.0)),
         legs=tuple(_leg(entry, document) for entry in document["legs"]),
     )
@@ -130,12 +150,23 @@ def ahrs_noise(entry: Mapping[str, Any]) -> AhrsNoise:
     )
 
 
-def manifest_entries(document: Mapping[str, Any], *, format: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def manifest_entries(
+    document: Mapping[str, Any], *, format: str
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The logs and legs of a manifest for the twin's log files: one log per leg."""
     margin = margin_s(document)
     ends = [(entry, margin + float(entry["duration_s"])) for entry in document["legs"]]
     logs = [log_entry(entry["id"], format, CSV_PARTS) for entry, _ in ends]
-    legs = [{"id": entry["id"], "log": entry["id"], "start_s": margin, "end_s": end, "use": entry["use"]} for entry, end in ends]
+    legs = [
+        {
+            "id": entry["id"],
+            "log": entry["id"],
+            "start_s": margin,
+            "end_s": end,
+            "use": entry["use"],
+        }
+        for entry, end in ends
+    ]
     return logs, legs
 
 
@@ -146,7 +177,12 @@ def log_entry(name: str, format: str, csv_parts: tuple[str, ...]) -> dict[str, A
     """The entry of one log in a manifest; a CSV log is one file per part."""
     if format != "csv":
         return {"id": name, "file": log_name(name, format)}
-    return {"id": name, "files": [{"file": csv_name(name, part), "columns": f"columns/{part}.yaml"} for part in csv_parts]}
+    return {
+        "id": name,
+        "files": [
+            {"file": csv_name(name, part), "columns": f"columns/{part}.yaml"} for part in csv_parts
+        ],
+    }
 
 
 def log_name(leg: str, format: str) -> str:
@@ -173,19 +209,34 @@ def _steps(document: Mapping[str, Any], kind: str) -> tuple[Array, Array]:
     entry = document.get(kind) or {}
     key, scale = ("values_deg", "yaw_scale") if kind == "yaw_steps" else ("values_m", "depth_scale")
     values = np.array(entry.get(key, ()), dtype=np.float64) * float(document.get(scale, 1.0))
-    return np.array(entry.get("times_s", ()), dtype=np.float64), np.radians(values) if kind == "yaw_steps" else values
+    return np.array(entry.get("times_s", ()), dtype=np.float64), (
+        np.radians(values) if kind == "yaw_steps" else values
+    )
 
 
 def _leg(entry: Mapping[str, Any], document: Mapping[str, Any]) -> Leg:
     none = (np.zeros(0), np.zeros(0))
-    steps = {kind: _steps(document, kind) if entry["manoeuvre"] == kind else none for kind in ("yaw_steps", "depth_steps")}
-    return Leg(str(entry["id"]), float(entry["rpm"]), entry["manoeuvre"], float(entry["duration_s"]), entry["use"], **steps)
+    steps = {
+        kind: _steps(document, kind) if entry["manoeuvre"] == kind else none
+        for kind in ("yaw_steps", "depth_steps")
+    }
+    return Leg(
+        str(entry["id"]),
+        float(entry["rpm"]),
+        entry["manoeuvre"],
+        float(entry["duration_s"]),
+        entry["use"],
+        **steps,
+    )
 
 
 def _unsteady(entry: Mapping[str, Any] | None) -> Unsteady | None:
     if entry is None:
         return None
-    return Unsteady(np.array([*entry["force_sd_N"], *entry["moment_sd_N_m"]], dtype=np.float64), float(entry["correlation_s"]))
+    return Unsteady(
+        np.array([*entry["force_sd_N"], *entry["moment_sd_N_m"]], dtype=np.float64),
+        float(entry["correlation_s"]),
+    )
 
 
 def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iterator[PipelineError]:
@@ -197,7 +248,10 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
         return
     if not document.get("legs"):
         yield fault(
-            "the plan has no legs", "legs", [], remedy="List the legs; a plan with bench is flown by a campaign of kind bench_twin."
+            "the plan has no legs",
+            "legs",
+            [],
+            remedy="List the legs; a plan with bench is flown by a campaign of kind bench_twin.",
         )
         return
     endless = list(_not_finite(document, ""))
@@ -205,32 +259,67 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
     if endless:
         return
     if margin_s(document) > float(document.get("settle_s", 40.0)):
-        yield fault("the log would begin before the vehicle does", "margin_s", margin_s(document), allowed="at most settle_s")
+        yield fault(
+            "the log would begin before the vehicle does",
+            "margin_s",
+            margin_s(document),
+            allowed="at most settle_s",
+        )
     yield from _list_faults(document, fault)
     fastest = 60.0 * float(vehicle.propeller.level_speed_rev_s[-1])
     seen: set[str] = set()
     for index, leg in enumerate(document["legs"]):
         at = f"legs[{index}]"
         if not ID.fullmatch(str(leg["id"])) or str(leg["id"]).lower() in seen:
-            yield fault("not a name of its own", f"{at}.id", leg["id"], allowed="letters, digits, _ and -, each name once")
+            yield fault(
+                "not a name of its own",
+                f"{at}.id",
+                leg["id"],
+                allowed="letters, digits, _ and -, each name once",
+            )
         seen.add(str(leg["id"]).lower())
         if leg["duration_s"] > LONGEST_LEG_S:
             longest = f"at most {LONGEST_LEG_S:g} s"
-            yield fault("the leg is too long to be flown in one", f"{at}.duration_s", leg["duration_s"], allowed=longest)
+            yield fault(
+                "the leg is too long to be flown in one",
+                f"{at}.duration_s",
+                leg["duration_s"],
+                allowed=longest,
+            )
         if not leg["duration_s"] >= SHORTEST_LEG_S:
-            yield fault("the leg has no length", f"{at}.duration_s", leg["duration_s"], allowed=f"at least {SHORTEST_LEG_S:g} s")
+            yield fault(
+                "the leg has no length",
+                f"{at}.duration_s",
+                leg["duration_s"],
+                allowed=f"at least {SHORTEST_LEG_S:g} s",
+            )
         if not 0.0 < leg["rpm"] <= fastest:
             speed = f"more than 0, at most {fastest:g} rpm, where the table of level speeds ends"
-            yield fault("the vehicle cannot run at this speed", f"{at}.rpm", leg["rpm"], allowed=speed)
+            yield fault(
+                "the vehicle cannot run at this speed", f"{at}.rpm", leg["rpm"], allowed=speed
+            )
         if leg["manoeuvre"] != "straight" and not document.get(leg["manoeuvre"]):
             yield fault(
-                "the plan does not say what these steps are", f"{at}.manoeuvre", leg["manoeuvre"], remedy=f"Add {leg['manoeuvre']}."
+                "the plan does not say what these steps are",
+                f"{at}.manoeuvre",
+                leg["manoeuvre"],
+                remedy=f"Add {leg['manoeuvre']}.",
             )
     shallowest = _depth(document) + min([0.0, *_steps(document, "depth_steps")[1]])
     if any(leg["manoeuvre"] == "depth_steps" for leg in document["legs"]) and shallowest <= 0.0:
-        yield fault("a depth step goes above the surface", "depth_steps.values_m", f"{shallowest:g} m", allowed="depths below 0 m")
+        yield fault(
+            "a depth step goes above the surface",
+            "depth_steps.values_m",
+            f"{shallowest:g} m",
+            allowed="depths below 0 m",
+        )
     if _depth(document) <= 0.0:
-        yield fault("the vehicle would run at the surface", "depth_m", _depth(document), allowed="more than 0 m")
+        yield fault(
+            "the vehicle would run at the surface",
+            "depth_m",
+            _depth(document),
+            allowed="more than 0 m",
+        )
 
 
 def _not_finite(value: object, at: str) -> Iterator[tuple[str, float]]:
@@ -251,7 +340,12 @@ def _list_faults(document: Mapping[str, Any], fault: Any) -> Iterator[PipelineEr
         if not entry:
             continue
         if len(entry["times_s"]) != len(entry[key]):
-            yield fault("as many times as values are needed", f"{kind}.times_s", len(entry["times_s"]), allowed=len(entry[key]))
+            yield fault(
+                "as many times as values are needed",
+                f"{kind}.times_s",
+                len(entry["times_s"]),
+                allowed=len(entry[key]),
+            )
         elif np.any(np.diff(entry["times_s"]) <= 0.0):
             yield fault("the times do not increase", f"{kind}.times_s", entry["times_s"])
     three = [("unsteady", "force_sd_N"), ("unsteady", "moment_sd_N_m")]

@@ -1,4 +1,6 @@
-"""What the sensors of a twin record of a flown leg: one table per stream in SI, each on its own clock, and the true motion beside them."""
+"""What the sensors of a twin record of a flown leg: one table per stream in SI, each on
+its own clock, and the true motion beside them.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
@@ -30,7 +33,9 @@ Times = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recorded:
-    """The streams of one log: stream -> column -> values (n,), `time_us` among them, named as in the schemas of the streams."""
+    """The streams of one log: stream -> column -> values (n,), `time_us` among them,
+    named as in the schemas of the streams.
+    """
 
     leg: str
     streams: Mapping[str, Mapping[str, npt.NDArray[Any]]]
@@ -39,27 +44,56 @@ class Recorded:
 
 
 def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
-    """Sensor streams over the whole log; a sensor with a lag stamps what it saw that much later.
+    """Sensor streams over the whole log; a sensor with a lag stamps what it saw that
+    much later.
 
     Clocks tick in whole milliseconds, which every log format can hold.
     """
     vehicle, leg = flown.plant.vehicle, flown.leg.id
-    times = {stream: sample_times(flown.log_end_s, stream, rate) for stream, rate in plan.rates_hz.items()}
-    lags = {"imu": vehicle.imu.lag_s, "velocity": vehicle.dvl.lag_s, "depth": vehicle.depth_sensor.lag_s, "actuators": 0.0}
-    seen = {stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s) for stream, values in times.items()}
+    times = {
+        stream: sample_times(flown.log_end_s, stream, rate)
+        for stream, rate in plan.rates_hz.items()
+    }
+    lags = {
+        "imu": vehicle.imu.lag_s,
+        "velocity": vehicle.dvl.lag_s,
+        "depth": vehicle.depth_sensor.lag_s,
+        "actuators": 0.0,
+    }
+    seen = {
+        stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s)
+        for stream, values in times.items()
+    }
     motion = {stream: flown.motion(values) for stream, values in seen.items()}
-    unit = ahrs(motion["imu"], vehicle.imu, plan.ahrs, random_of(seed, leg, IMU), rate_hz=plan.rates_hz["imu"], gravity=vehicle.gravity)
+    unit = ahrs(
+        motion["imu"],
+        vehicle.imu,
+        plan.ahrs,
+        random_of(seed, leg, IMU),
+        rate_hz=plan.rates_hz["imu"],
+        gravity=vehicle.gravity,
+    )
     turn = rotation_body_to_ned(plan.dvl_mounting_error_rad)
-    dvl = MountedSensor(vehicle.dvl.arm_m + plan.dvl_arm_error_m, turn @ vehicle.dvl.rotation, vehicle.dvl.lag_s)
-    velocity = velocity_log(motion["velocity"], dvl, random_of(seed, leg, DVL), noise_m_s=plan.dvl_sd_m_s)
-    depth = pressure_depth(motion["depth"], vehicle.depth_sensor, random_of(seed, leg, DEPTH), noise_m=plan.depth_sd_m)
+    dvl = MountedSensor(
+        vehicle.dvl.arm_m + plan.dvl_arm_error_m, turn @ vehicle.dvl.rotation, vehicle.dvl.lag_s
+    )
+    velocity = velocity_log(
+        motion["velocity"], dvl, random_of(seed, leg, DVL), noise_m_s=plan.dvl_sd_m_s
+    )
+    depth = pressure_depth(
+        motion["depth"], vehicle.depth_sensor, random_of(seed, leg, DEPTH), noise_m=plan.depth_sd_m
+    )
     control = motion["actuators"].inputs
     streams = {
         "imu": {"time_us": times["imu"], **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},
         "attitude": {"time_us": times["imu"], **named(POSE[3:], wrapped(unit))},
         "velocity": {"time_us": times["velocity"], **named(VELOCITY[:3], velocity)},
         "depth": {"time_us": times["depth"], "depth_m": depth},
-        "actuators": {"time_us": times["actuators"], "propeller_rev_s": control.propeller_rev_s, **named(FINS, control.fins_rad)},
+        "actuators": {
+            "time_us": times["actuators"],
+            "propeller_rev_s": control.propeller_rev_s,
+            **named(FINS, control.fins_rad),
+        },
     }
     return Recorded(leg, streams, unit.biases, text)
 
@@ -72,7 +106,9 @@ def wrapped(unit: Ahrs) -> Array:
 
 
 def sample_times(log_end_s: float, stream: str, rate_hz: float) -> Times:
-    """Times (n,) of a stream in us on the vehicle's clock: its phase, then every 1/rate_hz, rounded to milliseconds."""
+    """Times (n,) of a stream in us on the vehicle's clock: its phase, then every
+    1/rate_hz, rounded to milliseconds.
+    """
     first, last = PHASE_MS[stream], np.floor(log_end_s * 1000.0 + 1e-6)
     count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1
     values = np.rint(first + np.arange(count) * 1000.0 / rate_hz).astype(np.int64) * 1000
@@ -95,6 +131,10 @@ def truth_table(flown: FlownLeg, plan: Plan) -> pa.Table:
         "propeller_rev_s": motion.inputs.propeller_rev_s,
         **named(FINS, motion.inputs.fins_rad),
     }
-    for name, force in (("viscous", motion.viscous), ("unsteady", unsteady), ("tau_bar", motion.viscous + unsteady)):
+    for name, force in (
+        ("viscous", motion.viscous),
+        ("unsteady", unsteady),
+        ("tau_bar", motion.viscous + unsteady),
+    ):
         columns |= named(force_columns(name), force)
     return make_table("truth", columns)

@@ -1,9 +1,10 @@
 """Write a log of the twin as MAVLink telemetry (.tlog), packed by pymavlink.
 
-ATTITUDE, HIGHRES_IMU, VISION_POSITION_DELTA and SCALED_PRESSURE2 hold single-precision SI numbers (RAW_IMU's whole millirad/s would not
-do for recovery). Propeller [rev/s] and fins S, P, B, T [rad] are the first five numbers of DEBUG_FLOAT_ARRAY 2759. The recorder stamps
-each message with the vehicle's own time, as over a link without delay. Pulses stand in SERVO_OUTPUT_RAW. A log has the messages of the
-streams that were recorded.
+ATTITUDE, HIGHRES_IMU, VISION_POSITION_DELTA and SCALED_PRESSURE2 hold single-precision
+SI numbers (RAW_IMU's whole millirad/s would not do for recovery). Propeller [rev/s] and
+fins S, P, B, T [rad] are the first five numbers of DEBUG_FLOAT_ARRAY 2759. The recorder
+stamps each message with the vehicle's own time, as over a link without delay. Pulses
+stand in SERVO_OUTPUT_RAW. A log has the messages of the streams that were recorded.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M, STANDARD_PRESSURE_PA
 from auvid.stages.simulate.sensing import BOOT_US, FINS, Recorded
 
@@ -40,16 +42,29 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int,
     streams = recorded.streams
     end = max(int(stream["time_us"][-1]) for stream in streams.values())
     for time_us in range(BOOT_US, end, HEARTBEAT_US):
-        yield time_us, mav.heartbeat_encode(mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 128, 0, 4)
+        yield (
+            time_us,
+            mav.heartbeat_encode(
+                mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 128, 0, 4
+            ),
+        )
     yield BOOT_US, mav.statustext_encode(mavlink.MAV_SEVERITY_INFO, recorded.text.encode()[:50])
-    for stream, encode in (("imu", _imu), ("attitude", _attitude), ("velocity", _velocity), ("depth", _depth), ("actuators", _actuators)):
+    for stream, encode in (
+        ("imu", _imu),
+        ("attitude", _attitude),
+        ("velocity", _velocity),
+        ("depth", _depth),
+        ("actuators", _actuators),
+    ):
         if stream in streams:
             yield from encode(mav, streams)
 
 
 def _imu(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
     imu = streams["imu"]
-    for t, *values in _rows(imu["time_us"], *(imu[f"accel_{axis}_m_s2"] for axis in "xyz"), *_gyro(imu)):
+    for t, *values in _rows(
+        imu["time_us"], *(imu[f"accel_{axis}_m_s2"] for axis in "xyz"), *_gyro(imu)
+    ):
         yield int(t), mav.highres_imu_encode(int(t), *values, *[0.0] * 7, 0x3F)
 
 
@@ -62,8 +77,12 @@ def _attitude(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
 
 def _velocity(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
     velocity = streams["velocity"]
-    steps = np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1])
-    for t, step, u, v, w in _rows(velocity["time_us"], steps, *(velocity[f"{axis}_m_s"] for axis in "uvw")):
+    steps = np.diff(
+        velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1]
+    )
+    for t, step, u, v, w in _rows(
+        velocity["time_us"], steps, *(velocity[f"{axis}_m_s"] for axis in "uvw")
+    ):
         moved = [value * step / 1e6 for value in (u, v, w)]
         yield int(t), mav.vision_position_delta_encode(int(t), int(step), [0.0] * 3, moved, 100.0)
 
@@ -82,8 +101,15 @@ def _actuators(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         for t, *values in _rows(actuators["time_us"], *pulses):
             yield int(t), mav.servo_output_raw_encode(int(t), 0, *(int(value) for value in values))
         return
-    for t, *values in _rows(actuators["time_us"], actuators["propeller_rev_s"], *(actuators[name] for name in FINS)):
-        yield int(t), mav.debug_float_array_encode(int(t), ARRAY_NAME, ARRAY_ID, [*values, *[0.0] * (ARRAY_LENGTH - len(values))])
+    for t, *values in _rows(
+        actuators["time_us"], actuators["propeller_rev_s"], *(actuators[name] for name in FINS)
+    ):
+        yield (
+            int(t),
+            mav.debug_float_array_encode(
+                int(t), ARRAY_NAME, ARRAY_ID, [*values, *[0.0] * (ARRAY_LENGTH - len(values))]
+            ),
+        )
 
 
 def _gyro(imu: Mapping[str, Any]) -> list[Any]:

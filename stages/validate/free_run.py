@@ -1,4 +1,6 @@
-"""Free runs of every model on the validation segments: simulated from measured controls, against the measured motion."""
+"""Free runs of every model on the validation segments: simulated from measured
+controls, against the measured motion.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.tables import has_columns, make_table, matrix
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
@@ -16,10 +19,15 @@ from auvid.stages.columns import ATTITUDE, POSE, VELOCITY, Array, clock
 from auvid.stages.presentation import Block, remark, table
 
 FASTEST_HZ = 50.0
-"""A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is exact to 1e-7."""
+"""A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is
+exact to 1e-7.
+"""
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 SHOWN = (6, 7, 8, 9, 10, 11, 3, 4, 5)
-NAMES = tuple(name.replace("_m_s", "_rms_m_s").replace("_rad", "_rms_rad", 1) for name in (*VELOCITY, *ATTITUDE))
+NAMES = tuple(
+    name.replace("_m_s", "_rms_m_s").replace("_rad", "_rms_rad", 1)
+    for name in (*VELOCITY, *ATTITUDE)
+)
 
 
 def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
@@ -32,7 +40,9 @@ def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
     propeller = given(("propeller_rev_s",))
     level = given(("level_speed_m_s",))
     control = Control(
-        propeller_rev_s=None if propeller is None else propeller[:, 0], fins_rad=given(FINS), thruster_force_N=given(thrusters)
+        propeller_rev_s=None if propeller is None else propeller[:, 0],
+        fins_rad=given(FINS),
+        thruster_force_N=given(thrusters),
     )
     return control, None if level is None else level[:, 0]
 
@@ -90,13 +100,17 @@ def free_run_table(found: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.Ta
                     int(ended.size),
                     float(ended.min()) if ended.size else np.nan,
                 )
-                for head, value in zip(heads, (*values, *(float(x) for x in spread[index, place])), strict=True):
+                for head, value in zip(
+                    heads, (*values, *(float(x) for x in spread[index, place])), strict=True
+                ):
                     rows[head].append(value)
     return make_table("free_run", rows)
 
 
 def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]:
-    """One table per segment, of what stayed bounded, and one warning that names what left the bounds."""
+    """One table per segment, of what stayed bounded, and one warning that names what
+    left the bounds.
+    """
     if not results.num_rows:
         return []
     blocks: list[Block] = []
@@ -110,33 +124,63 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
     ]
     for segment in dict.fromkeys(data["segment"]):
         rows = [
-            [titles[data["model"][i]], data["horizon_s"][i], data["starts"][i], data["diverged"][i], *(data[name][i] for name in NAMES)]
+            [
+                titles[data["model"][i]],
+                data["horizon_s"][i],
+                data["starts"][i],
+                data["diverged"][i],
+                *(data[name][i] for name in NAMES),
+            ]
             for i in range(results.num_rows)
             if data["segment"][i] == segment and data["diverged"][i] < data["starts"][i]
         ]
-        note = "RMS of simulated minus measured state at that time after a measured start, over the runs that stayed bounded."
+        note = (
+            "RMS of simulated minus measured state at that time after a measured start, over the"
+            " runs that stayed bounded."
+        )
         left_out = data["segment"].count(segment) - len(rows)
         note += f" {left_out} rows without a bounded run are left out." if left_out else ""
         if rows:
-            blocks.append(table(f"Free run on {segment}: error of the state", heads, rows, note=note))
-    lost = [item for item in (_divergence(model, title, results) for model, title in titles.items()) if item]
+            blocks.append(
+                table(f"Free run on {segment}: error of the state", heads, rows, note=note)
+            )
+    lost = [
+        item
+        for item in (_divergence(model, title, results) for model, title in titles.items())
+        if item
+    ]
     if lost:
-        words = f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10 rad/s), first after: "
+        words = (
+            f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
+            " rad/s), first after: "
+        )
         words += ", ".join(f"{title} {first_s:.1f} s" for title, first_s, _ in lost) + "."
         for horizon in sorted({never for *_, never in lost if never is not None}):
             names = [title for title, _, never in lost if never == horizon]
-            words += f" No run of {horizon:g} s held: {'all models' if len(names) == len(titles) > 1 else ', '.join(names)}."
+            words += (
+                f" No run of {horizon:g} s held:"
+                f" {'all models' if len(names) == len(titles) > 1 else ', '.join(names)}."
+            )
         blocks.insert(0, remark(words, "warning"))
     return blocks
 
 
-def _divergence(model: str, title: str, results: pa.Table) -> tuple[str, float, float | None] | None:
-    """Title, when a model first left the bounds, and the shortest horizon that no run reached; None for a model that stayed."""
+def _divergence(
+    model: str, title: str, results: pa.Table
+) -> tuple[str, float, float | None] | None:
+    """Title, when a model first left the bounds, and the shortest horizon that no run
+    reached; None for a model that stayed.
+    """
     rows = [row for row in results.to_pylist() if row["model"] == model]
     gone = [float(row["first_divergence_s"]) for row in rows if row["diverged"]]
-    horizons = {float(row["horizon_s"]) for row in rows} - {float(row["horizon_s"]) for row in rows if row["diverged"] < row["starts"]}
+    horizons = {float(row["horizon_s"]) for row in rows} - {
+        float(row["horizon_s"]) for row in rows if row["diverged"] < row["starts"]
+    }
     return (title, min(gone), min(horizons, default=None)) if gone else None
 
 
 def _units() -> list[tuple[str, str]]:
-    return [(name, "m/s" if name.endswith("m_s") else "rad/s" if name.endswith("rad_s") else "rad") for name in NAMES]
+    return [
+        (name, "m/s" if name.endswith("m_s") else "rad/s" if name.endswith("rad_s") else "rad")
+        for name in NAMES
+    ]

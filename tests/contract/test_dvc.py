@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+
 from auvid.pipeline.execution.generate_dvc import campaign_kinds, dvc_yaml
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.stages import KINDS, STAGES
@@ -28,7 +29,11 @@ def campaigns_of(entry: dict[str, Any]) -> list[str]:
 
 def entries_of(stage: str) -> dict[str, dict[str, Any]]:
     """The entries of a stage: its own, and `STAGE-KIND`."""
-    return {name: entry for name, entry in DVC.items() if name == stage or name.rpartition("-")[0] == stage}
+    return {
+        name: entry
+        for name, entry in DVC.items()
+        if name == stage or name.rpartition("-")[0] == stage
+    }
 
 
 def paths(entries: list[Any]) -> set[str]:
@@ -41,7 +46,11 @@ def test_file_is_what_the_stages_declare() -> None:
 
 
 def test_entries_are_the_stages_and_their_code() -> None:
-    used = [stage.name for stage in STAGES if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())]
+    used = [
+        stage.name
+        for stage in STAGES
+        if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())
+    ]
     assert [name for name in DVC if name in ("code", *used)] == ["code", *used]
     assert set(DVC) == {"code", *(name for stage in used for name in entries_of(stage))}
     assert DVC["code"]["always_changed"] is True
@@ -75,10 +84,14 @@ def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
             for feed in Graph(stages_of_kind(STAGES, KINDS, kind)).feeds(stage):
                 for port in feed.producers:
                     do = next(
-                        other for other in entries_of(port.stage.name).values() if set(campaigns_of(other)) & set(campaigns_of(entry))
+                        other
+                        for other in entries_of(port.stage.name).values()
+                        if set(campaigns_of(other)) & set(campaigns_of(entry))
                     )["do"]
                     assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
-        assert ("vehicles" in deps) == ("vehicle" in {spec["port"] for spec in ports(stage.inputs).values()})
+        assert ("vehicles" in deps) == (
+            "vehicle" in {spec["port"] for spec in ports(stage.inputs).values()}
+        )
         assert any(path.startswith("campaigns/${item}") for path in deps)
 
 
@@ -94,19 +107,26 @@ def test_outs_persist_and_error_tables_are_metrics() -> None:
         for item in entries_of(stage.name).values():
             do = item["do"]
             for entry in (*do["outs"], *do.get("metrics", [])):
-                (path, options) = next(iter(entry.items()))
+                path, options = next(iter(entry.items()))
                 assert options["persist"] is True
                 assert path.startswith(f"runs/${{item}}/{stage.name}")
-    assert DVC["validate"]["do"]["metrics"] == [{"runs/${item}/validate/error_metrics.json": {"persist": True}}]
+    assert DVC["validate"]["do"]["metrics"] == [
+        {"runs/${item}/validate/error_metrics.json": {"persist": True}}
+    ]
 
 
 def test_analytics_are_off() -> None:
-    for config in (ROOT / ".dvc" / "config", ROOT / "pipeline" / "templates" / "dot_dvc" / "config"):
+    for config in (
+        ROOT / ".dvc" / "config",
+        ROOT / "pipeline" / "templates" / "dot_dvc" / "config",
+    ):
         assert "analytics = false" in config.read_text(encoding="utf-8")
 
 
 def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
-    """Resolved entry by entry: what a stage of a campaign waits for is a file of the repository or left by an entry of that campaign."""
+    """Resolved entry by entry: what a stage of a campaign waits for is a file of the
+    repository or left by an entry of that campaign.
+    """
     resolved: dict[str, dict[str, set[str]]] = {}
     for name, entry in DVC.items():
         each = entry.get("foreach")
@@ -117,7 +137,16 @@ def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
                 if (found := paths(entry["do"].get(part, [])))
             }
             resolved[f"{name}@{campaign}"] = filled
-    made = {path for parts in resolved.values() for path in (*parts.get("outs", ()), *parts.get("metrics", ()))}
+    made = {
+        path
+        for parts in resolved.values()
+        for path in (*parts.get("outs", ()), *parts.get("metrics", ()))
+    }
     made |= paths(DVC["code"]["outs"])
     wanted = {path for parts in resolved.values() for path in parts["deps"]}
-    assert sorted(path for path in wanted - made if path.startswith("runs/") or not (ROOT / path).exists()) == []
+    assert (
+        sorted(
+            path for path in wanted - made if path.startswith("runs/") or not (ROOT / path).exists()
+        )
+        == []
+    )

@@ -1,4 +1,6 @@
-"""The gallery shows what its list of cases says: a page for each, with the command and a picture that is small and not empty."""
+"""The gallery shows what its list of cases says: a page for each, with the command and
+a picture that is small and not empty.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,9 @@ import re
 from pathlib import Path
 
 import pytest
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.pipeline.commands.inspect import gallery
-
 from tests.support.pictures import look
 
 ROOT = Path(__file__).resolve().parents[2]

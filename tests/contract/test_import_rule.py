@@ -1,4 +1,6 @@
-"""The floors of the house: data_schemas <- hydro <- stages <- pipeline, and purity below pipeline. Held by reading the source."""
+"""The floors of the house: data_schemas <- hydro <- stages <- pipeline, and purity
+below pipeline. Held by reading the source.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,18 @@ MODULES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
 SHARED_IN_STAGES = {"base", "presentation", "columns", "truth_lookup", "page"}
 """Modules of stages/ that are no stage: the interface, and what stages share."""
-TOUCHES_THE_WORLD = {"subprocess", "multiprocessing", "socket", "shutil", "tempfile", "urllib", "requests", "http", "logging", "threading"}
+TOUCHES_THE_WORLD = {
+    "subprocess",
+    "multiprocessing",
+    "socket",
+    "shutil",
+    "tempfile",
+    "urllib",
+    "requests",
+    "http",
+    "logging",
+    "threading",
+}
 
 
 def name_of(path: Path) -> str:
@@ -25,7 +38,11 @@ def name_of(path: Path) -> str:
 def executed(tree: ast.AST) -> Iterator[ast.AST]:
     """Nodes except those behind `if TYPE_CHECKING`."""
     for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
+        if not (
+            isinstance(node, ast.If)
+            and isinstance(node.test, ast.Name)
+            and node.test.id == "TYPE_CHECKING"
+        ):
             yield node
             yield from executed(node)
 
@@ -39,7 +56,12 @@ def imports(path: Path) -> set[str]:
             found |= {alias.name.removeprefix("auvid.") for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = (
-                ".".join([*package[: len(package) - node.level + 1], *([node.module] if node.module else [])])
+                ".".join(
+                    [
+                        *package[: len(package) - node.level + 1],
+                        *([node.module] if node.module else []),
+                    ]
+                )
                 if node.level
                 else str(node.module).removeprefix("auvid.")
             )
@@ -60,22 +82,36 @@ def test_each_floor_imports_only_from_below(path: Path) -> None:
 
 @pytest.mark.parametrize("path", of_floor("hydro"), ids=name_of)
 def test_hydro_imports_only_mathematics(path: Path) -> None:
-    outside = {name.partition(".")[0] for name in imports(path)} - HYDRO_PACKAGES - {"hydro", "data_schemas"}
+    outside = (
+        {name.partition(".")[0] for name in imports(path)}
+        - HYDRO_PACKAGES
+        - {"hydro", "data_schemas"}
+    )
     assert outside <= sys.stdlib_module_names
 
 
 def stage_of(path: Path) -> str:
-    """The stage that a module of stages/ belongs to: `stages/fuse.py` and `stages/ingest/merge.py` -> fuse, ingest."""
+    """The stage that a module of stages/ belongs to: `stages/fuse.py` and
+    `stages/ingest/merge.py` -> fuse, ingest.
+    """
     return path.relative_to(ROOT / "stages").parts[0].removesuffix(".py")
 
 
 @pytest.mark.parametrize(
-    "path", [path for path in of_floor("stages") if path.name != "__init__.py" or path.parent.name != "stages"], ids=name_of
+    "path",
+    [
+        path
+        for path in of_floor("stages")
+        if path.name != "__init__.py" or path.parent.name != "stages"
+    ],
+    ids=name_of,
 )
 def test_stages_do_not_import_each_other(path: Path) -> None:
     own = stage_of(path)
     others = {
-        name.split(".")[1] for name in imports(path) if name.startswith("stages.") and name.split(".")[1] not in (own, *SHARED_IN_STAGES)
+        name.split(".")[1]
+        for name in imports(path)
+        if name.startswith("stages.") and name.split(".")[1] not in (own, *SHARED_IN_STAGES)
     }
     assert others == set()
 
@@ -86,18 +122,30 @@ def test_what_stages_share_is_no_stage() -> None:
     assert not SHARED_IN_STAGES & {stage.name for stage in STAGES}
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.relative_to(ROOT).parts[0] in ("hydro", "stages")], ids=name_of)
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if path.relative_to(ROOT).parts[0] in ("hydro", "stages")],
+    ids=name_of,
+)
 def test_hydro_and_stages_touch_no_file_clock_process_or_terminal(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     assert not {name.partition(".")[0] for name in imports(path)} & TOUCHES_THE_WORLD
-    calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    calls = {
+        node.func.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
     assert not calls & {"open", "print", "input", "exec", "eval"}
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     assert "Path" not in names
     clocks = {"now", "utcnow", "today", "perf_counter", "monotonic", "time_ns"}
     assert not clocks & {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     unseeded = [
-        node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("default_rng") and not node.args
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func).endswith("default_rng")
+        and not node.args
     ]
     assert unseeded == []
 

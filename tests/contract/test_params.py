@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+
 from auvid.data_schemas.schemas import schema, schema_names
 from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
 from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
@@ -22,11 +23,15 @@ PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
 
 def test_params_file_is_what_the_stages_declare() -> None:
     """`make declarations` writes it anew."""
-    assert (ROOT / "params.yaml").read_text(encoding="utf-8") == params_yaml(STAGES, PARAMS["campaigns"])
+    assert (ROOT / "params.yaml").read_text(encoding="utf-8") == params_yaml(
+        STAGES, PARAMS["campaigns"]
+    )
 
 
 def test_campaigns_are_those_in_the_folder() -> None:
-    assert PARAMS["campaigns"] == sorted(path.parent.name for path in (ROOT / "campaigns").glob("*/campaign.yaml"))
+    assert PARAMS["campaigns"] == sorted(
+        path.parent.name for path in (ROOT / "campaigns").glob("*/campaign.yaml")
+    )
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
@@ -39,7 +44,12 @@ def test_section_gives_the_defaults(stage: AnyStage) -> None:
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
 def test_stage_is_declared_as_its_module_says(stage: AnyStage) -> None:
     module = f"auvid.stages.{stage.name}"
-    assert {stage.run.__module__, stage.inputs.__module__, stage.params.__module__, stage.outputs.__module__} == {module}
+    assert {
+        stage.run.__module__,
+        stage.inputs.__module__,
+        stage.params.__module__,
+        stage.outputs.__module__,
+    } == {module}
     assert len(ports(stage.inputs)) == len(fields(stage.inputs))
     assert len(ports(stage.outputs)) == len(fields(stage.outputs))
     for item in fields(stage.params):
@@ -49,7 +59,9 @@ def test_stage_is_declared_as_its_module_says(stage: AnyStage) -> None:
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
 def test_every_port_has_a_schema(stage: AnyStage) -> None:
-    named = {spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()}
+    named = {
+        spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()
+    }
     assert named - {"table", "raw_log"} <= set(schema_names())
 
 

@@ -1,4 +1,6 @@
-"""README.md is true: its commands exist, its documents pass their schemas and run, its figures are those of the golden tables."""
+"""README.md is true: its commands exist, its documents pass their schemas and run, its
+figures are those of the golden tables.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from auvid.pipeline import cli
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from typer.testing import CliRunner
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SHELL = re.findall(r"^ {4}((?:auvid|make|\.) .*?)(?:  +#.*)?$", README, re.MULTILINE) + re.findall(r"`((?:auvid|make) [^`]+)`", README)
+SHELL = re.findall(r"^ {4}((?:auvid|make|\.) .*?)(?:  +#.*)?$", README, re.MULTILINE) + re.findall(
+    r"`((?:auvid|make) [^`]+)`", README
+)
 YAML = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 
 
@@ -24,13 +29,21 @@ def yaml_block(first: str) -> str:
 
 
 def test_commands_are_found_in_the_text() -> None:
-    assert {"make demo", "make test", "make bench", "auvid run example", "auvid check dive.BIN"} <= set(SHELL)
+    assert {
+        "make demo",
+        "make test",
+        "make bench",
+        "auvid run example",
+        "auvid check dive.BIN",
+    } <= set(SHELL)
 
 
 @pytest.mark.parametrize("line", sorted({line for line in SHELL if line.startswith("make ")}))
 def test_make_targets_exist(line: str) -> None:
     target = line.split()[1]
-    assert re.search(rf"^{re.escape(target)}:", (ROOT / "Makefile").read_text(), re.MULTILINE), target
+    assert re.search(rf"^{re.escape(target)}:", (ROOT / "Makefile").read_text(), re.MULTILINE), (
+        target
+    )
 
 
 @pytest.mark.parametrize("line", sorted({line for line in SHELL if line.startswith("auvid ")}))
@@ -49,7 +62,9 @@ def test_options_of_run_in_the_text_exist(option: str) -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    local = [target for target in re.findall(r"\]\(([^)]+)\)", README) if not target.startswith("http")]
+    local = [
+        target for target in re.findall(r"\]\(([^)]+)\)", README) if not target.startswith("http")
+    ]
     assert local
     assert [target for target in local if not (ROOT / target).exists()] == []
 
@@ -70,28 +85,49 @@ def test_documents_pass_their_schemas(first: str, schema: str, tmp_path: Path) -
 
 
 def test_figures_of_the_demo_are_those_of_the_golden_tables() -> None:
-    printed = {row[0]: row[1:] for row in re.findall(r"^ {4}(\w+) +(\d+) +(\d+\.\d{3}) +(\d+\.\d{3})$", README, re.MULTILINE)}
+    printed = {
+        row[0]: row[1:]
+        for row in re.findall(
+            r"^ {4}(\w+) +(\d+) +(\d+\.\d{3}) +(\d+\.\d{3})$", README, re.MULTILINE
+        )
+    }
     golden: dict[str, list[float]] = {}
     for use in ("training", "validation"):
-        with (ROOT / "tests" / "golden" / "bluerov2_dvl" / f"{use}.csv").open(encoding="utf-8") as file:
+        with (ROOT / "tests" / "golden" / "bluerov2_dvl" / f"{use}.csv").open(
+            encoding="utf-8"
+        ) as file:
             for row in csv.DictReader(file):
                 golden.setdefault(row["model"], [float(row["rank"])]).append(float(row["ratio"]))
     assert printed.keys() == golden.keys()
     for name, row in printed.items():
-        assert [float(figure) for figure in row] == pytest.approx(golden[name], abs=0.00051), name  # printed to three decimals
+        assert [float(figure) for figure in row] == pytest.approx(golden[name], abs=0.00051), (
+            name
+        )  # printed to three decimals
 
 
-def test_own_csv_campaign_runs_as_described(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The column map of README on a small log with those columns, in a new workspace, up to the fused state."""
+def test_own_csv_campaign_runs_as_described(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The column map of README on a small log with those columns, in a new workspace,
+    up to the fused state.
+    """
     folder = tmp_path / "workspace"
     assert auvid(monkeypatch, "new", str(folder)) == 0
     campaign = folder / "campaigns" / "mine"
     (campaign / "logs").mkdir(parents=True)
     (campaign / "columns").mkdir()
-    (campaign / "columns" / "dive.yaml").write_text(yaml_block("stream: attitude"), encoding="utf-8")
+    (campaign / "columns" / "dive.yaml").write_text(
+        yaml_block("stream: attitude"), encoding="utf-8"
+    )
     (campaign / "logs" / "dive.csv").write_text(own_log(), encoding="utf-8")
-    manifest = "kind: identification\nvehicle: example_rov\nlogs:\n  - {id: dive, file: logs/dive.csv, columns: columns/dive.yaml}\n"
-    manifest += "legs:\n  - {id: train, log: dive, end_s: 20, use: training}\n  - {id: check, log: dive, start_s: 20, use: validation}\n"
+    manifest = (
+        "kind: identification\nvehicle: example_rov\nlogs:\n  - {id: dive, file: logs/dive.csv,"
+        " columns: columns/dive.yaml}\n"
+    )
+    manifest += (
+        "legs:\n  - {id: train, log: dive, end_s: 20, use: training}\n  - {id: check, log: dive,"
+        " start_s: 20, use: validation}\n"
+    )
     (campaign / "campaign.yaml").write_text(manifest, encoding="utf-8")
     monkeypatch.chdir(folder)
     assert auvid(monkeypatch, "run", "mine", "--until", "fuse") == 0, capsys.readouterr().err
@@ -119,7 +155,9 @@ def own_log() -> str:
         "m1": 1600.0 + 50.0 * np.sin(0.4 * t),
         "battery": 16.0 + 0.0 * t,
     }
-    rows = [",".join(f"{value:.4f}" for value in row) for row in np.column_stack(list(columns.values()))]
+    rows = [
+        ",".join(f"{value:.4f}" for value in row) for row in np.column_stack(list(columns.values()))
+    ]
     rows[100] = rows[100].rpartition(",")[0] + ",n/a"
     return "\n".join([",".join(columns), *rows]) + "\n"
 

@@ -1,4 +1,6 @@
-"""The agreement program: the licensed logs, whole and damaged, agree with the other libraries; a reader that is wrong is found out."""
+"""The agreement program: the licensed logs, whole and damaged, agree with the other
+libraries; a reader that is wrong is found out.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
-
 from benchmarks import agreement
 from tests.support.mutate import mutations
 
 DATA = Path(__file__).parents[1] / "data"
-LOGS = ("bluerov2_ugps_small/small.BIN", "bluerov2_ugps_small/small.tlog", "px4_ulog/sample_appended_multiple.ulg")
-# Damage behind the definitions: pymavlink dies of damaged units, pyulog of damaged formats.
+LOGS = (
+    "bluerov2_ugps_small/small.BIN",
+    "bluerov2_ugps_small/small.tlog",
+    "px4_ulog/sample_appended_multiple.ulg",
+)
+# Damage behind the definitions: pymavlink dies of damaged units, pyulog of damaged
+# formats.
 PROTECTED = {"small.BIN": 60_000, "small.tlog": 0, "sample_appended_multiple.ulg": 200_000}
 
 
@@ -34,7 +41,12 @@ def test_whole_logs_agree(name: str) -> None:
 @pytest.mark.parametrize("name", LOGS[:2])
 def test_nothing_is_missing_of_damaged_logs(name: str, seed: int, tmp_path: Path) -> None:
     path = tmp_path / Path(name).name
-    data, _ = mutations((DATA / name).read_bytes(), seed, ("flips", "overwrite", "cut", "zeros", "hostile"), PROTECTED[path.name])
+    data, _ = mutations(
+        (DATA / name).read_bytes(),
+        seed,
+        ("flips", "overwrite", "cut", "zeros", "hostile"),
+        PROTECTED[path.name],
+    )
     path.write_bytes(data)
     found = agreement.compare(path, path.name)
     assert found is not None
@@ -60,8 +72,18 @@ def test_a_missing_record_and_a_wrong_value_are_found(monkeypatch: pytest.Monkey
     def wrong(self: Any, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
         log = read(self, file, wanted)
         imu, attitude = log.messages["IMU"], log.messages["ATT"]
-        cut = replace(imu, columns={name: column[1:] for name, column in imu.columns.items()}, offset=imu.offset[1:])
-        turned = replace(attitude, columns={**attitude.columns, "Roll": np.asarray(attitude.columns["Roll"], np.float64) + 0.01})
+        cut = replace(
+            imu,
+            columns={name: column[1:] for name, column in imu.columns.items()},
+            offset=imu.offset[1:],
+        )
+        turned = replace(
+            attitude,
+            columns={
+                **attitude.columns,
+                "Roll": np.asarray(attitude.columns["Roll"], np.float64) + 0.01,
+            },
+        )
         return replace(log, messages={**log.messages, "IMU": cut, "ATT": turned})
 
     monkeypatch.setattr(type(DATAFLASH), "read", wrong)

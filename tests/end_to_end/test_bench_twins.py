@@ -1,4 +1,6 @@
-"""auvid reproduce on the bench twins: simulated, written as logs, identified, and held against the printed tables."""
+"""auvid reproduce on the bench twins: simulated, written as logs, identified, and held
+against the printed tables.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +10,21 @@ from typing import Any
 
 import pytest
 import yaml
+from typer.testing import CliRunner
+
 from auvid.data_schemas.documents import check_document
 from auvid.pipeline import cli
 from auvid.pipeline.commands import printed_values as comparison
 from auvid.pipeline.commands.run_summary import comparison_rows
-from typer.testing import CliRunner
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("decay_empty", "decay_surge", "decay_surge_check", "swing_tray", "swing_x")
 
 
 def small_workspace(folder: Path) -> Path:
-    """A workspace with the REMUS twin cut down to one decay and one swing with their empty runs; returns its campaign folder."""
+    """A workspace with the REMUS twin cut down to one decay and one swing with their
+    empty runs; returns its campaign folder.
+    """
     campaign = folder / "campaigns" / "small"
     shutil.copytree(ROOT / "campaigns/remus_twin", campaign)
     (folder / "params.yaml").write_text("campaigns: [small]\n", encoding="utf-8")
@@ -28,12 +33,16 @@ def small_workspace(folder: Path) -> Path:
         plan["bench"][kind] = [entry for entry in plan["bench"][kind] if entry["id"] in KEPT]
     apparatus = load(campaign / "apparatus.yaml")
     for part, entries in (("free_decay", "decays"), ("quadrifilar", "swings")):
-        apparatus[part][entries] = [entry for entry in apparatus[part][entries] if set(entry["legs"]) <= set(KEPT)]
+        apparatus[part][entries] = [
+            entry for entry in apparatus[part][entries] if set(entry["legs"]) <= set(KEPT)
+        ]
     published = load(campaign / "published.yaml")
     kept = {"Table 11", "Table 8", "Table 14"}
     published["tables"] = [table for table in published["tables"] if table["id"] in kept]
     for table in published["tables"]:
-        table["rows"] = [row for row in table["rows"] if not any(other in row["ours"] for other in OTHERS)]
+        table["rows"] = [
+            row for row in table["rows"] if not any(other in row["ours"] for other in OTHERS)
+        ]
     save(campaign / "plans/thesis.yaml", plan)
     save(campaign / "apparatus.yaml", apparatus)
     save(campaign / "published.yaml", published)
@@ -56,7 +65,9 @@ def reproduce() -> tuple[int, str]:
     return done.exit_code, done.output
 
 
-def test_printed_values_are_found_and_a_missed_bound_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_printed_values_are_found_and_a_missed_bound_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     campaign = small_workspace(tmp_path)
     monkeypatch.chdir(tmp_path)
     status, shown = reproduce()
@@ -83,10 +94,18 @@ def test_printed_values_are_found_and_a_missed_bound_fails(tmp_path: Path, monke
 
 @pytest.mark.parametrize("name", ["thaus_twin", "remus_twin"])
 def test_documents_of_the_campaigns_agree(name: str) -> None:
-    """Every run names what the apparatus has, every leg of the apparatus is flown, and every erratum of a table is listed."""
+    """Every run names what the apparatus has, every leg of the apparatus is flown, and
+    every erratum of a table is listed.
+    """
     folder = ROOT / "campaigns" / name
-    plan, apparatus, published = (load(folder / file) for file in ("plans/thesis.yaml", "apparatus.yaml", "published.yaml"))
-    for document, schema in ((plan, "plan"), (apparatus, "apparatus"), (published, "published_values")):
+    plan, apparatus, published = (
+        load(folder / file) for file in ("plans/thesis.yaml", "apparatus.yaml", "published.yaml")
+    )
+    for document, schema in (
+        (plan, "plan"),
+        (apparatus, "apparatus"),
+        (published, "published_values"),
+    ):
         check_document(document, schema)
     flown = {entry["id"] for kind in ("decays", "swings") for entry in plan["bench"][kind]}
     told = [
@@ -97,8 +116,14 @@ def test_documents_of_the_campaigns_agree(name: str) -> None:
     ]
     assert set(told) == flown
     listed = {entry["id"] for entry in published["errata"]}
-    assert {erratum for table in published["tables"] for erratum in table.get("errata", ())} <= listed
+    assert {
+        erratum for table in published["tables"] for erratum in table.get("errata", ())
+    } <= listed
     if name == "thaus_twin":
-        asked = sum("most_relative_error" in row or "verdict" in row for table in published["tables"] for row in table["rows"])
+        asked = sum(
+            "most_relative_error" in row or "verdict" in row
+            for table in published["tables"]
+            for row in table["rows"]
+        )
         assert f"bounds: {asked} of {asked} met" in (ROOT / "README.md").read_text(encoding="utf-8")
         assert listed == {f"A{number}" for number in range(1, 31)}

@@ -1,4 +1,6 @@
-"""A real dive from commands and depth, one sample a second: damping from steady speeds, no mass, and every loss is said."""
+"""A real dive from commands and depth, one sample a second: damping from steady speeds,
+no mass, and every loss is said.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from auvid.pipeline import cli
 from typer.testing import CliRunner
+
+from auvid.pipeline import cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -19,14 +22,19 @@ def test_dive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(cli.app, ["run", "blueye_heave", "--until", "rlse"])
     assert done.exit_code == 0, done.output
-    results = json.loads((tmp_path / "runs/blueye_heave/rlse/descent/results.json").read_text(encoding="utf-8"))
+    results = json.loads(
+        (tmp_path / "runs/blueye_heave/rlse/descent/results.json").read_text(encoding="utf-8")
+    )
     figures = {row["quantity"]: row for row in results["rows"]}
     headline = {name: row for name, row in figures.items() if row["headline"]}
-    # A whole command holds about 0.28 m/s on this dive, with a net weight: Z_w|w| of the order of -1 / 0.28^2.
+    # A whole command holds about 0.28 m/s on this dive, with a net weight: Z_w|w| of
+    # the order of -1 / 0.28^2.
     assert headline["Z_w|w| in commands"]["verdict"] == "identified"
     assert -17.0 < headline["Z_w|w| in commands"]["value"] < -10.0
     assert set(headline) == {"Z_w|w| in commands", "constant force in commands"}
-    section = json.loads((tmp_path / "runs/blueye_heave/rlse/descent/section.json").read_text(encoding="utf-8"))
+    section = json.loads(
+        (tmp_path / "runs/blueye_heave/rlse/descent/section.json").read_text(encoding="utf-8")
+    )
     said = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
     assert "faster than it was sampled" in said
     assert "without a unit of force" in said

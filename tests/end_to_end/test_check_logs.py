@@ -1,4 +1,6 @@
-"""`auvid check` on every licensed log: which findings must and must not appear, what the page says, bad input, campaigns, two clocks."""
+"""`auvid check` on every licensed log: which findings must and must not appear, what
+the page says, bad input, campaigns, two clocks.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.checks import checks, documentation
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
@@ -28,7 +31,10 @@ DIVE = ROOT / "campaigns" / "bluerov2_dvl" / "logs" / "00000029_first130s.BIN"
 SMALL = DATA / "bluerov2_ugps_small" / "small.BIN"
 
 AXES = ("Surge", "Sway", "Heave", "Yaw")
-COMMANDS = [{"column": name, "stream": "actuators", "field": f"command_{name.lower()}", "unit": "1"} for name in AXES]
+COMMANDS = [
+    {"column": name, "stream": "actuators", "field": f"command_{name.lower()}", "unit": "1"}
+    for name in AXES
+]
 BLUEYE = {
     "time": {"column": "Time", "unit": "s", "epoch": "unix"},
     "columns": [{"column": "Depth", "stream": "depth", "field": "depth_m", "unit": "m"}, *COMMANDS],
@@ -36,13 +42,17 @@ BLUEYE = {
 GLIDER = {
     "time": {"column": "time_s", "unit": "s", "epoch": "unix"},
     # One bar is ten metres of fresh water within 2 %.
-    "columns": [{"column": "pressure_bar", "stream": "depth", "field": "depth_m", "unit": "decametre"}],
+    "columns": [
+        {"column": "pressure_bar", "stream": "depth", "field": "depth_m", "unit": "decametre"}
+    ],
 }
 
 
 @dataclass(frozen=True)
 class Row:
-    """One log: what must be found, with words of the sentence or None; what must not; the exit code; words of the verdict."""
+    """One log: what must be found, with words of the sentence or None; what must not;
+    the exit code; words of the verdict.
+    """
 
     file: Path
     must: dict[str, str | None]
@@ -52,7 +62,15 @@ class Row:
     columns: dict[str, Any] | None = field(default=None)
 
 
-WRONG_SENSORS = {"gyro_sign", "gyro_axes", "gyro_scale", "gyro_lag", "gyro_disagrees", "accelerometer_unit", "accelerometer_convention"}
+WRONG_SENSORS = {
+    "gyro_sign",
+    "gyro_axes",
+    "gyro_scale",
+    "gyro_lag",
+    "gyro_disagrees",
+    "accelerometer_unit",
+    "accelerometer_convention",
+}
 WRONG_SENSORS |= {
     "attitude_jumps",
     "depth_above_water",
@@ -69,14 +87,25 @@ LOGS = (
         DIVE,
         {
             "attitude_disagrees": "DCM by 46 degrees and AHR2 by 46 degrees",
-            "housing_barometer": "BARO[0] reads 76.64 to 83.22 m while BARO[1] reads 13.29 to 13.78 m",
+            "housing_barometer": (
+                "BARO[0] reads 76.64 to 83.22 m while BARO[1] reads 13.29 to 13.78 m"
+            ),
             "not_excited": "heave 0.0176 m/s, roll 0.0132 rad/s and pitch 0.0127 rad/s",
             "irregular_rate": "velocity (VISO)",
             "parameters_missing": "FRAME_CONFIG and 8 directions (2 parameters are)",
             "firmware_unknown": None,
             "command_lag": "yaw follows by 0.2",
         },
-        WRONG_SENSORS | LOSSES | {"gap", "unaided_velocity", "no_velocity", "low_actuator_rate", "no_actuation", "simulated"},
+        WRONG_SENSORS
+        | LOSSES
+        | {
+            "gap",
+            "unaided_velocity",
+            "no_velocity",
+            "low_actuator_rate",
+            "no_actuation",
+            "simulated",
+        },
         0,
         "can be fitted in surge, sway and yaw",
     ),
@@ -90,7 +119,15 @@ LOGS = (
             "battery_current": "-11.2 A",
             "not_excited": "heave",
         },
-        WRONG_SENSORS | LOSSES | {"gap", "attitude_disagrees", "low_actuator_rate", "parameters_missing", "firmware_unknown"},
+        WRONG_SENSORS
+        | LOSSES
+        | {
+            "gap",
+            "attitude_disagrees",
+            "low_actuator_rate",
+            "parameters_missing",
+            "firmware_unknown",
+        },
         3,
         "no velocity; no actuator acts",
     ),
@@ -105,13 +142,21 @@ LOGS = (
             "accelerometer_missing": None,
             "recut_messages": "4 messages",
         },
-        WRONG_SENSORS | LOSSES | {"unaided_velocity", "no_velocity", "several_vehicles", "housing_barometer"},
+        WRONG_SENSORS
+        | LOSSES
+        | {"unaided_velocity", "no_velocity", "several_vehicles", "housing_barometer"},
         3,
         "no actuator acts",
     ),
     Row(
         DATA / "bluerov2_bad_data" / "bad_data.tlog",
-        {"never_armed": None, "low_actuator_rate": "2 Hz", "no_velocity": None, "recut_messages": "158 DISTANCE_SENSOR", "gap": "battery"},
+        {
+            "never_armed": None,
+            "low_actuator_rate": "2 Hz",
+            "no_velocity": None,
+            "recut_messages": "158 DISTANCE_SENSOR",
+            "gap": "battery",
+        },
         WRONG_SENSORS | LOSSES | {"estimated_velocity", "wrong_checksum", "depth_estimated"},
         3,
         "no velocity; no actuator acts",
@@ -131,7 +176,12 @@ LOGS = (
     ),
     Row(
         DATA / "px4_ulog" / "sample_appended_multiple.ulg",
-        {"never_armed": None, "not_underwater": "MAV_TYPE 2", "depth_estimated": "vehicle_local_position", "no_battery": None},
+        {
+            "never_armed": None,
+            "not_underwater": "MAV_TYPE 2",
+            "depth_estimated": "vehicle_local_position",
+            "no_battery": None,
+        },
         WRONG_SENSORS | LOSSES | {"gap", "stray_stamps", "low_rate"},
         3,
         "not an underwater vehicle",
@@ -146,15 +196,30 @@ LOGS = (
             "no_attitude": None,
             "no_imu": None,
         },
-        {"file_damaged", "file_truncated", "clock_leap", "no_actuators", "firmware_unknown", "parameters_missing", "depth_above_water"},
+        {
+            "file_damaged",
+            "file_truncated",
+            "clock_leap",
+            "no_actuators",
+            "firmware_unknown",
+            "parameters_missing",
+            "depth_above_water",
+        },
         3,
         "normalised commands only",
         BLUEYE,
     ),
     Row(
         DATA / "slocum_glider" / "glider_start.csv",
-        {"no_attitude": None, "no_actuators": None, "no_imu": None, "no_velocity": None, "gap": "139.2 s"},
-        LOSSES | {"not_excited", "no_battery", "depth_above_water", "simulated", "rejected_samples"},
+        {
+            "no_attitude": None,
+            "no_actuators": None,
+            "no_imu": None,
+            "no_velocity": None,
+            "gap": "139.2 s",
+        },
+        LOSSES
+        | {"not_excited", "no_battery", "depth_above_water", "simulated", "rejected_samples"},
         3,
         "no attitude; no actuators",
         GLIDER,
@@ -171,9 +236,13 @@ def column_map(folder: Path, columns: dict[str, Any] | None) -> Path | None:
 
 
 @pytest.mark.parametrize("row", LOGS, ids=lambda row: row.file.name)
-def test_findings_of_every_licensed_log(row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_findings_of_every_licensed_log(
+    row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = tmp_path / "health.json"
-    code = checking.check([str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target))
+    code = checking.check(
+        [str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target)
+    )
     (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
     check_document(page["health"], "health")
     found = {item["id"]: item for item in page["health"]["findings"]}
@@ -189,7 +258,9 @@ def test_findings_of_every_licensed_log(row: Row, tmp_path: Path, capsys: pytest
     assert "\x1b" not in shown  # no colours where the output is no terminal
 
 
-def test_the_page_of_the_dive(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_of_the_dive(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("COLUMNS", "110")
     assert checking.check([str(DIVE)]) == 0
     shown = capsys.readouterr().out
@@ -201,7 +272,9 @@ def test_the_page_of_the_dive(capsys: pytest.CaptureFixture[str], monkeypatch: p
     assert "motion RMS: u 0.0984" in shown
 
 
-def test_on_a_narrow_screen_numbers_stay_whole(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_narrow_screen_numbers_stay_whole(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     checking.check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
     shown = capsys.readouterr().out
@@ -210,14 +283,21 @@ def test_on_a_narrow_screen_numbers_stay_whole(capsys: pytest.CaptureFixture[str
     assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+ +3 ", shown)
 
 
-def test_a_campaign_with_its_legs_and_vehicle(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_campaign_with_its_legs_and_vehicle(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
     target = tmp_path / "health.json"
     assert checking.check(["bluerov2_dvl"], json_file=str(target)) == 0
     (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
     train, validate = page["legs"]
-    assert (train["id"], train["start_s"], train["end_s"], train["inside"]) == ("train", 0.0, 90.0, True)
+    assert (train["id"], train["start_s"], train["end_s"], train["inside"]) == (
+        "train",
+        0.0,
+        90.0,
+        True,
+    )
     assert train["covered_s"] == pytest.approx(90.0, abs=0.3)
     assert validate["excited"] == ["surge", "sway", "yaw"]
     assert train["active_share"] > 0.9
@@ -241,8 +321,15 @@ def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
     (tmp_path / "cut.BIN").write_bytes(whole[: len(whole) - 9])
     (tmp_path / "damaged.BIN").write_bytes(whole[:200_000] + bytes(700) + whole[200_500:])
     target = tmp_path / "health.json"
-    assert checking.check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target)) == 3
-    cut, damaged = (page["health"] for page in json.loads(target.read_text(encoding="utf-8"))["logs"])
+    assert (
+        checking.check(
+            [str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target)
+        )
+        == 3
+    )
+    cut, damaged = (
+        page["health"] for page in json.loads(target.read_text(encoding="utf-8"))["logs"]
+    )
     found = {item["id"]: item for item in cut["findings"]}
     assert cut["status"] == "truncated"
     assert 0 < found["file_truncated"]["value"] < 200
@@ -258,8 +345,12 @@ def test_html_is_one_file_with_everything_escaped(
 
     def hostile(inputs: Any, params: Any) -> Any:
         outputs = original(inputs, params)
-        outputs.health["vehicle"] = "\x1b[31mArduSub\x1b[0m <script>alert(1)</script> \u202eevil\x07"
-        outputs.health["findings"][0]["text"] = "\x1b]0;title\x07[bold]x[/bold] <img src=x onerror=y>"
+        outputs.health["vehicle"] = (
+            "\x1b[31mArduSub\x1b[0m <script>alert(1)</script> \u202eevil\x07"
+        )
+        outputs.health["findings"][0]["text"] = (
+            "\x1b]0;title\x07[bold]x[/bold] <img src=x onerror=y>"
+        )
         return outputs
 
     monkeypatch.setattr(checking.ingest, "run", hostile)
@@ -285,7 +376,9 @@ def test_json_on_standard_output_is_json_alone(capsys: pytest.CaptureFixture[str
 
 
 def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: Path) -> None:
-    """One process for all: exit code 1, a reason for each, no traceback, and the good log is shown."""
+    """One process for all: exit code 1, a reason for each, no traceback, and the good
+    log is shown.
+    """
     (tmp_path / "empty.BIN").touch()
     (tmp_path / "zeros.BIN").write_bytes(bytes(5000))
     (tmp_path / "picture.BIN").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
@@ -305,8 +398,17 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
         "missing.BIN": "is not there",
     }
     code = "import sys; from auvid.pipeline.cli import main; sys.argv[0] = 'auvid'; main()"
-    command = [sys.executable, "-c", code, "check", *(str(tmp_path / name) for name in reasons), str(SMALL)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env={"COLUMNS": "400"}, check=False)
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "check",
+        *(str(tmp_path / name) for name in reasons),
+        str(SMALL),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=tmp_path, env={"COLUMNS": "400"}, check=False
+    )
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stdout + done.stderr
     pages = re.split(r"(?m)^.*/([\w.]+) ─+$", done.stdout)[1:]
@@ -327,7 +429,9 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "no permission" in page.refused
 
 
-def test_a_file_that_grows_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_grows_while_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = tmp_path / "growing.BIN"
     log.write_bytes(SMALL.read_bytes())
     original = checking.ingest.run
@@ -361,11 +465,16 @@ def test_wrong_calls_are_errors_in_words(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 SHIFT_S = 37.25
-DEPTH_MAP = {"time": {"column": "t", "unit": "s"}, "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}]}
+DEPTH_MAP = {
+    "time": {"column": "t", "unit": "s"},
+    "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}],
+}
 
 
 def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A part of the dive as CSV with a clock set back: the offset is known to the microsecond."""
+    """A part of the dive as CSV with a clock set back: the offset is known to the
+    microsecond.
+    """
     source = ROOT / "campaigns" / "bluerov2_dvl_csv"
     head, *rows = (source / "logs" / "imu.csv").read_text(encoding="utf-8").splitlines()
     cells = np.array([row.split(",") for row in rows[800:2400]], dtype=np.float64)
@@ -373,28 +482,46 @@ def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFi
     moved = tmp_path / "imu.csv"
     np.savetxt(moved, cells, delimiter=",", header=head, comments="", fmt="%.9g")
     target = tmp_path / "health.json"
-    checking.check([str(DIVE), str(moved)], columns=source / "columns" / "imu.yaml", align=True, json_file=str(target))
+    checking.check(
+        [str(DIVE), str(moved)],
+        columns=source / "columns" / "imu.yaml",
+        align=True,
+        json_file=str(target),
+    )
     found = json.loads(target.read_text(encoding="utf-8"))["alignment"]
     start_s = json.loads(target.read_text(encoding="utf-8"))["logs"][0]["health"]["duration_s"]
     assert start_s == pytest.approx(130.0, abs=0.1)
-    # The CSV counts from the first record of the dive, at 600.014074 s of the boot clock.
+    # The CSV counts from the first record of the dive, at 600.014074 s of the boot
+    # clock.
     assert found["offset_s"] == pytest.approx(600.014074 - SHIFT_S, abs=0.001)
     assert found["std_s"] < 0.001
     assert found["correlation"] > 0.999
     assert "angular rate" in capsys.readouterr().out
 
 
-def test_clocks_of_the_autopilot_log_and_the_telemetry_of_one_dive(capsys: pytest.CaptureFixture[str]) -> None:
-    """The telemetry was written from the log, with its boot clock: milliseconds for depth, microseconds for the angular rate."""
+def test_clocks_of_the_autopilot_log_and_the_telemetry_of_one_dive(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The telemetry was written from the log, with its boot clock: milliseconds for
+    depth, microseconds for the angular rate.
+    """
     tlog = ROOT / "campaigns" / "bluerov2_dvl_tlog" / "logs" / "dive.tlog"
     pages = [checking.pages_of(str(path), None)[0] for path in (DIVE, tlog)]
     found = checking.alignment(*pages)
     assert (found.first, found.second, found.signal) == (str(DIVE), str(tlog), "angular rate")
     assert abs(found.offset.offset_s) < 3 * found.offset.std_s < 1e-3
-    by_depth = checking.alignment(*(replace(page, outputs=replace(page.outputs, imu=None)) for page in pages if page.outputs is not None))
+    by_depth = checking.alignment(
+        *(
+            replace(page, outputs=replace(page.outputs, imu=None))
+            for page in pages
+            if page.outputs is not None
+        )
+    )
     assert by_depth.signal == "depth"
     assert abs(by_depth.offset.offset_s) < by_depth.offset.std_s
-    assert by_depth.offset.std_s == pytest.approx(1e-3 / np.sqrt(12), rel=0.05)  # s: time stamps in ms
+    assert by_depth.offset.std_s == pytest.approx(
+        1e-3 / np.sqrt(12), rel=0.05
+    )  # s: time stamps in ms
     assert capsys.readouterr().out == ""
 
 
@@ -408,10 +535,14 @@ def test_a_common_trend_is_no_alignment() -> None:
         outputs.append(text)
     pages = []
     for name, text in zip(("one", "two"), outputs, strict=True):
-        log = RawLog(name, (RawFile(f"{name}.csv", np.frombuffer(text.encode(), np.uint8), DEPTH_MAP),))
+        log = RawLog(
+            name, (RawFile(f"{name}.csv", np.frombuffer(text.encode(), np.uint8), DEPTH_MAP),)
+        )
         made = ingest.run(ingest.Inputs(log), ingest.Params())
         pages.append(checking.Page(name, made.health, outputs=made))
-    with pytest.raises(PipelineError, match=r"cannot be aligned.*correlation 0.[89].*standard deviation"):
+    with pytest.raises(
+        PipelineError, match=r"cannot be aligned.*correlation 0.[89].*standard deviation"
+    ):
         checking.alignment(*pages)
 
 
@@ -431,8 +562,15 @@ def test_the_documentation_holds_every_finding() -> None:
 
 
 def test_texts_lose_escapes_and_control_characters() -> None:
-    assert terminal.plain("\x1b[1;31mred\x1b[0m\x07 \x9b31m \x1b]8;;http://x\x1b\\link\u2066") == "red   31m link "
+    assert (
+        terminal.plain("\x1b[1;31mred\x1b[0m\x07 \x9b31m \x1b]8;;http://x\x1b\\link\u2066")
+        == "red   31m link "
+    )
 
 
 def test_the_command_is_registered() -> None:
-    assert "check" in {command.name or command.callback.__name__ for command in cli.app.registered_commands if command.callback}
+    assert "check" in {
+        command.name or command.callback.__name__
+        for command in cli.app.registered_commands
+        if command.callback
+    }

@@ -1,4 +1,6 @@
-"""The real dive through the chain: what it tells of the vehicle, what it cannot tell, and the same from CSV files."""
+"""The real dive through the chain: what it tells of the vehicle, what it cannot tell,
+and the same from CSV files.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.execution.engines import Serial
 from auvid.stages.columns import AXES
@@ -28,7 +31,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name in CAMPAIGNS:
-            (folder / "campaigns" / name).symlink_to(ROOT / "campaigns" / name, target_is_directory=True)
+            (folder / "campaigns" / name).symlink_to(
+                ROOT / "campaigns" / name, target_is_directory=True
+            )
             run = session.open_run(name)
             run.execute(session.select(run.graph, until="validate"), Serial())
         yield folder / "runs"
@@ -45,16 +50,25 @@ def table(runs: Path, path: str, campaign: str = CAMPAIGNS[0]) -> pa.Table:
 
 def cards(runs: Path, campaign: str = CAMPAIGNS[0]) -> dict[str, dict[str, Any]]:
     folder = runs / campaign / "synthesise/model_card"
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))}
+    return {
+        path.stem: json.loads(path.read_text(encoding="utf-8"))
+        for path in sorted(folder.glob("*.json"))
+    }
 
 
 def coefficient(card: dict[str, Any], axis: str, term: str) -> dict[str, Any]:
-    found: dict[str, Any] = next(item for item in card["axes"][axis]["terms"] if item["term"] == term)
+    found: dict[str, Any] = next(
+        item for item in card["axes"][axis]["terms"] if item["term"] == term
+    )
     return found
 
 
 def remarks(runs: Path, path: str, level: str) -> list[str]:
-    return [block["text"] for block in document(runs, path)["blocks"] if block["kind"] == "remark" and block["level"] == level]
+    return [
+        block["text"]
+        for block in document(runs, path)["blocks"]
+        if block["kind"] == "remark" and block["level"] == level
+    ]
 
 
 def test_surge_damping_is_negative_and_of_the_order_of_tens(runs: Path) -> None:
@@ -84,13 +98,18 @@ def test_roll_and_pitch_are_not_excited(runs: Path) -> None:
 
 
 def test_no_number_rests_on_motion_that_was_not_there(runs: Path) -> None:
-    """In the training leg u alone is excited, and ahead only: no other coefficient than those of u and the constant has a number."""
+    """In the training leg u alone is excited, and ahead only: no other coefficient than
+    those of u and the constant has a number.
+    """
     for card in cards(runs).values():
         for part in card["axes"].values():
             given = {item["term"] for item in part["terms"] if item["value"] is not None}
             assert given <= {"u", "|u|", "u*u", "u*|u|", "constant"}
     surge = cards(runs)["uncoupled"]["axes"]["X"]
-    assert [item["weights"].keys() for item in surge["combinations"]] == [{"u", "|u|"}, {"u*u", "u*|u|"}]
+    assert [item["weights"].keys() for item in surge["combinations"]] == [
+        {"u", "|u|"},
+        {"u*u", "u*|u|"},
+    ]
     assert coefficient(cards(runs)["fossen"], "X", "u*|u|")["verdict"] == "weak"
 
 
@@ -104,22 +123,32 @@ def test_a_model_that_fails_is_shown_to_fail(runs: Path) -> None:
     metrics = document(runs, "validate/error_metrics.json")
     warnings = remarks(runs, "validate/section.json", "warning")
     (failing,) = (words for words in warnings if "fail in some axes on validation" in words)
-    for model, title in (("mcfarland", "McFarland & Whitcomb"), ("gertler_hagen", "Gertler & Hagen"), ("coe", "Coe")):
+    for model, title in (
+        ("mcfarland", "McFarland & Whitcomb"),
+        ("gertler_hagen", "Gertler & Hagen"),
+        ("coe", "Coe"),
+    ):
         assert metrics["training"][model]["ratio"] < 0.2
         assert metrics["validation"][model]["ratio"] > 3.0 * metrics["training"][model]["ratio"]
         assert metrics["validation"][model]["ratio"] > 1.0
         assert f"{title} (X " in failing
     assert "; Linear (Z 1.0" in failing, "heave is the net buoyancy alone"
-    assert any("leave the range of the training legs" in words and "r (" in words for words in warnings)
+    assert any(
+        "leave the range of the training legs" in words and "r (" in words for words in warnings
+    )
 
 
 def test_linear_model_is_put_beside_a_constant(runs: Path) -> None:
-    """Heave is the net buoyancy: the report says that Linear adds nothing to a constant there."""
+    """Heave is the net buoyancy: the report says that Linear adds nothing to a constant
+    there.
+    """
     assert any(
         words.startswith("Linear predicts no better than a constant force alone in Z")
         for words in remarks(runs, "validate/section.json", "note")
     )
-    assert (runs / CAMPAIGNS[0] / "validate/tables_text.txt").read_text(encoding="utf-8").count("constant alone") == 2
+    assert (runs / CAMPAIGNS[0] / "validate/tables_text.txt").read_text(encoding="utf-8").count(
+        "constant alone"
+    ) == 2
 
 
 def test_terms_of_the_propeller_do_not_apply(runs: Path) -> None:
@@ -131,22 +160,34 @@ def test_terms_of_the_propeller_do_not_apply(runs: Path) -> None:
 def test_what_is_assumed_is_said(runs: Path) -> None:
     assumed = cards(runs)["linear"]["assumed"]
     assert any("rigid_body.mass = 13.5 kg" in words for words in assumed)
-    notes = [block["note"] for block in document(runs, "synthesise/section.json")["blocks"] if block["kind"] == "table"]
+    notes = [
+        block["note"]
+        for block in document(runs, "synthesise/section.json")["blocks"]
+        if block["kind"] == "table"
+    ]
     assert any(f"{len(assumed)} assumed figures of the vehicle as exact" in note for note in notes)
 
 
 def test_battery_is_used_and_directions_have_a_source(runs: Path) -> None:
-    words = [block["text"] for block in document(runs, "residual/train/section.json")["blocks"] if block["kind"] == "remark"]
+    words = [
+        block["text"]
+        for block in document(runs, "residual/train/section.json")["blocks"]
+        if block["kind"] == "remark"
+    ]
     assert any("Motor directions" in text for text in words)
     assert not any("battery voltage" in text.lower() for text in words)
 
 
 def test_thrust_balances_residual_in_slow_motion(runs: Path) -> None:
-    """At 0.1 m/s inertia and Coriolis forces are small: tau_bar is nearly minus the thrust."""
+    """At 0.1 m/s inertia and Coriolis forces are small: tau_bar is nearly minus the
+    thrust.
+    """
     found = table(runs, "residual/train/residual.parquet")
     for axis, share in zip(("X_N", "Y_N", "Z_N"), (0.1, 0.3, 0.15), strict=True):
         left = found[f"tau_bar_{axis}"].to_numpy() + found[f"thrusters_{axis}"].to_numpy()
-        assert np.sqrt(np.mean(left**2)) < share * np.sqrt(np.mean(found[f"thrusters_{axis}"].to_numpy() ** 2))
+        assert np.sqrt(np.mean(left**2)) < share * np.sqrt(
+            np.mean(found[f"thrusters_{axis}"].to_numpy() ** 2)
+        )
 
 
 def test_csv_files_give_the_same_tables(runs: Path) -> None:
@@ -162,5 +203,8 @@ def test_csv_files_give_the_same_tables(runs: Path) -> None:
     for model, card in cards(runs).items():
         other_card = cards(runs, CAMPAIGNS[1])[model]
         for axis in AXES:
-            verdicts = [[item["verdict"] for item in found["axes"][axis]["terms"]] for found in (card, other_card)]
+            verdicts = [
+                [item["verdict"] for item in found["axes"][axis]["terms"]]
+                for found in (card, other_card)
+            ]
             assert verdicts[0] == verdicts[1]

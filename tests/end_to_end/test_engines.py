@@ -1,4 +1,6 @@
-"""A new workspace's example through every way of running it: one process, several, DVC, and mixed. All must leave the same artefacts."""
+"""A new workspace's example through every way of running it: one process, several, DVC,
+and mixed. All must leave the same artefacts.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +14,43 @@ import pytest
 
 BIN = Path(sys.executable).parent
 RECORDING = "report/recording.rrd"
-"""The one artefact that is not the same bytes twice: it is compared by `rerun rrd compare`, and the report's manifest holds its hash."""
+"""The one artefact that is not the same bytes twice: it is compared by `rerun rrd
+compare`, and the report's manifest holds its hash.
+"""
 
 
 def run(*command: str, folder: Path) -> str:
     """Standard output of a command in a folder."""
-    settings = {"PATH": f"{BIN}:{os.environ['PATH']}", "DVC_NO_ANALYTICS": "1", "DVC_SITE_CACHE_DIR": str(folder / ".dvc" / "tmp" / "site")}
-    done = subprocess.run(command, cwd=folder, env=os.environ | settings, capture_output=True, text=True, check=False)
+    settings = {
+        "PATH": f"{BIN}:{os.environ['PATH']}",
+        "DVC_NO_ANALYTICS": "1",
+        "DVC_SITE_CACHE_DIR": str(folder / ".dvc" / "tmp" / "site"),
+    }
+    done = subprocess.run(
+        command, cwd=folder, env=os.environ | settings, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
 
 def hashes(workspace: Path) -> dict[str, str]:
-    """Hash of every artefact and manifest of the example, without the recording, the manifest that names its hash, and the history."""
+    """Hash of every artefact and manifest of the example, without the recording, the
+    manifest that names its hash, and the history.
+    """
     folder = workspace / "runs" / "example"
-    found = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
-    found = {name: path for name, path in found.items() if not name.startswith("history/")}  # says when a run finished, and how far
+    found = {
+        str(path.relative_to(folder)): path
+        for path in folder.rglob("*")
+        if path.is_file() and path.name[0] != "."
+    }
+    found = {
+        name: path for name, path in found.items() if not name.startswith("history/")
+    }  # says when a run finished, and how far
     for name in (RECORDING, "report/manifest.json"):
         found.pop(name, None)
-    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sorted(found.items())}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sorted(found.items())
+    }
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +72,10 @@ def test_report_and_tables_are_there(serial: Path) -> None:
         "validate/error_metrics.json",
         "synthesise/model_card/fossen.json",
     } <= names
-    assert {f"{stage}/manifest.json" for stage in ("ingest", "resample", "fuse", "residual", "synthesise", "validate")} <= names
+    assert {
+        f"{stage}/manifest.json"
+        for stage in ("ingest", "resample", "fuse", "residual", "synthesise", "validate")
+    } <= names
     assert run("auvid", "report", "example", folder=serial).strip().endswith("report_html.html")
 
 
@@ -85,5 +108,9 @@ def test_dvc_and_auvid_mix_in_any_order(serial: Path, tmp_path: Path) -> None:
     run("auvid", "run", "example", "--until", "validate", folder=folder)
     (serial / "params.yaml").write_text(params.read_text())
     run("auvid", "run", "example", "--until", "validate", folder=serial)
-    changed = {name: value for name, value in hashes(folder).items() if not name.startswith("report/")}
-    assert changed == {name: value for name, value in hashes(serial).items() if not name.startswith("report/")}
+    changed = {
+        name: value for name, value in hashes(folder).items() if not name.startswith("report/")
+    }
+    assert changed == {
+        name: value for name, value in hashes(serial).items() if not name.startswith("report/")
+    }

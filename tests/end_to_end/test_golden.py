@@ -1,4 +1,6 @@
-"""The real dive against its golden error tables: they hold, with other processor kernels too; a change is named; DVC shows the same."""
+"""The real dive against its golden error tables: they hold, with other processor
+kernels too; a change is named; DVC shows the same.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.regress import golden_tables as golden
@@ -31,14 +34,22 @@ def make_workspace(folder: Path) -> None:
     """A workspace with the dive alone, its golden tables, and the declarations of DVC."""
     (folder / "campaigns" / NAME).mkdir(parents=True)
     params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
-    (folder / "params.yaml").write_text(yaml.safe_dump({**params, "campaigns": [NAME]}), encoding="utf-8")
-    (folder / "campaigns" / NAME / "campaign.yaml").write_bytes((ROOT / "campaigns" / NAME / "campaign.yaml").read_bytes())
-    (folder / "campaigns" / NAME / "logs").symlink_to(ROOT / "campaigns" / NAME / "logs", target_is_directory=True)
+    (folder / "params.yaml").write_text(
+        yaml.safe_dump({**params, "campaigns": [NAME]}), encoding="utf-8"
+    )
+    (folder / "campaigns" / NAME / "campaign.yaml").write_bytes(
+        (ROOT / "campaigns" / NAME / "campaign.yaml").read_bytes()
+    )
+    (folder / "campaigns" / NAME / "logs").symlink_to(
+        ROOT / "campaigns" / NAME / "logs", target_is_directory=True
+    )
     (folder / "tests" / "golden").mkdir(parents=True)
     (folder / "tests" / "golden" / NAME).symlink_to(GOLDEN, target_is_directory=True)
     (folder / "dvc.yaml").write_bytes((ROOT / "dvc.yaml").read_bytes())
     (folder / ".dvc").mkdir()
-    (folder / ".dvc" / "config").write_text("[core]\n    no_scm = true\n    analytics = false\n    check_update = false\n")
+    (folder / ".dvc" / "config").write_text(
+        "[core]\n    no_scm = true\n    analytics = false\n    check_update = false\n"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +75,9 @@ def tables(workspace: Path) -> Tables:
     return regress.open_setting(NAME, None).tables
 
 
-def test_the_dive_holds_its_golden_tables(workspace: Path, tables: Tables, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_dive_holds_its_golden_tables(
+    workspace: Path, tables: Tables, capsys: pytest.CaptureFixture[str]
+) -> None:
     setting = regress.open_setting(NAME, None)
     assert setting.folder.resolve() == GOLDEN
     assert regress.check(setting, as_json=False), capsys.readouterr().out
@@ -72,54 +85,101 @@ def test_the_dive_holds_its_golden_tables(workspace: Path, tables: Tables, capsy
 
 
 def test_metrics_are_the_error_table(workspace: Path, tables: Tables) -> None:
-    """Every figure of error_metrics.json, to its six digits, is the one of error_table.parquet."""
-    metrics = json.loads((workspace / "runs" / NAME / "validate" / "error_metrics.json").read_text(encoding="utf-8"))
+    """Every figure of error_metrics.json, to its six digits, is the one of
+    error_table.parquet.
+    """
+    metrics = json.loads(
+        (workspace / "runs" / NAME / "validate" / "error_metrics.json").read_text(encoding="utf-8")
+    )
     assert set(metrics) == set(tables)
     for use, models in tables.items():
-        assert metrics[use] == {model: {name: row[name] for name in FIGURES if name != "J0"} for model, row in models.items()}
+        assert metrics[use] == {
+            model: {name: row[name] for name in FIGURES if name != "J0"}
+            for model, row in models.items()
+        }
 
 
 def test_dvc_shows_the_same_figures(workspace: Path, tables: Tables) -> None:
-    settings = {"DVC_NO_ANALYTICS": "1", "DVC_SITE_CACHE_DIR": str(workspace / ".dvc" / "tmp" / "site")}
+    settings = {
+        "DVC_NO_ANALYTICS": "1",
+        "DVC_SITE_CACHE_DIR": str(workspace / ".dvc" / "tmp" / "site"),
+    }
     command = [str(Path(sys.executable).parent / "dvc"), "metrics", "show", "--json"]
-    done = subprocess.run(command, cwd=workspace, env=os.environ | settings, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        cwd=workspace,
+        env=os.environ | settings,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     shown = json.loads(done.stdout)[""]["data"][f"runs/{NAME}/validate/error_metrics.json"]
     for use, models in tables.items():
         for model, row in models.items():
-            assert shown["data"][use][model] == {name: row[name] for name in FIGURES if name != "J0"}
+            assert shown["data"][use][model] == {
+                name: row[name] for name in FIGURES if name != "J0"
+            }
 
 
 def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path: Path) -> None:
-    """The oldest BLAS kernels and numpy without its wide instructions, as on another machine.
+    """The oldest BLAS kernels and numpy without its wide instructions, as on another
+    machine.
 
-    Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7 leaves room on both sides.
+    Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7
+    leaves room on both sides.
     """
     make_workspace(tmp_path)
     found = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
-    wide = subprocess.run([sys.executable, "-c", found], capture_output=True, text=True, check=True).stdout.strip()
-    program = "import sys; from auvid.pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]]; main()"
+    wide = subprocess.run(
+        [sys.executable, "-c", found], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    program = (
+        "import sys; from auvid.pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]];"
+        " main()"
+    )
     command = [sys.executable, "-c", program, "run", NAME, "--until", "validate"]
-    other = os.environ | {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": wide, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=tmp_path, env=other, capture_output=True, text=True, check=False)
+    other = os.environ | {
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "NPY_DISABLE_CPU_FEATURES": wide,
+        "PYTHONPATH": str(ROOT),
+    }
+    done = subprocess.run(
+        command, cwd=tmp_path, env=other, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
-    ours, theirs = (pq.ParquetFile(folder / "runs" / NAME / "validate" / "error_table.parquet").read() for folder in (workspace, tmp_path))
+    ours, theirs = (
+        pq.ParquetFile(folder / "runs" / NAME / "validate" / "error_table.parquet").read()
+        for folder in (workspace, tmp_path)
+    )
     for name in ("use", "leg", "model", "axis", "n_bar", "rank", "samples"):
         assert theirs[name].to_pylist() == ours[name].to_pylist()
     for name in ("rms", "j0", "ratio"):
-        np.testing.assert_allclose(theirs[name].to_numpy(), ours[name].to_numpy(), rtol=1e-7, atol=0.0, err_msg=name)
+        np.testing.assert_allclose(
+            theirs[name].to_numpy(), ours[name].to_numpy(), rtol=1e-7, atol=0.0, err_msg=name
+        )
 
 
 def test_a_change_of_method_is_named_and_stale_results_are_refused(
-    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    workspace: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Three per cent more cutoff frequency moves the models that extrapolate, not what the measured force is."""
+    """Three per cent more cutoff frequency moves the models that extrapolate, not what
+    the measured force is.
+    """
     make_workspace(tmp_path)
     shutil.copytree(workspace / "runs", tmp_path / "runs")
     monkeypatch.chdir(tmp_path)
     manifest = tmp_path / "campaigns" / NAME / "campaign.yaml"
-    manifest.write_text(manifest.read_text(encoding="utf-8").replace("cutoff_hz: 1.0", "cutoff_hz: 1.03"), encoding="utf-8")
-    with pytest.raises(DataError, match=rf"the results of stage fuse are not up to date\. auvid run {NAME}"):
+    manifest.write_text(
+        manifest.read_text(encoding="utf-8").replace("cutoff_hz: 1.0", "cutoff_hz: 1.03"),
+        encoding="utf-8",
+    )
+    with pytest.raises(
+        DataError, match=rf"the results of stage fuse are not up to date\. auvid run {NAME}"
+    ):
         regress.open_setting(NAME, None)
     run()
     old, new = golden.read_tables(GOLDEN), regress.open_setting(NAME, None)
@@ -133,4 +193,6 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
         assert item["new"] == new.tables[place[0]][place[1]][place[2]]
         assert abs(item["new"] - item["old"]) > item["allowed"] > 0.0
     assert {item["column"] for item in departures} <= {"J", "ratio", *"XYZKMN"}
-    assert ("validation", "mcfarland", "X") in {(item["use"], item["model"], item["axis"]) for item in departures}
+    assert ("validation", "mcfarland", "X") in {
+        (item["use"], item["model"], item["axis"]) for item in departures
+    }

@@ -1,4 +1,6 @@
-"""What is asked of the H-AUV's controllers, on the trajectories of campaign hauv, and the closed circle of campaign hauv_redesign."""
+"""What is asked of the H-AUV's controllers, on the trajectories of campaign hauv, and
+the closed circle of campaign hauv_redesign.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
 from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import Flown, fly_case, models_of
 from auvid.stages.control.presentation import at_turns
@@ -18,9 +21,15 @@ FLIGHTS = ("undisturbed", "side_force_observer")
 VEHICLE = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8"))
 
 
-def flown(campaign: str, name: str, step_s: float, flights: tuple[str, ...], card: Any = None) -> list[Flown]:
-    """Some flights of a trajectory of a campaign, at a coarser step so that the test is quick."""
-    cases = copy.deepcopy(yaml.safe_load((ROOT / f"campaigns/{campaign}/cases.yaml").read_text(encoding="utf-8")))
+def flown(
+    campaign: str, name: str, step_s: float, flights: tuple[str, ...], card: Any = None
+) -> list[Flown]:
+    """Some flights of a trajectory of a campaign, at a coarser step so that the test is
+    quick.
+    """
+    cases = copy.deepcopy(
+        yaml.safe_load((ROOT / f"campaigns/{campaign}/cases.yaml").read_text(encoding="utf-8"))
+    )
     entry = cases["trajectories"][name]
     entry["step"]["value"] = step_s
     entry["flights"] = {key: entry["flights"][key] for key in flights}
@@ -29,7 +38,13 @@ def flown(campaign: str, name: str, step_s: float, flights: tuple[str, ...], car
         cases["redesign"] = []
     limits = limits_of(cases)
     case = trajectories_of(cases)[0]
-    return fly_case(models_of(VEHICLE, card, cases, limits), case, weights_of(cases), limits, allow_unstable=False)
+    return fly_case(
+        models_of(VEHICLE, card, cases, limits),
+        case,
+        weights_of(cases),
+        limits,
+        allow_unstable=False,
+    )
 
 
 def test_helix_undisturbed_and_in_a_field_of_225_newtons() -> None:
@@ -49,7 +64,9 @@ def test_dubins_path_undisturbed() -> None:
 
 
 def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
-    calm, pushed, observed = flown("hauv", "saw_tooth", 0.2, ("undisturbed", "side_force", "side_force_observer"))
+    calm, pushed, observed = flown(
+        "hauv", "saw_tooth", 0.2, ("undisturbed", "side_force", "side_force_observer")
+    )
     assert float(calm.errors.cross_track_rms_m) < 0.1
     assert calm.errors.at_limit[1:].max() < 0.05
     assert not calm.flown.powered.any()
@@ -60,11 +77,17 @@ def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
 
 def test_a_controller_on_the_identified_model_is_as_good_as_one_on_the_true_model() -> None:
     card = json.loads((ROOT / "campaigns/hauv_redesign/prestero.json").read_text(encoding="utf-8"))
-    found = {(item.designed_on, item.flight.name): item for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, card)}
+    found = {
+        (item.designed_on, item.flight.name): item
+        for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, card)
+    }
     assert {name for name, _ in found} == {TRUE, IDENTIFIED, "corrected"}
     for flight in FLIGHTS:
-        errors = [float(found[name, flight].errors.cross_track_rms_m) for name in (IDENTIFIED, TRUE)]
+        errors = [
+            float(found[name, flight].errors.cross_track_rms_m) for name in (IDENTIFIED, TRUE)
+        ]
         assert errors[0] < errors[1] + 0.01  # m
-    # Strip theory does not know the drag: the place of that time is missed by more than a metre.
+    # Strip theory does not know the drag: the place of that time is missed by more than
+    # a metre.
     assert float(found[IDENTIFIED, "undisturbed"].errors.steady_m) < 0.1
     assert float(found["corrected", "undisturbed"].errors.steady_m) > 1.0

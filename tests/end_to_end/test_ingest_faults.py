@@ -1,4 +1,6 @@
-"""Bad logs through the command line, `auvid run` and `auvid check` alike: a clear error or a counted loss, never a traceback."""
+"""Bad logs through the command line, `auvid run` and `auvid check` alike: a clear error
+or a counted loss, never a traceback.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.pipeline import cli
 from auvid.pipeline.execution import task_inputs as sources
 from auvid.stages import ingest
-
 from tests.support import ulog_file
 from tests.support.dataflash_writer import BAR, HEADER_RECORDS, dive, fmt, record
 from tests.support.tlog_records import attitude, frame, heartbeat, log
@@ -30,10 +32,16 @@ columns:
 """
 FINE, REFUSED = 0, 1
 CSV_ROWS = b"".join(b"%d,%d\n" % (second, 5) for second in range(100))
-TEXT_HEAD = b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\nFMT, 12, 19, BARO, Qff, TimeUS,Alt,Press\n"
+TEXT_HEAD = (
+    b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\nFMT, 12, 19, BARO, Qff, TimeUS,Alt,Press\n"
+)
 TEXT_ROWS = b"".join(b"BARO, %d, -1.0, 1e5\n" % (100_000 * number) for number in range(1, 51))
 TURN = "vehicle_attitude"
-ULOG_START = ulog_file.HEADER + ulog_file.declare(f"{TURN}:uint64_t timestamp;float[4] q;") + ulog_file.subscribe(0, TURN)
+ULOG_START = (
+    ulog_file.HEADER
+    + ulog_file.declare(f"{TURN}:uint64_t timestamp;float[4] q;")
+    + ulog_file.subscribe(0, TURN)
+)
 LONG = fmt(99, "LONG", "ZZZ", "A,B,C") + b"\xa3\x95\x63" + bytes(20)
 HUGE = fmt(98, "HUGE", "ZZZ", "A,B,C", 255)
 CUT = [sys.executable, "-c", "import os, sys; os.truncate(sys.argv[1], int(sys.argv[2]))"]
@@ -59,7 +67,10 @@ def two_vehicles() -> bytes:
 
 
 REFUSALS: dict[str, tuple[bytes, str]] = {
-    "noise": (bytes((number * 7919 + number // 251) % 256 for number in range(9000)), "no reader recognises"),
+    "noise": (
+        bytes((number * 7919 + number // 251) % 256 for number in range(9000)),
+        "no reader recognises",
+    ),
     "picture": (b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20, "no reader recognises"),
     "letter": (b"The dive went well.\nSee you tomorrow.\n", "no reader recognises"),
     "empty": (b"", "the file is empty"),
@@ -70,37 +81,65 @@ REFUSALS: dict[str, tuple[bytes, str]] = {
     "text_definitions": (TEXT_HEAD, "no message that fills a stream"),
     "ulog_header": (ulog_file.HEADER, "no message that fills a stream"),
     "ulog_definitions": (ULOG_START, "no message that fills a stream"),
-    "tlog_without_samples": (log([frame("SYSTEM_TIME", bytes(range(1, 13)))] * 3), "no message that fills a stream"),
+    "tlog_without_samples": (
+        log([frame("SYSTEM_TIME", bytes(range(1, 13)))] * 3),
+        "no message that fills a stream",
+    ),
     "csv_header": (b"t,d\n", "no message that fills a stream"),
     "csv_other_columns": (b"a,b\n" + CSV_ROWS, "the file has no"),
-    "csv_no_numbers": (b"t,d\n" + b"".join(b"%d,deep\n" % second for second in range(50)), "not a number"),
+    "csv_no_numbers": (
+        b"t,d\n" + b"".join(b"%d,deep\n" % second for second in range(50)),
+        "not a number",
+    ),
 }
 
 LOSSES: dict[str, tuple[bytes, str, int]] = {
-    # Bytes, a reason or note that must be told, samples of the stream with most of them.
+    # Bytes, a reason or note that must be told, samples of the stream with most of
+    # them.
     "format_beyond_the_end": (dive(50) + LONG, "cut off by the end of the file", 50),
     "length_beyond_the_end": (HUGE + dive(50), "length does not match", 50),
     "ulog_size_beyond_the_end": (
-        ULOG_START + b"".join(map(turned, range(50))) + struct.pack("<HB", 60_000, ord("I")) + b"x" * 40,
+        ULOG_START
+        + b"".join(map(turned, range(50)))
+        + struct.pack("<HB", 60_000, ord("I"))
+        + b"x" * 40,
         "cut off by the end of the file",
         50,
     ),
     "text_is_not_utf8": (HEADER_RECORDS + NOTE + dive(50)[len(HEADER_RECORDS) :], "", 50),
     "tlog_text_is_not_utf8": (
-        log([heartbeat(), frame("STATUSTEXT", b"\x06" + NO_UTF8), *(attitude(20 * number) for number in range(50))]),
+        log(
+            [
+                heartbeat(),
+                frame("STATUSTEXT", b"\x06" + NO_UTF8),
+                *(attitude(20 * number) for number in range(50)),
+            ]
+        ),
         "",
         50,
     ),
     "csv_is_not_utf8": (b"t,d,note\n" + CSV_ROWS.replace(b",5\n", b",5,20\xb0\n"), "", 100),
-    "text_log_is_not_utf8": (TEXT_HEAD + NO_UTF8 + b"\n" + TEXT_ROWS, "line that is not a record", 50),
+    "text_log_is_not_utf8": (
+        TEXT_HEAD + NO_UTF8 + b"\n" + TEXT_ROWS,
+        "line that is not a record",
+        50,
+    ),
     "time_backwards": (
-        HEADER_RECORDS + b"".join(barometer(1_000_000 + 100_000 * k) for k in (*range(30), *range(10, 30), *range(30, 60))),
+        HEADER_RECORDS
+        + b"".join(
+            barometer(1_000_000 + 100_000 * k) for k in (*range(30), *range(10, 30), *range(30, 60))
+        ),
         "time stamp out of order",
         60,
     ),
-    "csv_time_backwards": (b"t,d\n" + CSV_ROWS + b"40,5\n" * 3 + b"100,5\n", "time stamp out of order", 101),
+    "csv_time_backwards": (
+        b"t,d\n" + CSV_ROWS + b"40,5\n" * 3 + b"100,5\n",
+        "time stamp out of order",
+        101,
+    ),
     "tlog_time_backwards": (
-        log([heartbeat(), *(attitude(20 * number) for number in range(200))]) + log([attitude(4000 + 20 * k) for k in range(200)]),
+        log([heartbeat(), *(attitude(20 * number) for number in range(200))])
+        + log([attitude(4000 + 20 * k) for k in range(200)]),
         "clock goes back",
         400,
     ),
@@ -116,8 +155,12 @@ def _signals() -> Iterator[None]:
 
 
 @pytest.fixture
-def auvid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Run a command in a workspace with one campaign whose log is `dive.log`; exit code and all that is said, in one line."""
+def auvid(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str]]:
+    """Run a command in a workspace with one campaign whose log is `dive.log`; exit code
+    and all that is said, in one line.
+    """
     folder = tmp_path / "campaigns" / "bad"
     folder.mkdir(parents=True)
     (tmp_path / "params.yaml").write_bytes((ROOT / "params.yaml").read_bytes())
@@ -127,7 +170,11 @@ def auvid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 
     def run(*words: str, columns: bool = False) -> tuple[int, str]:
         file = "{file: dive.log, columns: map.yaml}" if columns else "{file: dive.log}"
-        lines = ["kind: identification", "vehicle: bluerov2_heavy", f"logs: [{{id: dive, files: [{file}]}}]"]
+        lines = [
+            "kind: identification",
+            "vehicle: bluerov2_heavy",
+            f"logs: [{{id: dive, files: [{file}]}}]",
+        ]
         lines.append("legs: [{id: one, log: dive, use: training}]")
         (folder / "campaign.yaml").write_text("\n".join(lines) + "\n")
         monkeypatch.setattr(sys, "argv", ["auvid", *words])
@@ -152,12 +199,16 @@ def place(content: bytes) -> Path:
 
 
 def log_info() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(Path("runs/bad/ingest/dive/log_info.json").read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads(
+        Path("runs/bad/ingest/dive/log_info.json").read_text(encoding="utf-8")
+    )
     return found
 
 
 @pytest.mark.parametrize("name", REFUSALS)
-def test_no_log_is_refused_with_the_reason(name: str, auvid: Callable[..., tuple[int, str]]) -> None:
+def test_no_log_is_refused_with_the_reason(
+    name: str, auvid: Callable[..., tuple[int, str]]
+) -> None:
     content, reason = REFUSALS[name]
     place(content)
     columns = name.startswith("csv")
@@ -172,7 +223,9 @@ def test_no_log_is_refused_with_the_reason(name: str, auvid: Callable[..., tuple
 
 
 @pytest.mark.parametrize("name", LOSSES)
-def test_what_is_wrong_with_a_log_is_told_and_the_rest_is_used(name: str, auvid: Callable[..., tuple[int, str]]) -> None:
+def test_what_is_wrong_with_a_log_is_told_and_the_rest_is_used(
+    name: str, auvid: Callable[..., tuple[int, str]]
+) -> None:
     content, told, samples = LOSSES[name]
     place(content)
     columns = name.startswith("csv")
@@ -183,7 +236,11 @@ def test_what_is_wrong_with_a_log_is_told_and_the_rest_is_used(name: str, auvid:
     words = json.dumps(info, ensure_ascii=False) + dropped
     assert not told or any(word in words for word in told.split("|")), words
     assert max(stream["rows"] for stream in info["streams"].values()) == samples
-    code, said = auvid("check", "campaigns/bad/dive.log", *(["--columns", "campaigns/bad/map.yaml"] if columns else []))
+    code, said = auvid(
+        "check",
+        "campaigns/bad/dive.log",
+        *(["--columns", "campaigns/bad/map.yaml"] if columns else []),
+    )
     assert code in (FINE, 3), said
 
 
@@ -195,7 +252,9 @@ def test_a_folder_in_place_of_a_log(auvid: Callable[..., tuple[int, str]]) -> No
     assert "campaign.yaml" in said
 
 
-def test_a_log_without_permission(auvid: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_without_permission(
+    auvid: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The refusal is made up: tests may run as a user whom the system refuses nothing."""
     path = place(dive(5)).resolve()
     before = Path.open
@@ -212,7 +271,9 @@ def test_a_log_without_permission(auvid: Callable[..., tuple[int, str]], monkeyp
 
 
 @pytest.mark.parametrize("change", ["grows", "is written anew", "disappears", "is cut short"])
-def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_that_changes_while_it_is_read(
+    change: str, auvid: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = place(dive(50))
     load = sources.Log.load
 
@@ -224,7 +285,9 @@ def test_a_log_that_changes_while_it_is_read(change: str, auvid: Callable[..., t
         elif change == "is written anew":
             path.with_suffix(".new").write_bytes(dive(40))
             path.with_suffix(".new").replace(path)
-        elif change == "is cut short":  # by another process, as a log on its way to this machine; memory that maps the file would be gone
+        elif (
+            change == "is cut short"
+        ):  # by another process, as a log on its way to this machine; memory that maps the file would be gone
             subprocess.run([*CUT, str(path), "100"], check=True)
         else:
             path.unlink()
@@ -257,7 +320,9 @@ def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
         (("--engine", "serial", "--jobs", "2"), "does not fit the engine"),
     ],
 )
-def test_wrong_use_has_an_exit_code_of_its_own(words: tuple[str, ...], told: str, auvid: Callable[..., tuple[int, str]]) -> None:
+def test_wrong_use_has_an_exit_code_of_its_own(
+    words: tuple[str, ...], told: str, auvid: Callable[..., tuple[int, str]]
+) -> None:
     place(dive(5))
     code, said = auvid("run", "bad", *words)
     assert (code, told in said) == (2, True), said

@@ -1,4 +1,6 @@
-"""`auvid inspect` as a user calls it: files, pictures, and what it says where there is nothing to show or nothing to show it with."""
+"""`auvid inspect` as a user calls it: files, pictures, and what it says where there is
+nothing to show or nothing to show it with.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
-from typer.testing import CliRunner
-
 from tests.support.pictures import PICTURES, look
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +38,9 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def auvid(*words: object) -> Done:
-    """Run the command in this process; a fault that is none of the user's fails the test."""
+    """Run the command in this process; a fault that is none of the user's fails the
+    test.
+    """
     result = CliRunner().invoke(cli.app, [str(word) for word in words])
     assert isinstance(result.exception, PipelineError | None), result.exception
     return Done(result.output, result.exception)
@@ -53,12 +57,19 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_saved_recording_is_verified_and_holds_the_streams(recording: Path) -> None:
     viewer.verify(recording)
-    printed = subprocess.run([str(viewer.program()), "rrd", "print", str(recording)], capture_output=True, text=True, check=True).stdout
+    printed = subprocess.run(
+        [str(viewer.program()), "rrd", "print", str(recording)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     for entity in ("raw/attitude/rad", "raw/depth/m", "log/findings", "path/vehicle"):
         assert f"/{entity} - " in printed
 
 
-@pytest.mark.skipif(viewer.missing_for_pictures() is not None, reason=str(viewer.missing_for_pictures()))
+@pytest.mark.skipif(
+    viewer.missing_for_pictures() is not None, reason=str(viewer.missing_for_pictures())
+)
 def test_picture_is_not_empty(recording: Path) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     file = PICTURES / "inspect_log.png"
@@ -85,7 +96,11 @@ def test_refusals_say_what_to_do(words: tuple[str, ...], said: str) -> None:
 
 
 def test_recording_cut_off_or_of_something_else_is_refused(recording: Path, tmp_path: Path) -> None:
-    for name, content in (("cut.rrd", recording.read_bytes()[:1000]), ("other.rrd", b"RRF9" + bytes(2000)), ("empty.rrd", b"")):
+    for name, content in (
+        ("cut.rrd", recording.read_bytes()[:1000]),
+        ("other.rrd", b"RRF9" + bytes(2000)),
+        ("empty.rrd", b""),
+    ):
         file = tmp_path / name
         file.write_bytes(content)
         assert "cannot be read" in str(auvid("inspect", file).fault), name
@@ -94,26 +109,42 @@ def test_recording_cut_off_or_of_something_else_is_refused(recording: Path, tmp_
 def test_log_larger_than_memory_is_refused_before_it_is_read(tmp_path: Path) -> None:
     file = tmp_path / "huge.BIN"
     with file.open("wb") as handle:
-        handle.truncate(10 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))  # no byte of it is written
+        handle.truncate(
+            10 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        )  # no byte of it is written
     assert "of memory" in str(auvid("inspect", file, "--save", tmp_path / "huge.rrd").fault)
     assert not (tmp_path / "huge.rrd").exists()
 
 
 def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "auvid", "inspect", str(SMALL), "--tab", "Foo", "--save", str(tmp_path / "x.rrd")]
+    command = [
+        sys.executable,
+        "-m",
+        "auvid",
+        "inspect",
+        str(SMALL),
+        "--tab",
+        "Foo",
+        "--save",
+        str(tmp_path / "x.rrd"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 1
     assert "no such tab" in done.stderr
     assert "Dropping data" not in done.stderr
 
 
-def test_viewer_that_ends_at_once_is_a_fault(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_viewer_that_ends_at_once_is_a_fault(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("DISPLAY", ":98765")
     with pytest.raises(PipelineError, match=r"opened no window.*--web"):
         viewer.show(recording)
 
 
-def test_viewer_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_viewer_that_is_not_installed_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(PipelineError, match=r"not installed.*--save"):

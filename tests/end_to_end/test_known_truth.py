@@ -1,4 +1,6 @@
-"""From a prescribed rich motion of the VT 690 the chain gets the true force back, and the coefficients of every model in its span."""
+"""From a prescribed rich motion of the VT 690 the chain gets the true force back, and
+the coefficients of every model in its span.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.hydro.dynamics.viscous.models import MODELS, IdentifiedModel, model_named
 from auvid.stages import residual, synthesise, validate
 from auvid.stages.base import collection
 from auvid.stages.columns import AXES, forces
-
 from tests.support.motions import (
     driven_by,
     fused_table,
@@ -56,15 +58,27 @@ def residuals(truth: IdentifiedModel) -> dict[str, pa.Table]:
             log_document(),
         )
         tables[name] = residual.run(inputs, residual.Params()).residual
-        np.testing.assert_allclose(forces(tables[name], "tau_bar"), force, rtol=0.0, atol=1e-9)  # N, N m; forces up to 300
+        np.testing.assert_allclose(
+            forces(tables[name], "tau_bar"), force, rtol=0.0, atol=1e-9
+        )  # N, N m; forces up to 300
     return tables
 
 
-def fit(tables: dict[str, pa.Table], *models: str, **params: Any) -> tuple[synthesise.Outputs, validate.Outputs]:
-    segments = {name: segment_document(name, "validation" if name == "check" else "training") for name in tables}
+def fit(
+    tables: dict[str, pa.Table], *models: str, **params: Any
+) -> tuple[synthesise.Outputs, validate.Outputs]:
+    segments = {
+        name: segment_document(name, "validation" if name == "check" else "training")
+        for name in tables
+    }
     inputs = synthesise.Inputs(collection(tables), collection(segments), vehicle_document("vt690"))
     fitted = synthesise.run(inputs, synthesise.Params(models=models, **params))
-    judged = validate.run(validate.Inputs(collection(dict(fitted.model_card)), collection(tables), collection(segments)), validate.Params())
+    judged = validate.run(
+        validate.Inputs(
+            collection(dict(fitted.model_card)), collection(tables), collection(segments)
+        ),
+        validate.Params(),
+    )
     return fitted, judged
 
 
@@ -82,12 +96,17 @@ def test_coefficients_in_the_span_come_back(name: str) -> None:
     check_document(card, "model_card")
     assert card["rank"] == RANK[name]
     for axis in AXES:
-        largest = max((abs(value) for value in truth.coefficients.get(axis, {}).values()), default=0.0)
+        largest = max(
+            (abs(value) for value in truth.coefficients.get(axis, {}).values()), default=0.0
+        )
         if name == "uncoupled" and axis == "X":
             continue
         for term in model_named(name).terms[axis]:
-            # relative to the axis's largest coefficient: the smallest are rounding of the published tables, 1e-20
-            assert card["solution"][axis][term] == pytest.approx(truth.coefficients[axis][term], rel=1e-6, abs=1e-9 * largest)
+            # relative to the axis's largest coefficient: the smallest are rounding of
+            # the published tables, 1e-20
+            assert card["solution"][axis][term] == pytest.approx(
+                truth.coefficients[axis][term], rel=1e-6, abs=1e-9 * largest
+            )
     assert judged.error_metrics["validation"][name]["ratio"] < 1e-9
     assert judged.error_metrics["training"][name]["ratio"] < 1e-9
 
@@ -105,23 +124,39 @@ def test_uncoupled_names_the_pairs_that_ahead_motion_cannot_separate() -> None:
     }
     assert all(item["value"] is None and item["standard_error"] is None for item in surge.values())
     sums = {frozenset(item["weights"]): item for item in card["axes"]["X"]["combinations"]}
-    assert sums[frozenset({"u", "|u|"})]["value"] == pytest.approx(-7.690, rel=1e-6)  # Table E.10, X_|u| = Fossen's X_u
+    assert sums[frozenset({"u", "|u|"})]["value"] == pytest.approx(
+        -7.690, rel=1e-6
+    )  # Table E.10, X_|u| = Fossen's X_u
     assert sums[frozenset({"u*u", "u*|u|"})]["value"] == pytest.approx(-1.288, rel=1e-6)
-    assert all(weight == pytest.approx(1.0, rel=1e-9) for item in sums.values() for weight in item["weights"].values())
-    shown = [block for block in fitted.section["blocks"] if "inseparable terms" in block.get("title", "")]
+    assert all(
+        weight == pytest.approx(1.0, rel=1e-9)
+        for item in sums.values()
+        for weight in item["weights"].values()
+    )
+    shown = [
+        block for block in fitted.section["blocks"] if "inseparable terms" in block.get("title", "")
+    ]
     assert len(shown[0]["rows"]) == 2
     assert all(len(card["axes"][axis]["terms"]) == card["axes"][axis]["rank"] for axis in "YZKMN")
 
 
-def test_ranks_of_all_models_on_one_motion(of_mcfarland: tuple[synthesise.Outputs, validate.Outputs]) -> None:
+def test_ranks_of_all_models_on_one_motion(
+    of_mcfarland: tuple[synthesise.Outputs, validate.Outputs],
+) -> None:
     fitted, _ = of_mcfarland
     assert {name: card["rank"] for name, card in fitted.model_card.items()} == RANK
-    assert {name: card["n_bar"] for name, card in fitted.model_card.items()} == RANK | {"uncoupled": 24}
+    assert {name: card["n_bar"] for name, card in fitted.model_card.items()} == RANK | {
+        "uncoupled": 24
+    }
     assert not any(card["not_applicable"] for card in fitted.model_card.values())
 
 
-def test_models_that_do_not_span_the_truth_rank_as_they_should(of_mcfarland: tuple[synthesise.Outputs, validate.Outputs]) -> None:
-    ratio = {name: found["ratio"] for name, found in of_mcfarland[1].error_metrics["training"].items()}
+def test_models_that_do_not_span_the_truth_rank_as_they_should(
+    of_mcfarland: tuple[synthesise.Outputs, validate.Outputs],
+) -> None:
+    ratio = {
+        name: found["ratio"] for name, found in of_mcfarland[1].error_metrics["training"].items()
+    }
     assert ratio["mcfarland"] < 1e-9
     assert 0.01 < ratio["gertler_hagen"] < ratio["fossen"] < 1.0
     assert ratio["uncoupled"] <= ratio["fossen"]  # it contains Fossen's terms
@@ -131,9 +166,13 @@ def test_trim_is_found_beside_the_model() -> None:
     tables = residuals(published("prestero"))
     trim = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])
     for name, table in tables.items():
-        for index, column in enumerate(column for column in table.column_names if column.startswith("tau_bar")):
+        for index, column in enumerate(
+            column for column in table.column_names if column.startswith("tau_bar")
+        ):
             place = table.column_names.index(column)
-            table = table.set_column(place, table.schema.field(column), pa.array(table[column].to_numpy() + trim[index]))
+            table = table.set_column(
+                place, table.schema.field(column), pa.array(table[column].to_numpy() + trim[index])
+            )
         tables[name] = table
     fitted, judged = fit(tables, "prestero", trim=True)
     card = fitted.model_card["prestero"]

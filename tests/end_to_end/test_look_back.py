@@ -1,14 +1,16 @@
-"""A campaign run twice with another parameter: remembered, listed, compared in the report, and held against a variant."""
+"""A campaign run twice with another parameter: remembered, listed, compared in the
+report, and held against a variant.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from auvid.pipeline import cli
-from auvid.pipeline.commands.history import run_history as history
 from typer.testing import CliRunner, Result
 
+from auvid.pipeline import cli
+from auvid.pipeline.commands.history import run_history as history
 from tests.support.pictures import assert_pictured
 
 
@@ -16,7 +18,9 @@ def auvid(*words: str) -> Result:
     return CliRunner().invoke(cli.app, list(words), env={"COLUMNS": "200"})
 
 
-def test_second_run_is_remembered_and_equals_the_variant_of_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_run_is_remembered_and_equals_the_variant_of_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "work"
     assert auvid("new", str(folder)).exit_code == 0
     monkeypatch.chdir(folder)

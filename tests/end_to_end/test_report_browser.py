@@ -1,4 +1,6 @@
-"""The report in a real browser: it draws, sorts, zooms, prints, and says nothing on the console. Pictures go to build/screenshots."""
+"""The report in a real browser: it draws, sorts, zooms, prints, and says nothing on the
+console. Pictures go to build/screenshots.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from auvid.stages.report import Params, run
 
+from auvid.stages.report import Params, run
 from tests.support.browser import Browser, chromium
 from tests.support.example_run import example_run
 
@@ -24,7 +26,9 @@ pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium: apt-get
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("report") / "report.html"
-    file.write_bytes(run(example_run({"train": 20.0, "check": 10.0}).inputs(), Params()).report_html)
+    file.write_bytes(
+        run(example_run({"train": 20.0, "check": 10.0}).inputs(), Params()).report_html
+    )
     return file
 
 
@@ -37,7 +41,9 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser, report: Path) -> Iterator[Browser]:
-    """The report freshly opened at 1280 px; nothing may have been said on the console by the end of the test."""
+    """The report freshly opened at 1280 px; nothing may have been said on the console
+    by the end of the test.
+    """
     browser.messages.clear()
     browser.open(report)
     yield browser
@@ -45,7 +51,9 @@ def page(browser: Browser, report: Path) -> Iterator[Browser]:
 
 
 def area(page: Browser) -> tuple[float, float, float, float]:
-    """Place of the first plot, scrolled into view; sections get their height when they come near, so until it stays where it is."""
+    """Place of the first plot, scrolled into view; sections get their height when they
+    come near, so until it stays where it is.
+    """
     seen: tuple[float, float, float, float] | None = None
     for _ in range(20):
         page.evaluate(f"{FIRST_AREA}.scrollIntoView({{block: 'center'}})")
@@ -62,8 +70,12 @@ def view(page: Browser) -> list[float]:
     return [float(value) for value in page.evaluate("plots[0].view")]
 
 
-@pytest.mark.parametrize(("width", "height", "dark"), [(1280, 1000, False), (1280, 1000, True), (390, 1200, False)])
-def test_page_fits_its_window_and_is_not_empty(browser: Browser, report: Path, width: int, height: int, dark: bool) -> None:
+@pytest.mark.parametrize(
+    ("width", "height", "dark"), [(1280, 1000, False), (1280, 1000, True), (390, 1200, False)]
+)
+def test_page_fits_its_window_and_is_not_empty(
+    browser: Browser, report: Path, width: int, height: int, dark: bool
+) -> None:
     browser.messages.clear()
     browser.open(report, width=width, height=height, dark=dark)
     PICTURES.mkdir(parents=True, exist_ok=True)
@@ -73,16 +85,29 @@ def test_page_fits_its_window_and_is_not_empty(browser: Browser, report: Path, w
     assert browser.messages == []
 
 
-def test_first_screen_says_what_was_identified_how_good_what_is_missing_and_which_model(browser: Browser, report: Path) -> None:
+def test_first_screen_says_what_was_identified_how_good_what_is_missing_and_which_model(
+    browser: Browser, report: Path
+) -> None:
     browser.messages.clear()
     browser.open(report, width=1280, height=800)
-    for item, edge in ((".answer", "bottom"), (".facts", "bottom"), ("#missing + ul", "bottom"), (".matrix", "top")):
-        assert browser.evaluate(f"document.querySelector('{item}').getBoundingClientRect().{edge}") < 800, item
+    for item, edge in (
+        (".answer", "bottom"),
+        (".facts", "bottom"),
+        ("#missing + ul", "bottom"),
+        (".matrix", "top"),
+    ):
+        assert (
+            browser.evaluate(f"document.querySelector('{item}').getBoundingClientRect().{edge}")
+            < 800
+        ), item
     assert browser.messages == []
 
 
 def test_what_is_folded_away_is_printed(page: Browser) -> None:
-    page.evaluate("document.querySelector('#missing + ul').innerHTML += '<li><details><summary>short</summary>long</details></li>'")
+    page.evaluate(
+        "document.querySelector('#missing + ul').innerHTML +="
+        " '<li><details><summary>short</summary>long</details></li>'"
+    )
     assert page.evaluate("document.querySelector('.sides details').open") is False
     page.pdf()
     assert page.evaluate("document.querySelector('.sides details').open") is True
@@ -114,11 +139,18 @@ def test_drag_zooms_all_plots_of_the_leg_and_double_click_resets(page: Browser) 
     page.drag((left + 0.25 * width, top + height / 2), (left + 0.5 * width, top + height / 2))
     low, high = view(page)
     span = full[1] - full[0]
-    assert low == pytest.approx(full[0] + 0.25 * span, abs=0.01 * span)  # a hundredth of the axis: whole pixels
+    assert low == pytest.approx(
+        full[0] + 0.25 * span, abs=0.01 * span
+    )  # a hundredth of the axis: whole pixels
     assert high == pytest.approx(full[0] + 0.5 * span, abs=0.01 * span)
-    same = "plots.filter(p => p.low < {high} && p.high > {low}).every(p => p.view[0] === {low} || p.low > {low})"
+    same = (
+        "plots.filter(p => p.low < {high} && p.high > {low}).every(p => p.view[0] === {low} ||"
+        " p.low > {low})"
+    )
     assert page.evaluate(same.format(low=low, high=high))
-    assert page.evaluate("plots.some(p => p.low >= plots[0].high - 1 && p.view[1] === p.high)"), "the other leg keeps its range"
+    assert page.evaluate("plots.some(p => p.low >= plots[0].high - 1 && p.view[1] === p.high)"), (
+        "the other leg keeps its range"
+    )
     page.mouse("mousePressed", left + 0.3 * width, top + height / 2, clickCount=2)
     page.mouse("mouseReleased", left + 0.3 * width, top + height / 2, clickCount=2)
     assert view(page) == full
@@ -187,7 +219,12 @@ def test_empty_cells_sort_last_either_way(page: Browser) -> None:
     page.evaluate("window.table = document.querySelector('#synthesise table.sortable')")
     for _ in range(2):
         page.evaluate("table.tHead.rows[0].cells[2].querySelector('button').click()")
-        assert page.evaluate("table.tBodies[0].rows[table.tBodies[0].rows.length - 1].cells[2].textContent") == "–"
+        assert (
+            page.evaluate(
+                "table.tBodies[0].rows[table.tBodies[0].rows.length - 1].cells[2].textContent"
+            )
+            == "–"
+        )
 
 
 def test_csv_holds_full_numbers_and_no_formulas(page: Browser) -> None:
@@ -195,7 +232,9 @@ def test_csv_holds_full_numbers_and_no_formulas(page: Browser) -> None:
     assert words.splitlines()[0] == "model,n,J,J/J0,X,Y,Z,K,M,N"
     assert words.splitlines()[1].startswith("Linear,36,2.48,0.62,")
     page.evaluate("window.made = document.createElement('table')")
-    page.evaluate("made.innerHTML = '<thead><tr><th>a<th>b</thead><tr><td data-v==1+1><td data-v=-2.5></tr>'")
+    page.evaluate(
+        "made.innerHTML = '<thead><tr><th>a<th>b</thead><tr><td data-v==1+1><td data-v=-2.5></tr>'"
+    )
     assert page.evaluate("csv(made)") == "a,b\n'=1+1,-2.5\n"
 
 
@@ -208,13 +247,17 @@ def test_theme_button_switches(page: Browser) -> None:
 
 def test_everything_that_acts_is_reached_by_keyboard(page: Browser) -> None:
     unreachable = page.evaluate(
-        "[...document.querySelectorAll('button, .frame, .scroll, summary, a[href]')].filter(item => item.tabIndex < 0).length"
+        "[...document.querySelectorAll('button, .frame, .scroll, summary, a[href]')].filter(item =>"
+        " item.tabIndex < 0).length"
     )
     assert unreachable == 0
 
 
 def test_links_of_the_contents_lead_to_a_heading(page: Browser) -> None:
-    missing = page.evaluate("[...document.querySelectorAll('nav a')].filter(a => !document.getElementById(a.hash.slice(1))).length")
+    missing = page.evaluate(
+        "[...document.querySelectorAll('nav a')].filter(a =>"
+        " !document.getElementById(a.hash.slice(1))).length"
+    )
     assert missing == 0
 
 
@@ -225,5 +268,7 @@ def test_page_prints(page: Browser) -> None:
 
 def test_equation_has_its_accents(page: Browser) -> None:
     tall = page.evaluate("document.querySelector('mover').getBoundingClientRect().height")
-    bare = page.evaluate("document.querySelector('mover > :first-child').getBoundingClientRect().height")
+    bare = page.evaluate(
+        "document.querySelector('mover > :first-child').getBoundingClientRect().height"
+    )
     assert tall > bare

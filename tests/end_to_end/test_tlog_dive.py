@@ -1,5 +1,7 @@
-"""The dive as MAVLink telemetry: the log is what its script writes, its streams differ by what the messages can carry, and so do the
-error tables of the whole chain: by the sum of what each message alone costs (campaigns/bluerov2_dvl_tlog/resolution.csv)."""
+"""The dive as MAVLink telemetry: the log is what its script writes, its streams differ
+by what the messages can carry, and so do the error tables of the whole chain: by the
+sum of what each message alone costs (campaigns/bluerov2_dvl_tlog/resolution.csv).
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+
 from auvid.data_schemas.tables import column
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.execution.engines import Serial
@@ -22,7 +25,10 @@ ROOT = Path(__file__).parents[2]
 HERE = ROOT / "campaigns" / "bluerov2_dvl_tlog"
 NAMES = ("bluerov2_dvl", HERE.name)
 TRAINING_SHARE, VALIDATION_SHARE = 0.0015, 0.015
-PREDICTION_FLOOR, PREDICTION_SHARE = 0.0005, 0.3  # of J; the costs of single messages add up as long as they are small
+PREDICTION_FLOOR, PREDICTION_SHARE = (
+    0.0005,
+    0.3,
+)  # of J; the costs of single messages add up as long as they are small
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +50,12 @@ def streams(script: ModuleType) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def tables(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[tuple[str, str], dict[str, Any]]]]:
-    """Rows of the error tables for all axes and legs, by campaign, then by use and model."""
+def tables(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[dict[str, dict[tuple[str, str], dict[str, Any]]]]:
+    """Rows of the error tables for all axes and legs, by campaign, then by use and
+    model.
+    """
     folder = tmp_path_factory.mktemp("tlog")
     (folder / "campaigns").mkdir()
     (folder / "params.yaml").write_bytes((ROOT / "params.yaml").read_bytes())
@@ -53,11 +63,21 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name in NAMES:
-            (folder / "campaigns" / name).symlink_to(ROOT / "campaigns" / name, target_is_directory=True)
+            (folder / "campaigns" / name).symlink_to(
+                ROOT / "campaigns" / name, target_is_directory=True
+            )
             run = session.open_run(name)
             run.execute(session.select(run.graph, until="validate"), Serial())
-            rows = pq.ParquetFile(folder / "runs" / name / "validate" / "error_table.parquet").read().to_pylist()
-            found[name] = {(row["use"], row["model"]): row for row in rows if row["axis"] == "all" and row["leg"] == "all"}
+            rows = (
+                pq.ParquetFile(folder / "runs" / name / "validate" / "error_table.parquet")
+                .read()
+                .to_pylist()
+            )
+            found[name] = {
+                (row["use"], row["model"]): row
+                for row in rows
+                if row["axis"] == "all" and row["leg"] == "all"
+            }
         yield found
 
 
@@ -65,37 +85,56 @@ def test_the_log_is_what_its_script_writes(script: ModuleType, streams: dict[str
     assert script.TARGET.read_bytes() == script.telemetry(streams)
 
 
-def test_streams_differ_by_what_the_messages_can_carry(script: ModuleType, streams: dict[str, Any]) -> None:
+def test_streams_differ_by_what_the_messages_can_carry(
+    script: ModuleType, streams: dict[str, Any]
+) -> None:
     ours = script.streams_of(script.TARGET)
     start_us = int(column(streams["velocity"], "time_us")[0])
     assert int(column(ours["velocity"], "time_us")[0]) == start_us
     for name, step in script.STEPS.items():
         exact, carried = streams[name], ours[name]
         assert exact.num_rows == carried.num_rows
-        # A battery message has no time of its own: the recorder's, moved by the median delay, which knows milliseconds.
+        # A battery message has no time of its own: the recorder's, moved by the median
+        # delay, which knows milliseconds.
         off_us = step.time_us / 2 if name != "battery" else 500.0
         assert np.abs(column(exact, "time_us") - column(carried, "time_us")).max() <= off_us
         fields = [field for field in step.fields if field in exact.column_names]
         assert fields
         for field in fields:
             error = np.abs(column(exact, field) - column(carried, field)).max()
-            assert error <= 0.5001 * step.fields[field] * (2.0 if name in ("attitude", "depth") else 1.0), (name, field)
-    assert [row["mode"] for row in ours["mode"].to_pylist()] == [row["mode"] for row in streams["mode"].to_pylist()]
+            assert error <= 0.5001 * step.fields[field] * (
+                2.0 if name in ("attitude", "depth") else 1.0
+            ), (name, field)
+    assert [row["mode"] for row in ours["mode"].to_pylist()] == [
+        row["mode"] for row in streams["mode"].to_pylist()
+    ]
     assert ours["events"]["text"].to_pylist() == streams["events"]["text"].to_pylist()
 
 
-def test_error_tables_differ_by_what_the_messages_explain(tables: dict[str, dict[tuple[str, str], dict[str, Any]]]) -> None:
-    """The gyro's whole milliradians per second are nearly all of it: 0.1 % of J in training at most, 1.1 % where a model extrapolates."""
+def test_error_tables_differ_by_what_the_messages_explain(
+    tables: dict[str, dict[tuple[str, str], dict[str, Any]]],
+) -> None:
+    """The gyro's whole milliradians per second are nearly all of it: 0.1 % of J in
+    training at most, 1.1 % where a model extrapolates.
+    """
     with (HERE / "resolution.csv").open(encoding="utf-8") as file:
         costs = {(row.pop("use"), row.pop("model")): row for row in csv.DictReader(file)}
     exact, telemetry = (tables[name] for name in NAMES)
     assert set(exact) == set(telemetry) == set(costs)
     for key, row in exact.items():
         other = telemetry[key]
-        assert (row["rank"], row["samples"], row["n_bar"]) == (other["rank"], other["samples"], other["n_bar"])
+        assert (row["rank"], row["samples"], row["n_bar"]) == (
+            other["rank"],
+            other["samples"],
+            other["n_bar"],
+        )
         change = other["ratio"] * other["j0"] / (row["ratio"] * row["j0"]) - 1.0
         assert abs(change) <= (TRAINING_SHARE if key[0] == "training" else VALIDATION_SHARE), key
-        messages = [float(value) / 100.0 for name, value in costs[key].items() if name not in ("J", "telemetry_percent")]
+        messages = [
+            float(value) / 100.0
+            for name, value in costs[key].items()
+            if name not in ("J", "telemetry_percent")
+        ]
         predicted = sum(messages)
         assert abs(change - predicted) <= PREDICTION_FLOOR + PREDICTION_SHARE * abs(predicted), key
 
@@ -106,5 +145,10 @@ def test_the_log_has_the_messages_that_a_vehicle_sends(script: ModuleType) -> No
 
     log = TLOG.read(RawFile("dive.tlog", np.fromfile(script.TARGET, np.uint8)))
     assert log.status == "complete"
-    assert set(log.counts) == {step.message for step in script.STEPS.values()} | {"SYS_STATUS", "HEARTBEAT", "STATUSTEXT", "PARAM_VALUE"}
+    assert set(log.counts) == {step.message for step in script.STEPS.values()} | {
+        "SYS_STATUS",
+        "HEARTBEAT",
+        "STATUSTEXT",
+        "PARAM_VALUE",
+    }
     assert log.parameters == pytest.approx(script.PARAMETERS, rel=1e-7)

@@ -1,4 +1,6 @@
-"""The closed loop of trust: a twin flies a short plan, writes real logs, and the chain gives back the truth."""
+"""The closed loop of trust: a twin flies a short plan, writes real logs, and the chain
+gives back the truth.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from typer.testing import CliRunner
+
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
@@ -24,8 +28,6 @@ from auvid.stages import simulate
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, Array, force_columns
 from auvid.stages.simulate.flights import refit
 from auvid.stages.simulate.plans import plan_from_document
-from typer.testing import CliRunner
-
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
@@ -41,13 +43,24 @@ def plan(name: str, **change: object) -> dict[str, object]:
     return yaml.safe_load((PLANS / f"{name}.yaml").read_text(encoding="utf-8")) | change
 
 
-def workspace(folder: Path, plan_document: dict[str, object], stages: dict[str, object], *, until: str = "residual") -> Path:
+def workspace(
+    folder: Path,
+    plan_document: dict[str, object],
+    stages: dict[str, object],
+    *,
+    until: str = "residual",
+) -> Path:
     """A workspace with one twin campaign, run; returns the folder of its results."""
     campaign = folder / "campaigns" / "twin"
     campaign.mkdir(parents=True)
     (folder / "params.yaml").write_text("campaigns: [twin]\n", encoding="utf-8")
     (campaign / "plan.yaml").write_text(yaml.safe_dump(plan_document), encoding="utf-8")
-    manifest = {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "seed": 11}, "stages": stages}
+    manifest = {
+        "kind": "twin",
+        "vehicle": "vt690",
+        "simulate": {"plan": "plan.yaml", "seed": 11},
+        "stages": stages,
+    }
     (campaign / "campaign.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
     run = session.open_run(str(campaign))
     run.execute(session.select(run.graph, only=None, until=until), engines.Serial())
@@ -55,32 +68,51 @@ def workspace(folder: Path, plan_document: dict[str, object], stages: dict[str, 
 
 
 def force_error(runs: Path) -> tuple[float, float]:
-    """RMS of (residual - true force) and of the true force over all legs and axes [N and N m]."""
+    """RMS of (residual - true force) and of the true force over all legs and axes [N
+    and N m].
+    """
     errors, forces = [], []
     for path in sorted((runs / "residual").glob("*/residual.parquet")):
-        found, truth = pq.read_table(path), pq.read_table(runs / "simulate" / "truth" / f"{path.parent.name}.parquet")
-        start = json.loads((runs / "resample" / path.parent.name / "segment.json").read_text(encoding="utf-8"))["leg_start_s"]
+        found, truth = (
+            pq.read_table(path),
+            pq.read_table(runs / "simulate" / "truth" / f"{path.parent.name}.parquet"),
+        )
+        start = json.loads(
+            (runs / "resample" / path.parent.name / "segment.json").read_text(encoding="utf-8")
+        )["leg_start_s"]
         t_s, at = column(found, "t_s") + start, column(truth, "t_s")
         true = np.column_stack([np.interp(t_s, at, column(truth, name)) for name in TAU_BAR])
         errors.append(matrix(found, TAU_BAR) - true)
         forces.append(true)
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))), float(np.sqrt(np.mean(np.concatenate(forces) ** 2)))
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))), float(
+        np.sqrt(np.mean(np.concatenate(forces) ** 2))
+    )
 
 
 def ratios(runs: Path) -> dict[str, float]:
     rows = pq.read_table(runs / "validate" / "error_table.parquet").to_pylist()
-    return {row["model"]: row["ratio"] for row in rows if row["axis"] == row["leg"] == "all" and row["use"] == "validation"}
+    return {
+        row["model"]: row["ratio"]
+        for row in rows
+        if row["axis"] == row["leg"] == "all" and row["use"] == "validation"
+    }
 
 
 def test_exact_sensors_give_back_the_true_force(tmp_path: Path) -> None:
-    """Through DataFlash logs in single precision: 0.05 N of some 9 N, the bound for sensors without noise."""
-    error, size = force_error(workspace(tmp_path, plan("short", sensors={}, settle_s=10), INTEGRATED))
+    """Through DataFlash logs in single precision: 0.05 N of some 9 N, the bound for
+    sensors without noise.
+    """
+    error, size = force_error(
+        workspace(tmp_path, plan("short", sensors={}, settle_s=10), INTEGRATED)
+    )
     assert size > 5.0
     assert error < 0.05
 
 
 def test_as_published_finds_another_force(tmp_path: Path) -> None:
-    """The negative control: a physical accelerometer taken for v_dot puts more than 10 N into the residual, and a warning is given."""
+    """The negative control: a physical accelerometer taken for v_dot puts more than 10
+    N into the residual, and a warning is given.
+    """
     stages = INTEGRATED | {"fuse": {"method": "thesis", "as_published": True, "cutoff_hz": None}}
     runs = workspace(tmp_path, plan("short", settle_s=10), stages)
     assert force_error(runs)[0] > 10.0
@@ -89,7 +121,9 @@ def test_as_published_finds_another_force(tmp_path: Path) -> None:
 
 
 def test_noisy_sensors_give_models_that_predict(tmp_path: Path) -> None:
-    """Default sensors and method: the force to 0.9, and small models explain the other leg to a quarter of its force."""
+    """Default sensors and method: the force to 0.9, and small models explain the other
+    leg to a quarter of its force.
+    """
     runs = workspace(tmp_path, plan("short", settle_s=10), {}, until="validate")
     assert force_error(runs)[0] < 0.9
     found = ratios(runs)
@@ -97,12 +131,22 @@ def test_noisy_sensors_give_models_that_predict(tmp_path: Path) -> None:
     assert found["linear"] < 0.25
 
 
-@pytest.mark.parametrize(("bound", "status", "words"), [(0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")])
-def test_run_of_a_twin_says_how_far_it_is_from_the_truth(tmp_path: Path, bound: float, status: int, words: str) -> None:
-    """`auvid run` of a twin prints estimate against truth, ends with 1 where a bound is missed, and the report shows both."""
+@pytest.mark.parametrize(
+    ("bound", "status", "words"), [(0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")]
+)
+def test_run_of_a_twin_says_how_far_it_is_from_the_truth(
+    tmp_path: Path, bound: float, status: int, words: str
+) -> None:
+    """`auvid run` of a twin prints estimate against truth, ends with 1 where a bound is
+    missed, and the report shows both.
+    """
     document = plan("short", settle_s=5)
     document["legs"] = document["legs"][:1]  # type: ignore[index]
-    stages = {"fuse": {"method": "smoother"}, "validate": {"free_run": False}, "check_truth": {"force_error": bound}}
+    stages = {
+        "fuse": {"method": "smoother"},
+        "validate": {"free_run": False},
+        "check_truth": {"force_error": bound},
+    }
     runs = workspace(tmp_path, document, stages, until="simulate")
     done = CliRunner().invoke(cli.app, ["run", str(tmp_path / "campaigns" / "twin")])
     assert done.exit_code == status, done.output
@@ -120,40 +164,73 @@ def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
     document = plan("default", sensors={})
     document["legs"] = [leg for leg in document["legs"] if leg["use"] == "training"]  # type: ignore[attr-defined]
     truth = {"kind": "refit", "name": name, "source": "physics"}
-    twin = {"plan": document, "truth": truth, "seed": 0, "format": "csv", "accelerometer": "specific_force"}
+    twin = {
+        "plan": document,
+        "truth": truth,
+        "seed": 0,
+        "format": "csv",
+        "accelerometer": "specific_force",
+    }
     outputs = simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
     model, _ = refit(name, plan_from_document(document, VT690), VT690)
     assert outputs.simulation["coefficients"] == model.coefficients
-    return {axis: dict(terms) for axis, terms in model.coefficients.items()}, list(outputs.truth.values())
+    return {axis: dict(terms) for axis, terms in model.coefficients.items()}, list(
+        outputs.truth.values()
+    )
 
 
 @pytest.mark.parametrize("name", ["gertler_hagen", "linear"])
 def test_true_states_give_back_the_coefficients_of_a_truth_in_the_span(name: str) -> None:
-    """Inverse dynamics of the true motion, then least squares: every coefficient to 1e-6 of itself, residual force to 1e-9 N."""
+    """Inverse dynamics of the true motion, then least squares: every coefficient to
+    1e-6 of itself, residual force to 1e-9 N.
+    """
     truth, flown = in_span(name)
     model = model_named(name)
     factor = TriangularFactor.empty(model.distinct_terms)
     for table in flown:
         nu, n = matrix(table, VELOCITY), column(table, "propeller_rev_s")
         control = Control(propeller_rev_s=n, fins_rad=matrix(table, FINS))
-        bar: Array = inverse_dynamics(VT690, matrix(table, POSE), nu, matrix(table, ACCELERATION), control)
+        bar: Array = inverse_dynamics(
+            VT690, matrix(table, POSE), nu, matrix(table, ACCELERATION), control
+        )
         assert np.max(np.abs(bar - matrix(table, TAU_BAR))) < 1e-9
         assert VT690.propeller is not None
-        factor = factor.update(basis_rows(nu.T, eta_ratio(level_speed(VT690.propeller, n), nu), model.distinct_terms), bar)
+        factor = factor.update(
+            basis_rows(nu.T, eta_ratio(level_speed(VT690.propeller, n), nu), model.distinct_terms),
+            bar,
+        )
     for axis, terms in model.terms.items():
         fit = solve_axis(factor, axis, terms)
         for term, value in zip(terms, fit.solution, strict=True):
             assert value == pytest.approx(truth[axis][term], rel=1e-6), (axis, term)
 
 
-def test_command_makes_a_campaign_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_makes_a_campaign_that_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """auvid simulate, then auvid run on what it wrote, with a vehicle file of its own."""
     (tmp_path / "params.yaml").write_text("campaigns: []\n", encoding="utf-8")
     (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan("short", settle_s=5)), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    made = CliRunner().invoke(cli.app, ["simulate", "vt690", "plan.yaml", "-o", "campaigns/mine", "--format", "tlog", "--seed", "2"])
+    made = CliRunner().invoke(
+        cli.app,
+        [
+            "simulate",
+            "vt690",
+            "plan.yaml",
+            "-o",
+            "campaigns/mine",
+            "--format",
+            "tlog",
+            "--seed",
+            "2",
+        ],
+    )
     assert made.exit_code == 0, made.output
-    assert sorted(path.name for path in (tmp_path / "campaigns/mine/logs").iterdir()) == ["yaw_2133.tlog", "yaw_2350.tlog"]
+    assert sorted(path.name for path in (tmp_path / "campaigns/mine/logs").iterdir()) == [
+        "yaw_2133.tlog",
+        "yaw_2350.tlog",
+    ]
     run = session.open_run("campaigns/mine")
     assert run.execute(session.select(run.graph, only=None, until="residual"), engines.Serial()) > 0
     again = CliRunner().invoke(cli.app, ["simulate", "vt690", "plan.yaml", "-o", "campaigns/mine"])
@@ -172,7 +249,9 @@ def test_command_makes_a_campaign_that_runs(tmp_path: Path, monkeypatch: pytest.
         (["bluerov2_heavy", "plan.yaml"], "propeller and fins"),
     ],
 )
-def test_command_refuses_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str) -> None:
+def test_command_refuses_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
+) -> None:
     (tmp_path / "params.yaml").write_text("campaigns: []\n", encoding="utf-8")
     (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan("short")), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -185,13 +264,31 @@ def test_command_refuses_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ("manifest", "words"),
     [
         ({"kind": "twin", "vehicle": "vt690"}, "A twin needs the plan that it flies"),
-        ({"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml"}, "legs": []}, "has these from its plan"),
-        ({"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "seed": -1}}, "out of range"),
-        ({"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "../plan.yaml"}}, "leaves the campaign folder"),
-        ({"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "truth": "physic"}}, "no such truth"),
+        (
+            {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml"}, "legs": []},
+            "has these from its plan",
+        ),
+        (
+            {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "seed": -1}},
+            "out of range",
+        ),
+        (
+            {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "../plan.yaml"}},
+            "leaves the campaign folder",
+        ),
+        (
+            {
+                "kind": "twin",
+                "vehicle": "vt690",
+                "simulate": {"plan": "plan.yaml", "truth": "physic"},
+            },
+            "no such truth",
+        ),
     ],
 )
-def test_manifests_of_twins_are_refused_in_words(tmp_path: Path, manifest: dict[str, object], words: str) -> None:
+def test_manifests_of_twins_are_refused_in_words(
+    tmp_path: Path, manifest: dict[str, object], words: str
+) -> None:
     folder = tmp_path / "campaigns" / "twin"
     folder.mkdir(parents=True)
     (tmp_path / "params.yaml").write_text("campaigns: [twin]\n", encoding="utf-8")

@@ -1,51 +1,101 @@
-"""Faults in what a user writes: manifest, parameters, column map, vehicle, logs. Each message must name file, line, field and remedy."""
+"""Faults in what a user writes: manifest, parameters, column map, vehicle, logs. Each
+message must name file, line, field and remedy.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import load_campaign
-from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, load_defaults, stage_params, workspace_of
+from auvid.pipeline.campaigns.workspace import (
+    Workspace,
+    find_workspace,
+    load_defaults,
+    stage_params,
+    workspace_of,
+)
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.engines import Serial
-
 from tests.support.toy_stages import KINDS, MANIFEST, STAGES, VEHICLES, open_run, write_campaign
 
 LEG = "  - {id: one, log: a, use: training}"
 LOG = "  - {id: a, file: a.log}"
 
 MANIFEST_FAULTS = {
-    "KEY_MISSPELT": (MANIFEST.replace("legs:", "leggs:"), ["unknown key", "'leggs'", "Did you mean 'legs'?"]),
+    "KEY_MISSPELT": (
+        MANIFEST.replace("legs:", "leggs:"),
+        ["unknown key", "'leggs'", "Did you mean 'legs'?"],
+    ),
     "KEY_TWICE": (MANIFEST + "vehicle: toy\n", ["row 10", "'vehicle'", "stands twice"]),
-    "KEY_TWICE_INSIDE": (MANIFEST.replace("{id: a,", "{id: a, id: b,"), ["row 4", "'logs[0].id'", "stands twice"]),
+    "KEY_TWICE_INSIDE": (
+        MANIFEST.replace("{id: a,", "{id: a, id: b,"),
+        ["row 4", "'logs[0].id'", "stands twice"],
+    ),
     "NOT_YAML": (MANIFEST + "legs: [\n", ["not valid YAML", "row"]),
     "TABULATOR": (MANIFEST.replace("  - {id: a", "\t- {id: a"), ["row 4", "not valid YAML"]),
     "EMPTY_FILE": (" ", ["missing key", "'vehicle'", "'logs'"]),
     "A_LIST": ("- kind: identification\n", ["not a mapping"]),
-    "KIND_UNKNOWN": (MANIFEST.replace("identification", "identfication"), ["row 1", "'kind'", "Did you mean 'identification'?"]),
+    "KIND_UNKNOWN": (
+        MANIFEST.replace("identification", "identfication"),
+        ["row 1", "'kind'", "Did you mean 'identification'?"],
+    ),
     "LOG_UNKNOWN": (
         MANIFEST.replace(LEG, LEG.replace("log: a", "log: aa")),
         ["row 7", "'legs[0].log'", "no such log", "'aa'", "allowed: a, b"],
     ),
-    "LOG_TWICE": (MANIFEST.replace(LOG, LOG + "\n" + LOG), ["row 5", "'logs[1].id'", "the same name as logs[0]"]),
-    "LEG_TWICE_BUT_FOR_CASE": (MANIFEST.replace("id: two", "id: ONE"), ["row 8", "the same name as legs[0]"]),
+    "LOG_TWICE": (
+        MANIFEST.replace(LOG, LOG + "\n" + LOG),
+        ["row 5", "'logs[1].id'", "the same name as logs[0]"],
+    ),
+    "LEG_TWICE_BUT_FOR_CASE": (
+        MANIFEST.replace("id: two", "id: ONE"),
+        ["row 8", "the same name as legs[0]"],
+    ),
     "LEG_WITH_DOT": (MANIFEST.replace("id: two", "id: one.1"), ["row 8", "not a name", "'one.1'"]),
     "LEG_IS_A_PATH": (MANIFEST.replace("id: two", "id: ../two"), ["not a name"]),
     "LEG_BACKWARDS": (
         MANIFEST.replace(LEG, "  - {id: one, log: a, start_s: 9, end_s: 3, use: training}"),
         ["row 7", "'legs[0].end_s'", "ends before it starts", "found 3", "more than start_s = 9"],
     ),
-    "LEG_OF_NO_LENGTH": (MANIFEST.replace(LEG, "  - {id: one, log: a, end_s: 0, use: training}"), ["ends before it starts"]),
-    "LEG_STARTS_BELOW_ZERO": (MANIFEST.replace(LEG, "  - {id: one, log: a, start_s: -1, use: training}"), ["out of range", "-1"]),
-    "USE_UNKNOWN": (MANIFEST.replace("use: validation", "use: validate"), ["row 9", "Did you mean 'validation'?"]),
-    "NO_LEGS": (MANIFEST[: MANIFEST.index("legs:")] + "legs: []\n", ["'legs'", "the list is empty"]),
-    "LOG_WITHOUT_FILE": (MANIFEST.replace(", file: a.log", ""), ["row 4", "either file or files", "neither"]),
-    "LOG_WITH_FILE_AND_FILES": (MANIFEST.replace("file: a.log", "file: a.log, files: [{file: b.log}]"), ["either file or files", "both"]),
-    "PATH_LEAVES_FOLDER": (MANIFEST.replace("file: a.log", "file: ../a.log"), ["row 4", "'logs[0].file'", "leaves the campaign folder"]),
-    "STAGE_UNKNOWN": (MANIFEST + "stages: {spraed: {floor: 1}}\n", ["row 10", "unknown stage", "Did you mean 'spread'?"]),
-    "VEHICLE_UNKNOWN": (MANIFEST.replace("vehicle: toy", "vehicle: tow"), ["row 2", "no such vehicle", "Did you mean 'toy'?"]),
+    "LEG_OF_NO_LENGTH": (
+        MANIFEST.replace(LEG, "  - {id: one, log: a, end_s: 0, use: training}"),
+        ["ends before it starts"],
+    ),
+    "LEG_STARTS_BELOW_ZERO": (
+        MANIFEST.replace(LEG, "  - {id: one, log: a, start_s: -1, use: training}"),
+        ["out of range", "-1"],
+    ),
+    "USE_UNKNOWN": (
+        MANIFEST.replace("use: validation", "use: validate"),
+        ["row 9", "Did you mean 'validation'?"],
+    ),
+    "NO_LEGS": (
+        MANIFEST[: MANIFEST.index("legs:")] + "legs: []\n",
+        ["'legs'", "the list is empty"],
+    ),
+    "LOG_WITHOUT_FILE": (
+        MANIFEST.replace(", file: a.log", ""),
+        ["row 4", "either file or files", "neither"],
+    ),
+    "LOG_WITH_FILE_AND_FILES": (
+        MANIFEST.replace("file: a.log", "file: a.log, files: [{file: b.log}]"),
+        ["either file or files", "both"],
+    ),
+    "PATH_LEAVES_FOLDER": (
+        MANIFEST.replace("file: a.log", "file: ../a.log"),
+        ["row 4", "'logs[0].file'", "leaves the campaign folder"],
+    ),
+    "STAGE_UNKNOWN": (
+        MANIFEST + "stages: {spraed: {floor: 1}}\n",
+        ["row 10", "unknown stage", "Did you mean 'spread'?"],
+    ),
+    "VEHICLE_UNKNOWN": (
+        MANIFEST.replace("vehicle: toy", "vehicle: tow"),
+        ["row 2", "no such vehicle", "Did you mean 'toy'?"],
+    ),
     "VEHICLE_FILE_MISSING": (
         MANIFEST.replace("vehicle: toy", "vehicle: my/rov.yaml"),
         ["campaign.yaml", "vehicle is not there", "rov.yaml"],
@@ -65,13 +115,17 @@ def test_manifest_fault(name: str, tmp_path: Path) -> None:
 
 def test_all_faults_of_a_manifest_come_together(tmp_path: Path) -> None:
     text = MANIFEST.replace("log: a, use", "log: x, use").replace("id: two", "id: t.o")
-    with pytest.raises(PipelineError, match=r"(?s)2 faults.*no such log.*row 7|2 faults.*row 8.*not a name"):
+    with pytest.raises(
+        PipelineError, match=r"(?s)2 faults.*no such log.*row 7|2 faults.*row 8.*not a name"
+    ):
         load_campaign(write_campaign(tmp_path / "toy", text), kinds=KINDS, vehicles=VEHICLES)
 
 
 def test_absolute_path_may_leave_the_folder(tmp_path: Path) -> None:
     (tmp_path / "elsewhere.log").write_bytes(b"abc")
-    folder = write_campaign(tmp_path / "toy", MANIFEST.replace("file: a.log", f"file: {tmp_path}/elsewhere.log"))
+    folder = write_campaign(
+        tmp_path / "toy", MANIFEST.replace("file: a.log", f"file: {tmp_path}/elsewhere.log")
+    )
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
     assert campaign.log_files("a")[0].path.read_bytes() == b"abc"
 
@@ -81,16 +135,23 @@ def test_symbolic_link_to_a_log_elsewhere_is_followed(tmp_path: Path) -> None:
     folder = write_campaign(tmp_path / "toy")
     (folder / "a.log").unlink()
     (folder / "a.log").symlink_to(tmp_path / "elsewhere.log")
-    assert load_campaign(folder, kinds=KINDS, vehicles=VEHICLES).log_files("a")[0].path.read_bytes() == b"abc"
+    assert (
+        load_campaign(folder, kinds=KINDS, vehicles=VEHICLES).log_files("a")[0].path.read_bytes()
+        == b"abc"
+    )
 
 
 @pytest.mark.parametrize("fault", ["LOG_MISSING", "LOG_IS_A_FOLDER", "LOG_WITHOUT_PERMISSION"])
-def test_log_that_cannot_be_read_names_manifest_and_log(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_that_cannot_be_read_names_manifest_and_log(
+    fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = write_campaign(tmp_path / "toy")
     log = folder / "a.log"
-    words = {"LOG_MISSING": "is not there", "LOG_IS_A_FOLDER": "is a folder", "LOG_WITHOUT_PERMISSION": "cannot be read: no permission"}[
-        fault
-    ]
+    words = {
+        "LOG_MISSING": "is not there",
+        "LOG_IS_A_FOLDER": "is a folder",
+        "LOG_WITHOUT_PERMISSION": "cannot be read: no permission",
+    }[fault]
     if fault == "LOG_WITHOUT_PERMISSION":
         true = Path.open
 
@@ -99,7 +160,9 @@ def test_log_that_cannot_be_read_names_manifest_and_log(fault: str, tmp_path: Pa
                 raise PermissionError(13, "Permission denied")
             return true(path, *given, **named)  # type: ignore[call-overload]
 
-        monkeypatch.setattr(Path, "open", refuse)  # root reads everything, so that modes alone would not show it
+        monkeypatch.setattr(
+            Path, "open", refuse
+        )  # root reads everything, so that modes alone would not show it
     else:
         log.unlink()
         if fault == "LOG_IS_A_FOLDER":
@@ -112,8 +175,13 @@ def test_log_that_cannot_be_read_names_manifest_and_log(fault: str, tmp_path: Pa
 
 
 def test_column_map_faults_name_the_map(tmp_path: Path) -> None:
-    folder = write_campaign(tmp_path / "toy", MANIFEST.replace("file: a.log", "file: a.log, columns: a.yaml"))
-    (folder / "a.yaml").write_text("time: {column: t, unit: s}\ncolumns:\n  - {column: x, straem: depth, field: depth_m, unit: m}\n")
+    folder = write_campaign(
+        tmp_path / "toy", MANIFEST.replace("file: a.log", "file: a.log, columns: a.yaml")
+    )
+    (folder / "a.yaml").write_text(
+        "time: {column: t, unit: s}\ncolumns:\n  - {column: x, straem: depth, field: depth_m, unit:"
+        " m}\n"
+    )
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
     with pytest.raises(PipelineError, match=r"a.yaml.*straem.*Did you mean 'stream'\?"):
         campaign.log_files("a")
@@ -130,8 +198,14 @@ def test_vehicle_faults_name_the_vehicle_file(tmp_path: Path) -> None:
 
 
 PARAMS_FAULTS = {
-    "SECTION_UNKNOWN": ("spraed: {floor: 1}\n", ["row 1", "unknown stage", "Did you mean 'spread'?"]),
-    "PARAMETER_UNKNOWN": ("spread: {flor: 1}\n", ["unknown parameter", "stages.spread.flor", "Did you mean 'floor'?"]),
+    "SECTION_UNKNOWN": (
+        "spraed: {floor: 1}\n",
+        ["row 1", "unknown stage", "Did you mean 'spread'?"],
+    ),
+    "PARAMETER_UNKNOWN": (
+        "spread: {flor: 1}\n",
+        ["unknown parameter", "stages.spread.flor", "Did you mean 'floor'?"],
+    ),
     "WRONG_TYPE": ("spread: {floor: deep}\n", ["stages.spread.floor", "wrong type", "'deep'"]),
     "OUT_OF_RANGE": ("decode: {scale: 11}\n", ["out of range", "11", "0.1 to 10.0 m"]),
     "NOT_A_NUMBER": ("decode: {scale: .nan}\n", ["out of range"]),
@@ -146,12 +220,18 @@ def test_params_fault(name: str, tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_text(text)
     with pytest.raises(PipelineError) as caught:
         load_defaults(Workspace(tmp_path), STAGES)
-    assert [piece for piece in [str(tmp_path / "params.yaml"), *pieces] if piece not in str(caught.value)] == [], str(caught.value)
+    assert [
+        piece
+        for piece in [str(tmp_path / "params.yaml"), *pieces]
+        if piece not in str(caught.value)
+    ] == [], str(caught.value)
 
 
 def test_campaign_sets_what_differs_from_params(tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_text("campaigns: [toy]\nspread: {floor: 2.0, plan: {x: 1}}\n")
-    folder = write_campaign(tmp_path / "campaigns" / "toy", MANIFEST + "stages: {spread: {floor: 5}}\n")
+    folder = write_campaign(
+        tmp_path / "campaigns" / "toy", MANIFEST + "stages: {spread: {floor: 5}}\n"
+    )
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
     defaults = load_defaults(Workspace(tmp_path), STAGES)
     found = stage_params(STAGES[2], defaults, campaign)
@@ -163,7 +243,9 @@ def test_campaign_parameter_fault_names_the_line(tmp_path: Path) -> None:
     (tmp_path / "params.yaml").write_text("{}")
     folder = write_campaign(tmp_path / "toy", MANIFEST + "stages:\n  spread:\n    floor: -1\n")
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
-    with pytest.raises(PipelineError, match=r"campaign.yaml, row 12, field 'stages.spread.floor': out of range"):
+    with pytest.raises(
+        PipelineError, match=r"campaign.yaml, row 12, field 'stages.spread.floor': out of range"
+    ):
         stage_params(STAGES[2], load_defaults(Workspace(tmp_path), STAGES), campaign)
 
 
@@ -183,7 +265,9 @@ def test_campaign_by_name_folder_or_file(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.chdir(tmp_path)
     given = ("toy", "campaigns/toy", "campaigns/toy/", "campaigns/toy/campaign.yaml", str(folder))
     assert [workspace.campaign_folder(name).resolve() for name in given] == [folder] * len(given)
-    with pytest.raises(PipelineError, match=r"no such campaign; found 'toi'; allowed: toy. Did you mean 'toy'\?"):
+    with pytest.raises(
+        PipelineError, match=r"no such campaign; found 'toi'; allowed: toy. Did you mean 'toy'\?"
+    ):
         workspace.campaign_folder("toi")
 
 
@@ -193,7 +277,9 @@ def test_merge_keys_and_anchors_are_plain_yaml(tmp_path: Path) -> None:
     assert load_yaml(path).value["more"] == {"x": 1, "y": 2}
 
 
-def test_a_campaign_outside_any_workspace_is_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_campaign_outside_any_workspace_is_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "alone"
     folder.mkdir()
     (folder / "campaign.yaml").write_text("kind: identification\n")

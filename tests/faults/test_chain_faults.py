@@ -1,4 +1,6 @@
-"""Bad input through the command line, on the example of a new workspace: exit code, words, no traceback, nothing half-written."""
+"""Bad input through the command line, on the example of a new workspace: exit code,
+words, no traceback, nothing half-written.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,18 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+
 from auvid.pipeline import cli
 from auvid.pipeline.commands.new.new_command import make_workspace
 from auvid.pipeline.store.atomic_files import TEMPORARY
 
 Edit = Callable[[Path], None]
 EXAMPLE = Path("campaigns/example")
-MANIFEST, MAP, LOG = EXAMPLE / "campaign.yaml", EXAMPLE / "columns/synthetic_run.yaml", EXAMPLE / "logs/synthetic_run.csv"
+MANIFEST, MAP, LOG = (
+    EXAMPLE / "campaign.yaml",
+    EXAMPLE / "columns/synthetic_run.yaml",
+    EXAMPLE / "logs/synthetic_run.csv",
+)
 VEHICLE = Path("vehicles/example_rov.yaml")
 
 
@@ -39,7 +46,9 @@ def workspace(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     return folder
 
 
-def auvid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+def auvid(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, str, str]:
     """Exit code, standard output and standard error of a command in this process."""
     monkeypatch.setattr(sys, "argv", ["auvid", *words])
     monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
@@ -78,7 +87,9 @@ def without_columns(*names: str) -> Edit:
 
     def edit(root: Path) -> None:
         kept = [
-            row for row in (root / MAP).read_text(encoding="utf-8").splitlines() if not any(f"column: {name}," in row for name in names)
+            row
+            for row in (root / MAP).read_text(encoding="utf-8").splitlines()
+            if not any(f"column: {name}," in row for name in names)
         ]
         (root / MAP).write_text("\n".join(kept) + "\n", encoding="utf-8")
 
@@ -111,8 +122,16 @@ def edited_vehicle(pattern: str, new: str) -> Edit:
 
 
 REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
-    "FILE_MISSING": (lambda root: (root / LOG).unlink(), "ingest", ("synthetic_run.csv", "campaign.yaml", "log 'run'")),
-    "KEY_UNKNOWN": (replaced(MANIFEST, "kind:", "kinds: x\nkind:"), "ingest", ("campaign.yaml", "'kinds'", "Did you mean 'kind'?")),
+    "FILE_MISSING": (
+        lambda root: (root / LOG).unlink(),
+        "ingest",
+        ("synthetic_run.csv", "campaign.yaml", "log 'run'"),
+    ),
+    "KEY_UNKNOWN": (
+        replaced(MANIFEST, "kind:", "kinds: x\nkind:"),
+        "ingest",
+        ("campaign.yaml", "'kinds'", "Did you mean 'kind'?"),
+    ),
     "PARAMETER_UNKNOWN": (
         replaced(MANIFEST, "method: kinematic", "methd: kinematic"),
         "ingest",
@@ -123,14 +142,26 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         "ingest",
         ("synthetic_run.csv", "columns[10].unit", "wrong unit", "'kg'", "a unit of m"),
     ),
-    "VEHICLE_UNIT_WRONG": (edited_vehicle(r"(mass: \{value: [\d.]+, unit:) kg", r"\1 m"), "residual", ("rigid_body.mass", "unit", "kg")),
-    "VELOCITY_MISSING": (without_columns("u", "v", "w"), "fuse", ("stage fuse needs", "'velocity'", "can come from")),
+    "VEHICLE_UNIT_WRONG": (
+        edited_vehicle(r"(mass: \{value: [\d.]+, unit:) kg", r"\1 m"),
+        "residual",
+        ("rigid_body.mass", "unit", "kg"),
+    ),
+    "VELOCITY_MISSING": (
+        without_columns("u", "v", "w"),
+        "fuse",
+        ("stage fuse needs", "'velocity'", "can come from"),
+    ),
     "ATTITUDE_MISSING": (
         without_columns("roll_deg", "pitch_deg", "yaw_deg"),
         "resample",
         ("leg 'train' needs stream 'attitude'", "could supply it"),
     ),
-    "DEPTH_MISSING": (without_columns("depth_m"), "resample", ("leg 'train' needs stream 'depth'", "could supply it")),
+    "DEPTH_MISSING": (
+        without_columns("depth_m"),
+        "resample",
+        ("leg 'train' needs stream 'depth'", "could supply it"),
+    ),
     "PULSES_MISSING": (
         without_columns("pulse_1", "pulse_3"),
         "residual",
@@ -142,7 +173,10 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         ("leg 'check' lies outside log 'run'", "600 to 640 s"),
     ),
     "INERTIA_SINGULAR": (
-        edited_vehicle(r"\[0\.25, 0\.0, 0\.0\]\n( *- )\[0\.0, 0\.25, 0\.0\]", r"[0.25, 0.25, 0.0]\n\1[0.25, 0.25, 0.0]"),
+        edited_vehicle(
+            r"\[0\.25, 0\.0, 0\.0\]\n( *- )\[0\.0, 0\.25, 0\.0\]",
+            r"[0.25, 0.25, 0.0]\n\1[0.25, 0.25, 0.0]",
+        ),
         "resample",
         ("rigid_body.inertia", "not positive definite", "body origin"),
     ),
@@ -151,7 +185,11 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         "residual",
         ("no actuator", "propeller, fins or thrusters"),
     ),
-    "NO_ACTUATOR_ACTIVITY": (lines(neutral), "residual", ("no actuator acts in segment 'train'", "allow_no_actuation")),
+    "NO_ACTUATOR_ACTIVITY": (
+        lines(neutral),
+        "residual",
+        ("no actuator acts in segment 'train'", "allow_no_actuation"),
+    ),
     "ALL_CELLS_NAN": (lines(lambda rows: cells(rows, "u", "nan")), "fuse", ("velocity",)),
     "MODEL_UNKNOWN": (
         replaced(MANIFEST, "stages:", "stages:\n  synthesise: {models: [fosen]} #"),
@@ -163,13 +201,23 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         "synthesise",
         ("no training leg", "use: training"),
     ),
-    "CUTOFF_BEYOND_RATE": (replaced(MANIFEST, "cutoff_hz: 2.0", "cutoff_hz: 60"), "fuse", ("cutoff_hz", "half the sample rate")),
-    "EDGES_LONGER_THAN_LEG": (replaced(MANIFEST, "cutoff_hz: 2.0", "cutoff_hz: 2.0, edge_s: 40"), "fuse", ("edge_s", "too short")),
+    "CUTOFF_BEYOND_RATE": (
+        replaced(MANIFEST, "cutoff_hz: 2.0", "cutoff_hz: 60"),
+        "fuse",
+        ("cutoff_hz", "half the sample rate"),
+    ),
+    "EDGES_LONGER_THAN_LEG": (
+        replaced(MANIFEST, "cutoff_hz: 2.0", "cutoff_hz: 2.0, edge_s: 40"),
+        "fuse",
+        ("edge_s", "too short"),
+    ),
 }
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_refused(name: str, workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_refused(
+    name: str, workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     edit, stage, pieces = REFUSED[name]
     edit(workspace)
     code, _, err = auvid(monkeypatch, capsys, "run", "example", "--until", "validate")
@@ -182,26 +230,40 @@ def test_refused(name: str, workspace: Path, monkeypatch: pytest.MonkeyPatch, ca
     assert not list(folder.rglob(f"*{TEMPORARY}*"))
     assert not (folder / "validate/error_table.parquet").exists()
     failed = folder / stage
-    vouched = json.loads((failed / "manifest.json").read_text())["items"] if (failed / "manifest.json").is_file() else {}
-    written = [path for path in failed.rglob("*") if path.is_file() and path.name != "manifest.json"] if failed.is_dir() else []
+    vouched = (
+        json.loads((failed / "manifest.json").read_text())["items"]
+        if (failed / "manifest.json").is_file()
+        else {}
+    )
+    written = (
+        [path for path in failed.rglob("*") if path.is_file() and path.name != "manifest.json"]
+        if failed.is_dir()
+        else []
+    )
     assert not written or vouched, f"{stage} left files that no manifest vouches for"
 
 
-def test_wrong_use_exits_with_2(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_use_exits_with_2(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     for words in (("run",), ("run", "example", "--bogus"), ("runn", "example")):
         code, _, err = auvid(monkeypatch, capsys, *words)
         assert code == 2
         assert "Traceback" not in err
 
 
-def run_fine(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def run_fine(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str
+) -> str:
     code, out, err = auvid(monkeypatch, capsys, "run", "example", "--until", "validate", *words)
     assert code == 0, err
     return out
 
 
 def ratio(root: Path, model: str = "fossen", use: str = "training") -> float:
-    found: dict[str, Any] = json.loads((root / "runs/example/validate/error_metrics.json").read_text())
+    found: dict[str, Any] = json.loads(
+        (root / "runs/example/validate/error_metrics.json").read_text()
+    )
     return float(found[use][model]["ratio"])
 
 
@@ -210,8 +272,12 @@ def dropped(root: Path) -> dict[str, int]:
     return {f"{row['stream']}: {row['reason']}": row["count"] for row in rows}
 
 
-def test_no_validation_leg_is_a_warning(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    replaced(MANIFEST, "  - {id: check, log: run, start_s: 60, end_s: 89, use: validation}\n", "")(workspace)
+def test_no_validation_leg_is_a_warning(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replaced(MANIFEST, "  - {id: check, log: run, start_s: 60, end_s: 89, use: validation}\n", "")(
+        workspace
+    )
     out = run_fine(monkeypatch, capsys)
     assert "No validation leg" in out
     assert "warnings (1)" in out
@@ -236,7 +302,13 @@ def test_repeated_and_backward_times_are_counted(
     assert "2 " in out
     counts = dropped(workspace)
     assert set(counts.values()) == {1}
-    assert {key.split(": ")[0] for key in counts} == {"actuators", "attitude", "imu", "depth", "velocity"}
+    assert {key.split(": ")[0] for key in counts} == {
+        "actuators",
+        "attitude",
+        "imu",
+        "depth",
+        "velocity",
+    }
     assert ratio(workspace) == pytest.approx(clean, rel=0.05)
     assert auvid(monkeypatch, capsys, "run", "example", "--until", "validate", "--strict")[0] == 3
 
@@ -244,7 +316,9 @@ def test_repeated_and_backward_times_are_counted(
 def test_nan_cells_are_counted_and_bridged_or_split(
     workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Single NaN cells are bridged by the spline; a pause of 3 s in the velocity splits the leg."""
+    """Single NaN cells are bridged by the spline; a pause of 3 s in the velocity splits
+    the leg.
+    """
 
     def spoil(rows: list[str]) -> list[str]:
         rows = cells(rows, "gyro_x", "nan", every=50)
@@ -252,7 +326,9 @@ def test_nan_cells_are_counted_and_bridged_or_split(
 
     lines(spoil)(workspace)
     run_fine(monkeypatch, capsys)
-    segments = sorted(path.parent.name for path in (workspace / "runs/example/resample").glob("*/segment.json"))
+    segments = sorted(
+        path.parent.name for path in (workspace / "runs/example/resample").glob("*/segment.json")
+    )
     assert segments == ["check", "train.1", "train.2"]
     counts = {key.split(": ")[0]: number for key, number in dropped(workspace).items()}
     assert counts == {"imu": 18, "velocity": 30}
@@ -263,7 +339,9 @@ def test_nan_cells_are_counted_and_bridged_or_split(
 def test_fault_in_one_leg_names_it_and_leaves_the_other(
     workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Pulses are neutral in the validation leg only: its item fails, the other is kept, and the next run starts from there."""
+    """Pulses are neutral in the validation leg only: its item fails, the other is kept,
+    and the next run starts from there.
+    """
     lines(lambda rows: [*rows[:600], *neutral([rows[0], *rows[600:]])[1:]])(workspace)
     code, _, err = auvid(monkeypatch, capsys, "run", "example", "--until", "validate")
     assert code == 1
@@ -274,7 +352,9 @@ def test_fault_in_one_leg_names_it_and_leaves_the_other(
     run_fine(monkeypatch, capsys)
 
 
-def test_log_folder_that_cannot_be_written(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_log_folder_that_cannot_be_written(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     (workspace / "runs").mkdir()
     (workspace / "runs/example").write_text("a file where a folder should be")
     code, _, err = auvid(monkeypatch, capsys, "run", "example")

@@ -1,4 +1,6 @@
-"""What a wrong CSV file or column map is told: file, row or key, value, what is allowed, and the remedy."""
+"""What a wrong CSV file or column map is told: file, row or key, value, what is
+allowed, and the remedy.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import LogError, PipelineError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
@@ -38,8 +41,14 @@ def changed(**keys: Any) -> list[dict[str, Any]]:
         (changed(sing=1), ("unknown key", "columns[0].sing", "Did you mean 'sign'?")),
         (changed(sign=2), ("columns[0].sign", "found 2")),
         ([DEPTH, DEPTH], ("mapped twice",)),
-        ([{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s"}], ("stream 'velocity' is incomplete", "v_m_s, w_m_s")),
-        ([{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s", "frame": "enu"}], ("body axis", "frd, flu")),
+        (
+            [{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s"}],
+            ("stream 'velocity' is incomplete", "v_m_s, w_m_s"),
+        ),
+        (
+            [{**DEPTH, "stream": "velocity", "field": "u_m_s", "unit": "m/s", "frame": "enu"}],
+            ("body axis", "frd, flu"),
+        ),
     ],
 )
 def test_wrong_column_maps(columns: list[dict[str, Any]], words: tuple[str, ...]) -> None:
@@ -48,8 +57,16 @@ def test_wrong_column_maps(columns: list[dict[str, Any]], words: tuple[str, ...]
 
 
 def test_all_faults_of_a_column_map_come_together() -> None:
-    text = message(columns=[{**DEPTH, "unit": "kg"}, {**DEPTH, "stream": "nothing"}, {**DEPTH, "column": "no", "field": "depth_m"}])
-    assert text.count("column map of dive.csv") == 5  # three entries, the field mapped twice, and the headline
+    text = message(
+        columns=[
+            {**DEPTH, "unit": "kg"},
+            {**DEPTH, "stream": "nothing"},
+            {**DEPTH, "column": "no", "field": "depth_m"},
+        ]
+    )
+    assert (
+        text.count("column map of dive.csv") == 5
+    )  # three entries, the field mapped twice, and the headline
     assert "4 faults" in text
 
 
@@ -60,7 +77,9 @@ def test_gram_is_not_gravity() -> None:
 
 def test_accelerometer_without_its_convention() -> None:
     fields = [f"gyro_{axis}_rad_s" for axis in "xyz"]
-    columns = [{"column": "d", "stream": "imu", "field": field, "unit": "rad/s"} for field in fields]
+    columns = [
+        {"column": "d", "stream": "imu", "field": field, "unit": "rad/s"} for field in fields
+    ]
     columns.append({"column": "d", "stream": "imu", "field": "accel_x_m_s2", "unit": "m/s^2"})
     assert "specific_force, inertial, derivative" in message(columns=columns)
 
@@ -79,7 +98,9 @@ def test_blank_lines_do_not_shift_the_row() -> None:
 
 
 def test_a_time_that_is_no_time() -> None:
-    text = message("t,d\n2024-05-01T10:00:00,1\nyesterday,2\n", time={"column": "t", "unit": "iso8601"})
+    text = message(
+        "t,d\n2024-05-01T10:00:00,1\nyesterday,2\n", time={"column": "t", "unit": "iso8601"}
+    )
     assert "row 3" in text
     assert "'yesterday'" in text
     assert "wrong unit" in message(time={"column": "t", "unit": "m"})
@@ -106,7 +127,11 @@ def log_of(data: bytes, **keys: Any) -> DecodedLog:
     mapping = {"time": {"column": "t", "unit": "s"}, "columns": [DEPTH], **keys}
     log, _ = read_csv(RawFile("dive.csv", np.frombuffer(data, np.uint8), mapping))
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return log
 
 
@@ -131,7 +156,9 @@ def test_a_damaged_row_is_left_out_and_counted(row: bytes, reason: str) -> None:
     lines[21] = row
     log = log_of(b"".join(lines))
     assert log.messages["depth"].columns["depth_m"].tolist() == [*range(20), *range(21, 100)]
-    assert [(part.reason, part.bytes, part.count, part.first_offset) for part in log.account.skipped] == [(reason, len(row), 1, 22)]
+    assert [
+        (part.reason, part.bytes, part.count, part.first_offset) for part in log.account.skipped
+    ] == [(reason, len(row), 1, 22)]
     assert log.status == "damaged"
     assert log.seconds_lost == pytest.approx(2.0)  # s: between the rows on either side
     assert len(log.notes) == (reason == UNREADABLE)
@@ -176,7 +203,9 @@ SIMPLE: dict[str, object] = {
         (b't,d\n0,"1,5"\n', 'add decimal: ","'),
     ],
 )
-def test_what_a_spreadsheet_makes_of_a_log_is_refused_with_the_remedy(content: bytes, told: str) -> None:
+def test_what_a_spreadsheet_makes_of_a_log_is_refused_with_the_remedy(
+    content: bytes, told: str
+) -> None:
     with pytest.raises(LogError) as refused:
         read_csv(RawFile("dive.csv", np.frombuffer(content, np.uint8), SIMPLE))
     assert told in str(refused.value)

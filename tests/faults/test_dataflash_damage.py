@@ -1,4 +1,6 @@
-"""Named damage to DataFlash logs: what must stay, what must be counted, and how the file is judged."""
+"""Named damage to DataFlash logs: what must stay, what must be counted, and how the
+file is judged.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
-
 from tests.support.dataflash_writer import ATT, BAR, HEADER_RECORDS, IMU, dive, fmt, group, record
 
 SMALL = (Path(__file__).parents[1] / "data" / "bluerov2_ugps_small" / "small.BIN").read_bytes()
@@ -21,7 +23,11 @@ IMU_BYTES, ATT_BYTES, BARO_BYTES = 16, 15, 19
 def read(data: bytes) -> DecodedLog:
     log = DATAFLASH.read(RawFile("log.BIN", np.frombuffer(data, np.uint8)))
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return log
 
 
@@ -40,7 +46,10 @@ def reasons(log: DecodedLog) -> dict[str, tuple[int, int]]:
 
 
 def steps(log: DecodedLog, name: str) -> list[int]:
-    return [(time_us - 1_000_000) // 100_000 for time_us in log.messages[name].columns["TimeUS"].tolist()]
+    return [
+        (time_us - 1_000_000) // 100_000
+        for time_us in log.messages[name].columns["TimeUS"].tolist()
+    ]
 
 
 def counts(log: DecodedLog) -> tuple[int, int, int]:
@@ -57,7 +66,9 @@ def test_magic_byte_flipped_loses_that_record_only(magic: int) -> None:
 
 
 def test_isolated_record_between_two_damaged_headers_is_kept_by_its_time() -> None:
-    """IMU 40 and BARO 40 lose their headers whole; ATT 40 has no record on either side that points to it."""
+    """IMU 40 and BARO 40 lose their headers whole; ATT 40 has no record on either side
+    that points to it.
+    """
     data = bytearray(dive(100))
     data[at(40) : at(40) + 3] = bytes(3)
     data[at(40) + IMU_BYTES + ATT_BYTES : at(40) + IMU_BYTES + ATT_BYTES + 3] = bytes(3)
@@ -86,7 +97,9 @@ def test_block_overwritten_loses_what_it_touches() -> None:
     first, last = 30, 30 + (5 + 700) // GROUP
     assert set(steps(log, "BARO")) == set(range(100)) - set(range(first, last))
     assert 700 <= log.account.skipped_bytes <= 700 + GROUP
-    assert log.seconds_lost == pytest.approx(0.1 * (last - first), abs=0.35)  # medians over two groups on either side
+    assert log.seconds_lost == pytest.approx(
+        0.1 * (last - first), abs=0.35
+    )  # medians over two groups on either side
     assert log.status == "damaged"
 
 
@@ -94,7 +107,9 @@ def test_block_cut_out_loses_time_but_no_bytes_beside_it() -> None:
     """Twenty seconds are missing from within one record to within another."""
     log = read(edited(at(30) + 10, b"", old=200 * GROUP, steps=400))
     assert counts(log) == (200, 200, 200)
-    assert log.account.skipped_bytes == 0  # both halves make one record: without checksums nobody can tell
+    assert (
+        log.account.skipped_bytes == 0
+    )  # both halves make one record: without checksums nobody can tell
     shifted = read(edited(at(30) + 10, b"", old=200 * GROUP + 7, steps=400))
     assert steps(shifted, "BARO") == [*range(30), *range(230, 400)]
     assert shifted.seconds_lost == pytest.approx(20.0, abs=0.5)
@@ -160,7 +175,9 @@ def test_damaged_definition_is_replaced_by_its_repetition() -> None:
 
 
 def test_definition_that_took_the_id_of_another_type_is_contradicted_by_the_records() -> None:
-    """The id in the FMT of BARO is damaged into that of ATT, which is declared before it and has records of another length."""
+    """The id in the FMT of BARO is damaged into that of ATT, which is declared before
+    it and has records of another length.
+    """
     at_fmt = HEADER_RECORDS.index(fmt(*BAR))
     log = read(edited(at_fmt + 3, bytes([ATT[0]])))
     assert (log.counts["IMU"], log.counts["ATT"]) == (100, 100)
@@ -169,10 +186,17 @@ def test_definition_that_took_the_id_of_another_type_is_contradicted_by_the_reco
 
 
 def test_definition_inside_a_record_is_data() -> None:
-    """A FMT in the payload of a record is not in the chain: it must not redefine a type."""
+    """A FMT in the payload of a record is not in the chain: it must not redefine a
+    type.
+    """
     trap = fmt(*ATT)[:64]
     forged = record(70, "QZZ", 1, trap, fmt(IMU[0], "XXX", "QBf", "TimeUS,a,b")[:64])
-    data = HEADER_RECORDS + fmt(70, "FILE", "QZZ", "TimeUS,Data,More") + forged + b"".join(map(group, range(50)))
+    data = (
+        HEADER_RECORDS
+        + fmt(70, "FILE", "QZZ", "TimeUS,Data,More")
+        + forged
+        + b"".join(map(group, range(50)))
+    )
     log = read(data)
     assert counts(log) == (50, 50, 50)
     assert log.counts["FILE"] == 1
@@ -180,17 +204,30 @@ def test_definition_inside_a_record_is_data() -> None:
 
 
 def test_hostile_definitions_are_refused() -> None:
-    for length, formats, columns in ((0, "B", "x"), (2, "", ""), (255, "QBf", "TimeUS,I,GyrX"), (16, "", "TimeUS,I,GyrX")):
-        log = read(dive(20) + fmt(IMU[0], "IMU", formats, columns, length) + dive(20)[len(HEADER_RECORDS) :])
+    for length, formats, columns in (
+        (0, "B", "x"),
+        (2, "", ""),
+        (255, "QBf", "TimeUS,I,GyrX"),
+        (16, "", "TimeUS,I,GyrX"),
+    ):
+        log = read(
+            dive(20)
+            + fmt(IMU[0], "IMU", formats, columns, length)
+            + dive(20)[len(HEADER_RECORDS) :]
+        )
         assert counts(log) == (40, 40, 40)
         assert log.account.skipped_bytes == 89
-    relaid = read(HEADER_RECORDS + fmt(128, "FMT", "BB", "Type,Length", 5) + dive(20)[len(HEADER_RECORDS) :])
+    relaid = read(
+        HEADER_RECORDS + fmt(128, "FMT", "BB", "Type,Length", 5) + dive(20)[len(HEADER_RECORDS) :]
+    )
     assert counts(relaid) == (20, 20, 20)
     assert reasons(relaid) == {"definition of FMT itself with another layout": (1, 89)}
 
 
 def test_text_that_is_not_utf8_is_kept() -> None:
-    log = read(dive(3) + fmt(71, "MSG", "QZ", "TimeUS,Message") + record(71, "QZ", 5, b"\xff\xfe\x80"))
+    log = read(
+        dive(3) + fmt(71, "MSG", "QZ", "TimeUS,Message") + record(71, "QZ", 5, b"\xff\xfe\x80")
+    )
     assert log.messages["MSG"].columns["Message"][0] == b"\xff\xfe\x80"
     assert log.texts == ((5, "ÿþ\x80"),)
 
@@ -216,10 +253,21 @@ def test_false_headers_in_the_data_do_not_break_the_chain() -> None:
         group(0)[:20],
         fmt(*IMU) + fmt(10, "XXX", "Q", "TimeUS"),
     ],
-    ids=["magic", "fmt headers", "att headers", "imu headers", "zeros", "ones", "torn records", "redefinitions"],
+    ids=[
+        "magic",
+        "fmt headers",
+        "att headers",
+        "imu headers",
+        "zeros",
+        "ones",
+        "torn records",
+        "redefinitions",
+    ],
 )
 def test_hostile_bytes_cost_memory_in_proportion_to_their_number(filling: bytes) -> None:
-    """What follows them is found; a walk that is not linear would run into the time limit of the suite."""
+    """What follows them is found; a walk that is not linear would run into the time
+    limit of the suite.
+    """
     data = dive(20) + filling * (300_000 // len(filling)) + dive(20)[len(HEADER_RECORDS) :]
     tracemalloc.start()
     log = read(data)
@@ -229,11 +277,21 @@ def test_hostile_bytes_cost_memory_in_proportion_to_their_number(filling: bytes)
     assert peak < 100 * len(data)
 
 
-@pytest.mark.parametrize("later_us", [5_108_454_704, 491_855_354_069, 758_139_733_258, 775_329_667_910])
+@pytest.mark.parametrize(
+    "later_us", [5_108_454_704, 491_855_354_069, 758_139_733_258, 775_329_667_910]
+)
 def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
-    """For 65 ms every 72 minutes all time stamps hold the magic bytes, and false headers outnumber the true ones."""
+    """For 65 ms every 72 minutes all time stamps hold the magic bytes, and false
+    headers outnumber the true ones.
+    """
     whole = read(SMALL)
-    stamps = np.concatenate([item.offset for item in whole.messages.values() if next(iter(item.columns), None) == "TimeUS"])
+    stamps = np.concatenate(
+        [
+            item.offset
+            for item in whole.messages.values()
+            if next(iter(item.columns), None) == "TimeUS"
+        ]
+    )
     places = stamps[:, None] + 3 + np.arange(8)
     data = np.frombuffer(SMALL, np.uint8).copy()
     data[places] = (data[places].view("<u8") + np.uint64(later_us)).view(np.uint8)
@@ -244,22 +302,35 @@ def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
 
 
 def test_splice_of_another_log_is_read_by_its_own_definitions() -> None:
-    """Two logs in one file, the second with other ids: each part by the definitions that stand before it."""
+    """Two logs in one file, the second with other ids: each part by the definitions
+    that stand before it.
+    """
     other = fmt(10, "BARO", BAR[2], BAR[3]) + fmt(12, "IMU", IMU[2], IMU[3])
-    other += b"".join(record(10, BAR[2], 10_000_000 + k, 1.0, 2.0) + record(12, IMU[2], 10_000_000 + k, 0, 3.0) for k in range(30))
+    other += b"".join(
+        record(10, BAR[2], 10_000_000 + k, 1.0, 2.0) + record(12, IMU[2], 10_000_000 + k, 0, 3.0)
+        for k in range(30)
+    )
     log = read(dive(100) + other)
     assert log.counts == {"FMT": 6, "IMU": 130, "ATT": 100, "BARO": 130}
     assert log.messages["IMU"].columns["GyrX"].tolist()[-30:] == [3.0] * 30
 
 
 def test_most_damaged_real_log_still_gives_its_whole_records() -> None:
-    """Every 2000th byte of a real log is flipped: all records without such a byte and with a whole definition are there."""
+    """Every 2000th byte of a real log is flipped: all records without such a byte and
+    with a whole definition are there.
+    """
     clean = read(SMALL)
     data = np.frombuffer(bytearray(SMALL), np.uint8)
     hit = np.arange(20_000, data.size, 2000)
     data[hit] ^= 0x55
     log = read(data.tobytes())
-    lengths = dict(zip(clean.messages["FMT"].columns["Name"].tolist(), clean.messages["FMT"].columns["Length"].tolist(), strict=True))
+    lengths = dict(
+        zip(
+            clean.messages["FMT"].columns["Name"].tolist(),
+            clean.messages["FMT"].columns["Length"].tolist(),
+            strict=True,
+        )
+    )
     for name, table in clean.messages.items():
         stop = table.offset + lengths[name.encode()]
         whole = table.offset[np.searchsorted(hit, table.offset) == np.searchsorted(hit, stop)]

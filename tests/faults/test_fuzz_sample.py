@@ -1,13 +1,23 @@
-"""A seeded sample of the damage that `make fuzz` tries in full, on the small log of every reader; and all cases that failed once."""
+"""A seeded sample of the damage that `make fuzz` tries in full, on the small log of
+every reader; and all cases that failed once.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.registry import READERS, reader_of
-
-from tests.support.damage_cases import FOLDER, MEAN_SHARE, count, damaged, failures, ingest_fault, replay
+from tests.support.damage_cases import (
+    FOLDER,
+    MEAN_SHARE,
+    count,
+    damaged,
+    failures,
+    ingest_fault,
+    replay,
+)
 from tests.support.recovery import judge
 from tests.support.small_logs import NAMES, small_log
 
@@ -24,7 +34,12 @@ def test_small_logs_are_whole(name: str) -> None:
     assert 19_000 < len(source.data) <= 20_000
     assert reader_of(RawFile(name, np.frombuffer(source.data, np.uint8))).name == name
     result = judge(source, *damaged(source, "cut", len(source.data)))
-    assert (result.expected, result.lost, result.invented, result.faults) == (source.places.first.size, 0, 0, [])
+    assert (result.expected, result.lost, result.invented, result.faults) == (
+        source.places.first.size,
+        0,
+        0,
+        [],
+    )
     assert result.expected > 100
 
 
@@ -35,10 +50,16 @@ def test_every_reader_has_a_small_log() -> None:
 @pytest.mark.parametrize("kind", SAMPLES)
 @pytest.mark.parametrize("name", NAMES)
 def test_damage_costs_what_it_touches_and_nothing_else(name: str, kind: str) -> None:
-    """No crash, wrong account, wrong value or invented record; 99.9 % of the whole records on average, at worst 99 % or all but two."""
+    """No crash, wrong account, wrong value or invented record; 99.9 % of the whole
+    records on average, at worst 99 % or all but two.
+    """
     source = small_log(name)
     total = count(source, kind, MUTATIONS)
-    numbers = np.random.default_rng(2026).choice(total, size=min(SAMPLES[kind], total), replace=False) if total else []
+    numbers = (
+        np.random.default_rng(2026).choice(total, size=min(SAMPLES[kind], total), replace=False)
+        if total
+        else []
+    )
     shares = []
     for index, number in enumerate(numbers):
         data, kept = damaged(source, kind, int(number))
@@ -57,7 +78,9 @@ def test_what_failed_once_does_not_fail_again(path: object) -> None:
 
 
 def test_a_judgement_sees_what_is_missing_and_what_is_not_of_the_source() -> None:
-    """The judge itself: a reader that reads another log loses every record, and one that shifts its values is found out."""
+    """The judge itself: a reader that reads another log loses every record, and one
+    that shifts its values is found out.
+    """
     source = small_log("tlog")
     other = judge(source, small_log("dataflash").data, damaged(source, "cut", len(source.data))[1])
     assert other.lost == other.expected > 400
@@ -65,4 +88,6 @@ def test_a_judgement_sees_what_is_missing_and_what_is_not_of_the_source() -> Non
     place = int(values.log.messages["IMU"].offset[5]) + 20
     data, kept = damaged(values, "flip", 8 * place)
     assert judge(values, data, kept).faults == []
-    assert judge(values, data, damaged(values, "cut", len(data))[1]).faults == ["values of IMU.GyrZ"]
+    assert judge(values, data, damaged(values, "cut", len(data))[1]).faults == [
+        "values of IMU.GyrZ"
+    ]

@@ -1,4 +1,6 @@
-"""Named faults in the samples of a stream: what must stay, and what is rejected and counted."""
+"""Named faults in the samples of a stream: what must stay, and what is rejected and
+counted.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +9,32 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from auvid.data_schemas.errors import DataError
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
-from auvid.stages.ingest.rejection import BACKWARD, BEFORE_LEAP, EMPTY, IMPOSSIBLE, NO_TIME, REPEATED, clean, increasing
+from auvid.stages.ingest.rejection import (
+    BACKWARD,
+    BEFORE_LEAP,
+    EMPTY,
+    IMPOSSIBLE,
+    NO_TIME,
+    REPEATED,
+    clean,
+    increasing,
+)
 from auvid.stages.ingest.streams.mapping import Stream
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 COUNT = 100
 
 
 def depth_stream(**columns: Any) -> Stream:
-    values = {"time_us": np.arange(COUNT, dtype=np.int64) * 100_000, "depth_m": np.linspace(1.0, 2.0, COUNT)}
+    values = {
+        "time_us": np.arange(COUNT, dtype=np.int64) * 100_000,
+        "depth_m": np.linspace(1.0, 2.0, COUNT),
+    }
     return Stream("depth", {**values, **columns}, np.arange(COUNT, dtype=np.int64) * 50, "BARO")
 
 
@@ -39,16 +54,22 @@ def test_healthy_stream_is_left_alone() -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_gyro_dropout(bad: float) -> None:
-    """GYRO_DROPOUT: cells without a number are rejected, with the place of the first and the last."""
+    """GYRO_DROPOUT: cells without a number are rejected, with the place of the first
+    and the last.
+    """
     values = np.linspace(1.0, 2.0, COUNT)
     values[[3, 50, 60]] = bad
     kept, rejected = clean(depth_stream(depth_m=values))
     assert len(kept) == COUNT - 3
-    assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [(EMPTY, 3, 150, 3000)]
+    assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [
+        (EMPTY, 3, 150, 3000)
+    ]
 
 
 def test_dvl_spike() -> None:
-    """DVL_SPIKE: a value that no vehicle reaches, as damaged records have, is rejected; a wrong but possible one is not seen here."""
+    """DVL_SPIKE: a value that no vehicle reaches, as damaged records have, is rejected;
+    a wrong but possible one is not seen here.
+    """
     values = np.linspace(1.0, 2.0, COUNT)
     values[[3, 4]] = [1e30, 25.0]
     kept, rejected = clean(depth_stream(depth_m=values))
@@ -59,7 +80,9 @@ def test_dvl_spike() -> None:
 def test_clock_stuck() -> None:
     """CLOCK_STUCK: of samples with one time stamp the first is kept."""
     kept, rejected = clean(depth_stream(time_us=stamps(at11=1_000_000, at12=1_000_000)))
-    assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [(REPEATED, 2, 550, 600)]
+    assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [
+        (REPEATED, 2, 550, 600)
+    ]
     assert kept.place.tolist()[10:12] == [500, 650]
 
 
@@ -67,7 +90,9 @@ def test_clock_stuck() -> None:
 def test_clock_jump_of_one_sample(where: int, value: int) -> None:
     """CLOCK_JUMP: one wrong time stamp costs one sample, ahead or behind."""
     kept, rejected = clean(depth_stream(time_us=stamps(**{f"at{where}": value})))
-    assert [(item.reason, item.count, item.first) for item in rejected] == [(BACKWARD, 1, where * 50)]
+    assert [(item.reason, item.count, item.first) for item in rejected] == [
+        (BACKWARD, 1, where * 50)
+    ]
     assert len(kept) == COUNT - 1
 
 
@@ -81,31 +106,55 @@ def test_restart_keeps_the_longer_part() -> None:
 
 
 def test_clock_set_during_the_log() -> None:
-    """CLOCK_SET: what was logged before the clock leapt to Unix time is rejected, and the note says so."""
-    text = "t,d\n" + "".join(f"{stamp},1\n" for stamp in [0, 1, 2, *range(1_700_000_000, 1_700_000_050)])
-    mapping = {"time": {"column": "t", "unit": "s"}, "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}]}
+    """CLOCK_SET: what was logged before the clock leapt to Unix time is rejected, and
+    the note says so.
+    """
+    text = "t,d\n" + "".join(
+        f"{stamp},1\n" for stamp in [0, 1, 2, *range(1_700_000_000, 1_700_000_050)]
+    )
+    mapping = {
+        "time": {"column": "t", "unit": "s"},
+        "columns": [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}],
+    }
     log = RawLog("dive", (RawFile("d.csv", np.frombuffer(text.encode(), np.uint8), mapping),))
     outputs = ingest.run(ingest.Inputs(log), ingest.Params())
-    assert [(row["reason"], row["count"], row["first"], row["last"]) for row in outputs.dropped.to_pylist()] == [(BEFORE_LEAP, 3, 2, 4)]
+    assert [
+        (row["reason"], row["count"], row["first"], row["last"])
+        for row in outputs.dropped.to_pylist()
+    ] == [(BEFORE_LEAP, 3, 2, 4)]
     assert outputs.log_info["start_us"] == 1_700_000_000_000_000
     assert any("was set" in note for note in outputs.log_info["notes"])
 
 
 def test_rows_without_a_time() -> None:
     """NO_TIME: a CSV row without a time stamp is rejected."""
-    kept, rejected = clean(depth_stream(time_us=np.where(np.arange(COUNT) == 7, np.nan, np.arange(COUNT) * 1e5)))
+    kept, rejected = clean(
+        depth_stream(time_us=np.where(np.arange(COUNT) == 7, np.nan, np.arange(COUNT) * 1e5))
+    )
     assert [(item.reason, item.count, item.first) for item in rejected] == [(NO_TIME, 1, 350)]
     assert kept.columns["time_us"].dtype == np.int64
 
 
 def test_too_many_bad_samples_refuse_the_log() -> None:
     text = "t,d,h\n" + "".join(f"{stamp},{'' if stamp % 3 else 1},1\n" for stamp in range(30))
-    columns = [{"column": "d", "stream": "velocity", "field": f"{axis}_m_s", "unit": "m/s"} for axis in "uv"]
+    columns = [
+        {"column": "d", "stream": "velocity", "field": f"{axis}_m_s", "unit": "m/s"}
+        for axis in "uv"
+    ]
     columns += [{"column": "h", "stream": "velocity", "field": "w_m_s", "unit": "m/s"}]
     log = RawLog(
-        "dive", (RawFile("d.csv", np.frombuffer(text.encode(), np.uint8), {"time": {"column": "t", "unit": "s"}, "columns": columns}),)
+        "dive",
+        (
+            RawFile(
+                "d.csv",
+                np.frombuffer(text.encode(), np.uint8),
+                {"time": {"column": "t", "unit": "s"}, "columns": columns},
+            ),
+        ),
     )
-    with pytest.raises(DataError, match=r"20 of 30 samples of stream 'velocity'.*velocity: none.*max_dropped_share"):
+    with pytest.raises(
+        DataError, match=r"20 of 30 samples of stream 'velocity'.*velocity: none.*max_dropped_share"
+    ):
         ingest.run(ingest.Inputs(log), ingest.Params())
     outputs = ingest.run(ingest.Inputs(log), ingest.Params(max_dropped_share=0.7))
     assert outputs.velocity is not None
@@ -115,7 +164,9 @@ def test_too_many_bad_samples_refuse_the_log() -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.integers(-50, 50), max_size=40))
-def test_kept_time_stamps_increase_and_none_could_be_added_in_greater_number(values: list[int]) -> None:
+def test_kept_time_stamps_increase_and_none_could_be_added_in_greater_number(
+    values: list[int],
+) -> None:
     kept = increasing(np.array(values, np.int64))
     chosen = [value for value, keep in zip(values, kept, strict=True) if keep]
     assert all(first < second for first, second in pairwise(chosen))
@@ -125,5 +176,7 @@ def test_kept_time_stamps_increase_and_none_could_be_added_in_greater_number(val
 def longest_increasing(values: list[int]) -> int:
     best = [1] * len(values)
     for index, value in enumerate(values):
-        best[index] = 1 + max((best[before] for before in range(index) if values[before] < value), default=0)
+        best[index] = 1 + max(
+            (best[before] for before in range(index) if values[before] < value), default=0
+        )
     return max(best, default=0)

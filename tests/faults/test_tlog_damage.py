@@ -1,4 +1,6 @@
-"""Named damage to telemetry logs: what must stay, what must be counted, and how the file is judged."""
+"""Named damage to telemetry logs: what must stay, what must be counted, and how the
+file is judged.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.tlog.byte_account import explain
 from auvid.stages.ingest.formats.tlog.clock import implausible
 from auvid.stages.ingest.formats.tlog.reader import TLOG
-
 from tests.support.mutate import mutations
 from tests.support.tlog_records import START_US, attitude, frame, heartbeat, log, stamped
 
@@ -25,7 +27,11 @@ FIRST = 8 + len(FRAMES[0])
 def read(data: bytes) -> DecodedLog:
     decoded = TLOG.read(RawFile("log.tlog", np.frombuffer(data, dtype=np.uint8)))
     account = decoded.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return decoded
 
 
@@ -96,7 +102,9 @@ def test_zeros_at_the_end_are_a_truncation_and_zeros_inside_are_damage() -> None
 
 
 @pytest.mark.parametrize("number", [1, 2, 50, 98, 99])
-@pytest.mark.parametrize("stamp", [struct.pack(">Q", START_US + 3_000_000_000_000), b"\xff" * 8, bytes(8)])
+@pytest.mark.parametrize(
+    "stamp", [struct.pack(">Q", START_US + 3_000_000_000_000), b"\xff" * 8, bytes(8)]
+)
 def test_time_stamp_destroyed(number: int, stamp: bytes) -> None:
     decoded = read(edited(at(number), stamp))
     assert boots(decoded) == [each for each in range(1, 100) if each != number]
@@ -158,23 +166,42 @@ def test_many_unknown_messages_are_summed_up() -> None:
 def test_every_untouched_record_survives_random_damage() -> None:
     source = SMALL[:120_000]
     whole = explain(np.frombuffer(source, dtype=np.uint8)).records
-    contents = {source[start + 8 : stop] for start, stop in zip(whole.start.tolist(), whole.stop.tolist(), strict=True)}
+    contents = {
+        source[start + 8 : stop]
+        for start, stop in zip(whole.start.tolist(), whole.stop.tolist(), strict=True)
+    }
     share = []
     for seed in range(150):
         data, kept = mutations(source, seed)
         found = read(data)
         records = explain(np.frombuffer(data, dtype=np.uint8)).records
         assert sum(found.counts.values()) == len(records)
-        strangers = [data[start + 8 : stop] for start, stop in zip(records.start.tolist(), records.stop.tolist(), strict=True)]
+        strangers = [
+            data[start + 8 : stop]
+            for start, stop in zip(records.start.tolist(), records.stop.tolist(), strict=True)
+        ]
         assert contents.issuperset(strangers), f"seed {seed} invents a record"
-        expected = [whole.start[(whole.start >= part.start) & (whole.stop <= part.stop)] + (part.offset - part.start) for part in kept]
+        expected = [
+            whole.start[(whole.start >= part.start) & (whole.stop <= part.stop)]
+            + (part.offset - part.start)
+            for part in kept
+        ]
         untouched = np.concatenate(expected)
         share.append(np.isin(untouched, records.start).mean())
     assert np.mean(share) >= 0.999
     assert min(share) >= 0.99
 
 
-@pytest.mark.parametrize("pattern", [b"\x00\x05\x00\x05\x00\x05\x00\x05\xfd", b"\x00\x05abcdef\xfe\xff", b"\xfd", b"\x00", b"\x00\x0e\xfd"])
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        b"\x00\x05\x00\x05\x00\x05\x00\x05\xfd",
+        b"\x00\x05abcdef\xfe\xff",
+        b"\xfd",
+        b"\x00",
+        b"\x00\x0e\xfd",
+    ],
+)
 def test_hostile_patterns_give_no_records(pattern: bytes) -> None:
     decoded = read(pattern * (150_000 // len(pattern)))
     assert decoded.counts == {}
@@ -190,7 +217,9 @@ def test_a_damaged_message_id_is_damage_and_not_an_unknown_message() -> None:
 
 
 def test_records_copied_to_another_place_are_kept_with_those_around_them() -> None:
-    """A sound block of the file stands twice: the records have their checksum and a time of this log."""
+    """A sound block of the file stands twice: the records have their checksum and a
+    time of this log.
+    """
     data = log(FRAMES)
     decoded = read(data[: at(20)] + data[at(70) : at(80)] + data[at(20) :])
     assert boots(decoded) == [*range(1, 20), *range(70, 80), *range(20, 100)]

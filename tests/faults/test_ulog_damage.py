@@ -1,4 +1,6 @@
-"""Damaged ULog files: what must stay, what must be accounted as lost, and files made to mislead."""
+"""Damaged ULog files: what must stay, what must be accounted as lost, and files made to
+mislead.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from pyulog import ULog
+
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.ulog import contents as ulog_contents
-from pyulog import ULog
-
 from tests.support.mutate import Kept, mutations
 from tests.support.ulog_file import (
     DEPTH,
@@ -52,7 +54,10 @@ def test_truncated_anywhere() -> None:
         log = read(raw[:size])
         assert log.status in ("complete", "truncated")
         whole = sum(log.counts.values())
-        assert whole == sum(size >= len(START) + RECORD * (n + 1) + (len(text(5, "ping") + sync()) if n >= 3 else 0) for n in range(5))
+        assert whole == sum(
+            size >= len(START) + RECORD * (n + 1) + (len(text(5, "ping") + sync()) if n >= 3 else 0)
+            for n in range(5)
+        )
 
 
 def test_truncated_real_log_gives_all_that_pyulog_gives() -> None:
@@ -61,7 +66,9 @@ def test_truncated_real_log_gives_all_that_pyulog_gives() -> None:
     ours, theirs = read(cut), ULog(io.BytesIO(cut))
     assert ours.status == "truncated"
     assert list(reasons(ours)) == [ulog_contents.CUT_OFF]
-    assert sum(ours.counts.values()) == sum(item.data["timestamp"].size for item in theirs.data_list)
+    assert sum(ours.counts.values()) == sum(
+        item.data["timestamp"].size for item in theirs.data_list
+    )
 
 
 def test_blank_end_is_a_truncated_log() -> None:
@@ -84,7 +91,9 @@ def test_garbage_between_records_costs_no_record_that_follows() -> None:
     assert metres(log) == [*range(100), *range(150, 200)]
     assert reasons(log) == {ulog_contents.DAMAGED: 700}
     assert log.status == "damaged"
-    assert log.seconds_lost == pytest.approx(5.1, abs=0.01)  # s: from the last record before to the first behind
+    assert log.seconds_lost == pytest.approx(
+        5.1, abs=0.01
+    )  # s: from the last record before to the first behind
 
 
 def test_record_whose_end_was_cut_away_is_not_read() -> None:
@@ -116,7 +125,8 @@ def test_record_that_lost_bytes_is_not_read() -> None:
         whole = depth(50)
         log = read(START + depths(0, 50) + whole[: RECORD - lost] + depths(51, 100))
         left = RECORD - lost
-        # A single byte that is left does not say whether it belongs to the record before it: that one goes too.
+        # A single byte that is left does not say whether it belongs to the record
+        # before it: that one goes too.
         before = 50 if left >= SIZE_BYTES else 49
         assert metres(log) == [*range(before), *range(51, 100)]
         assert set(reasons(log)) == {ulog_contents.DAMAGED}
@@ -150,9 +160,20 @@ def test_data_that_do_not_fit_their_format_are_counted() -> None:
 
 def test_definitions_that_look_right_but_stand_in_a_payload_do_not_count() -> None:
     inside = subscribe(0, "other") + subscribe(4, "depth")
-    carrier = declare("other:uint64_t timestamp;double x;") + declare(f"carrier:uint64_t timestamp;uint8_t[{len(inside)}] bytes;")
+    carrier = declare("other:uint64_t timestamp;double x;") + declare(
+        f"carrier:uint64_t timestamp;uint8_t[{len(inside)}] bytes;"
+    )
     carried = data(1, struct.pack("<Q", 9) + inside)
-    log = read(HEADER + DEPTH + carrier + subscribe(0, "depth") + subscribe(1, "carrier") + depth(0) + carried * 3 + depths(1, 4))
+    log = read(
+        HEADER
+        + DEPTH
+        + carrier
+        + subscribe(0, "depth")
+        + subscribe(1, "carrier")
+        + depth(0)
+        + carried * 3
+        + depths(1, 4)
+    )
     assert dict(log.counts) == {"depth": 4, "carrier": 3}
     assert log.status == "complete"
 
@@ -167,22 +188,47 @@ def test_damaged_beginning_is_passed() -> None:
 
 
 def misleading() -> dict[str, bytes]:
-    """Files that would take long, or a lot of memory, or crash, if their lengths and formats were believed."""
+    """Files that would take long, or a lot of memory, or crash, if their lengths and
+    formats were believed.
+    """
     tree = b"".join(declare(f"f{n}:f{n + 1} a;f{n + 1} b;") for n in range(40))
     size = 100_000
     return {
-        "circular": HEADER + declare("a:b x;") + declare("b:a x;") + subscribe(0, "a") + data(0, bytes(8)),
-        "exponential": HEADER + tree + declare("f40:uint8_t x;") + subscribe(0, "f0") + data(0, bytes(60000)),
+        "circular": (
+            HEADER + declare("a:b x;") + declare("b:a x;") + subscribe(0, "a") + data(0, bytes(8))
+        ),
+        "exponential": (
+            HEADER + tree + declare("f40:uint8_t x;") + subscribe(0, "f0") + data(0, bytes(60000))
+        ),
         "exponential, unfinished": HEADER + tree + subscribe(0, "f0"),
-        "huge array": HEADER + declare("a:uint64_t timestamp;double[65535] x;") + subscribe(0, "a") + data(0, bytes(65000)),
-        "array of nothing": HEADER + declare("n:uint8_t[4] _padding0;") + declare("a:n[65535] x;") + subscribe(0, "a") + data(0, b""),
-        "only padding": HEADER + declare("a:uint8_t[4] _padding0;") + subscribe(0, "a") + data(0, b"") * 9,
+        "huge array": (
+            HEADER
+            + declare("a:uint64_t timestamp;double[65535] x;")
+            + subscribe(0, "a")
+            + data(0, bytes(65000))
+        ),
+        "array of nothing": (
+            HEADER
+            + declare("n:uint8_t[4] _padding0;")
+            + declare("a:n[65535] x;")
+            + subscribe(0, "a")
+            + data(0, b"")
+        ),
+        "only padding": (
+            HEADER + declare("a:uint8_t[4] _padding0;") + subscribe(0, "a") + data(0, b"") * 9
+        ),
         "sizes": START + depth(0) + b"\xff\xffD\0\0" * (size // 5),
         "headers everywhere": START + depth(0) + b"\x0e\x00D\0\0" * (size // 5),
         "letters P": START + depth(0) + b"P" * size,
         "letters F": START + depth(0) + (b"F" * 100 + b":" + b"int8_t a;" * 900) * (size // 8200),
-        "subscriptions": START + b"".join(subscribe(n % 65536, "depth", n % 256) + depth(n) for n in range(size // 30)),
-        "unknown numbers": START + b"".join(depth(n) + data(n % 60000 + 1, bytes(n % 50)) for n in range(size // 40)),
+        "subscriptions": (
+            START
+            + b"".join(subscribe(n % 65536, "depth", n % 256) + depth(n) for n in range(size // 30))
+        ),
+        "unknown numbers": (
+            START
+            + b"".join(depth(n) + data(n % 60000 + 1, bytes(n % 50)) for n in range(size // 40))
+        ),
         "syncs": START + depth(0) + (sync() + b"x") * (size // 12),
         "no room": HEADER + b"\x01",
         "zero messages": START + depth(0) + b"\0\0D" * (size // 3),
@@ -199,7 +245,9 @@ def frames(raw: bytes) -> Ints:
     """Begin, end and type of every message of a whole log, shape (n, 3)."""
     place, found = layout.HEADER_BYTES, []
     while place < len(raw):
-        stop = place + layout.MESSAGE_HEADER_BYTES + int.from_bytes(raw[place : place + 2], "little")
+        stop = (
+            place + layout.MESSAGE_HEADER_BYTES + int.from_bytes(raw[place : place + 2], "little")
+        )
         found.append((place, stop, raw[place + 2]))
         place = stop
     return np.array(found, np.int64)
@@ -218,7 +266,10 @@ def test_what_damage_left_whole_is_read_and_nothing_else(name: str) -> None:
     raw = (LOGS / name).read_bytes()
     source = read(raw)
     chain = frames(raw)
-    records = {label: (table.offset, chain[np.searchsorted(chain[:, 0], table.offset), 1]) for label, table in source.messages.items()}
+    records = {
+        label: (table.offset, chain[np.searchsorted(chain[:, 0], table.offset), 1])
+        for label, table in source.messages.items()
+    }
     defining = chain[np.isin(chain[:, 2], list(b"BFA"))]
     shares, invented, total = [], 0, 0
     for seed in range(120):
@@ -230,18 +281,25 @@ def test_what_damage_left_whole_is_read_and_nothing_else(name: str) -> None:
             for label, (begin, end) in records.items():
                 places = moved(kept, begin, end)
                 whole += np.count_nonzero(places >= 0)
-                found += np.count_nonzero(np.isin(places[places >= 0], offsets.get(label, np.empty(0, np.int64))))
+                found += np.count_nonzero(
+                    np.isin(places[places >= 0], offsets.get(label, np.empty(0, np.int64)))
+                )
             shares.append(found / whole)
         got = np.sort(np.concatenate([np.empty(0, np.int64), *offsets.values()]))
         total += got.size
         expected = moved(kept, chain[:, 0], chain[:, 0] + 1)
         for place in got[~np.isin(got, expected)].tolist():
-            size = layout.MESSAGE_HEADER_BYTES + int.from_bytes(damaged[place : place + 2], "little")
-            invented += damaged[place : place + size] not in raw  # a piece that the damage copied may hold whole records
+            size = layout.MESSAGE_HEADER_BYTES + int.from_bytes(
+                damaged[place : place + 2], "little"
+            )
+            invented += (
+                damaged[place : place + size] not in raw
+            )  # a piece that the damage copied may hold whole records
     assert len(shares) > 60
     assert np.mean(shares) >= 0.999
     assert min(shares) >= 0.99
-    # A copied piece that breaks off inside a record and meets the rest of another of the same size is framed perfectly.
+    # A copied piece that breaks off inside a record and meets the rest of another of
+    # the same size is framed perfectly.
     assert invented <= 5e-6 * total
 
 

@@ -1,4 +1,6 @@
-"""Properties of the DataFlash reader: what is written is read; whatever happens to the bytes, whole records stay and bytes add up."""
+"""Properties of the DataFlash reader: what is written is read; whatever happens to the
+bytes, whole records stay and bytes add up.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from tests.support.dataflash_writer import PACKING, dive, fmt, record
 from tests.support.mutate import Kept, mutations
 
@@ -29,7 +31,11 @@ FACTORS = {"c": 100, "C": 100, "e": 100, "E": 100, "L": 10_000_000}
 def read(data: bytes) -> DecodedLog:
     log = DATAFLASH.read(RawFile("log.BIN", np.frombuffer(data, np.uint8)))
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return log
 
 
@@ -47,9 +53,9 @@ def stored(char: str) -> st.SearchStrategy[Any]:
 
 @st.composite
 def tables(draw: st.DrawFn) -> tuple[str, list[list[Any]]]:
-    formats = draw(st.text(st.sampled_from(sorted(set(PACKING) - {"a", "Z"})), min_size=1, max_size=12)) + draw(
-        st.sampled_from(["", "a", "Z"])
-    )
+    formats = draw(
+        st.text(st.sampled_from(sorted(set(PACKING) - {"a", "Z"})), min_size=1, max_size=12)
+    ) + draw(st.sampled_from(["", "a", "Z"]))
     rows = draw(st.lists(st.tuples(*map(stored, formats)).map(list), min_size=1, max_size=8))
     return formats, rows
 
@@ -59,7 +65,10 @@ def tables(draw: st.DrawFn) -> tuple[str, list[list[Any]]]:
 def test_what_is_written_is_read(table: tuple[str, list[list[Any]]]) -> None:
     formats, rows = table
     names = [f"F{k}" for k in range(len(formats))]
-    log = read(fmt(20, "TST", formats, ",".join(names)) + b"".join(record(20, formats, *row) for row in rows))
+    log = read(
+        fmt(20, "TST", formats, ",".join(names))
+        + b"".join(record(20, formats, *row) for row in rows)
+    )
     columns = log.messages["TST"].columns
     assert log.counts["TST"] == len(rows)
     for k, char in enumerate(formats):
@@ -67,14 +76,25 @@ def test_what_is_written_is_read(table: tuple[str, list[list[Any]]]) -> None:
         if char in TEXTS:
             assert columns[names[k]].tolist() == [value.split(b"\0")[0] for value in values]
         else:
-            expected = np.array(values, np.float64) / FACTORS[char] if char in FACTORS else np.array(values)
-            np.testing.assert_array_equal(columns[names[k]], expected.astype(columns[names[k]].dtype))
+            expected = (
+                np.array(values, np.float64) / FACTORS[char]
+                if char in FACTORS
+                else np.array(values)
+            )
+            np.testing.assert_array_equal(
+                columns[names[k]], expected.astype(columns[names[k]].dtype)
+            )
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.binary(max_size=400), st.binary(max_size=60), st.integers(0, 12))
 def test_any_bytes_give_an_account_or_a_clear_error(noise: bytes, more: bytes, steps: int) -> None:
-    for data in (noise, dive(steps) + noise, noise + dive(steps) + b"\xa3\x95" + more, dive(steps)[: 100 * steps] + noise):
+    for data in (
+        noise,
+        dive(steps) + noise,
+        noise + dive(steps) + b"\xa3\x95" + more,
+        dive(steps)[: 100 * steps] + noise,
+    ):
         with suppress(PipelineError):
             read(data)
 
@@ -84,9 +104,11 @@ def starts(log: DecodedLog) -> dict[str, np.ndarray[Any, np.dtype[np.int64]]]:
 
 
 def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[float, int]:
-    """The share of the whole records with a whole definition that was recovered, and the number of records at places that held none.
+    """The share of the whole records with a whole definition that was recovered, and
+    the number of records at places that held none.
 
-    Records in repeated or spliced bytes are not judged: they are where the source has none.
+    Records in repeated or spliced bytes are not judged: they are where the source has
+    none.
     """
     definitions = clean.messages["FMT"]
     names = [name.decode() for name in definitions.columns["Name"].tolist()]
@@ -106,7 +128,9 @@ def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[floa
             continue
         targets = (offset + moved)[there]
         expected += targets.size
-        found += int(np.isin(targets, log.messages[name].offset).sum()) if name in log.messages else 0
+        found += (
+            int(np.isin(targets, log.messages[name].offset).sum()) if name in log.messages else 0
+        )
     sources = np.sort(np.concatenate(list(starts(clean).values())))
     for offset in starts(log).values():
         part = np.searchsorted(begin + shift, offset, side="right") - 1
@@ -116,9 +140,13 @@ def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[floa
     return found / max(expected, 1), invented
 
 
-@pytest.mark.parametrize("part", [SMALL[:40_000], SMALL[:150_000]], ids=["40 kB, a third of it definitions", "150 kB"])
+@pytest.mark.parametrize(
+    "part", [SMALL[:40_000], SMALL[:150_000]], ids=["40 kB, a third of it definitions", "150 kB"]
+)
 def test_whole_records_are_recovered_from_mutated_logs(part: bytes) -> None:
-    """Required: 99.9 % on average and 99 % at worst of the records whose bytes and definition are whole; nothing invented."""
+    """Required: 99.9 % on average and 99 % at worst of the records whose bytes and
+    definition are whole; nothing invented.
+    """
     clean = read(part)
     shares, invented = [], 0
     for seed in range(60):
@@ -136,6 +164,9 @@ def test_mutations_keep_what_they_say_they_keep() -> None:
         data, kept = mutations(SMALL, seed)
         assert data == mutations(SMALL, seed)[0]
         for part in kept:
-            assert data[part.offset : part.offset + part.stop - part.start] == SMALL[part.start : part.stop]
+            assert (
+                data[part.offset : part.offset + part.stop - part.start]
+                == SMALL[part.start : part.stop]
+            )
         protected, _ = mutations(SMALL, seed, protect=20_000)
         assert protected[:20_000] == SMALL[:20_000]

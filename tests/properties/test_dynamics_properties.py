@@ -1,6 +1,10 @@
 """What holds for every attitude, velocity and inertia."""
 
 import numpy as np
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
 from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.mechanics.kinematics import (
@@ -14,9 +18,6 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
 from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 ANGLE = st.floats(-3.1, 3.1)
 PITCH = st.floats(-1.5, 1.5)
@@ -39,7 +40,9 @@ def test_rotation_is_orthonormal_and_proper(attitude):
 @quick
 @given(ATTITUDE)
 def test_euler_rate_matrices_are_inverse(attitude):
-    np.testing.assert_allclose(euler_rate_matrix(attitude) @ euler_rate_matrix_inverse(attitude), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(
+        euler_rate_matrix(attitude) @ euler_rate_matrix_inverse(attitude), np.eye(3), atol=1e-12
+    )
 
 
 @quick
@@ -52,12 +55,18 @@ def test_body_velocity_inverts_eta_dot(attitude, nu):
 @quick
 @given(ATTITUDE, VELOCITY)
 def test_euler_rates_are_the_derivative_of_the_rotation(attitude, nu):
-    """P_v' = P_v S(omega), by central difference of step 1e-6 s: error about 1e-9 times rate^2, near the pole more."""
+    """P_v' = P_v S(omega), by central difference of step 1e-6 s: error about 1e-9 times
+    rate^2, near the pole more.
+    """
     assume(abs(attitude[1]) < 1.2)
     rate = eta_dot(np.concatenate([np.zeros(3), attitude]), nu)[3:]
     step = 1e-6
-    difference = (rotation_body_to_ned(attitude + step * rate) - rotation_body_to_ned(attitude - step * rate)) / (2.0 * step)
-    np.testing.assert_allclose(rotation_body_to_ned(attitude).T @ difference, skew(nu[3:]), atol=1e-6)
+    difference = (
+        rotation_body_to_ned(attitude + step * rate) - rotation_body_to_ned(attitude - step * rate)
+    ) / (2.0 * step)
+    np.testing.assert_allclose(
+        rotation_body_to_ned(attitude).T @ difference, skew(nu[3:]), atol=1e-6
+    )
 
 
 @quick
@@ -73,19 +82,25 @@ def test_coriolis_does_no_work(M, nu):
 @quick
 @given(SYMMETRIC, SYMMETRIC, VELOCITY)
 def test_coriolis_is_linear_in_the_inertia(M, A, nu):
-    np.testing.assert_allclose(coriolis_force(M - A, nu), coriolis_force(M, nu) - coriolis_force(A, nu), atol=1e-9)
+    np.testing.assert_allclose(
+        coriolis_force(M - A, nu), coriolis_force(M, nu) - coriolis_force(A, nu), atol=1e-9
+    )
 
 
 @quick
 @given(st.floats(1.0, 100.0), arrays(np.float64, 3, elements=st.floats(-0.5, 0.5)))
 def test_kinetic_energy_is_that_of_the_centre_of_gravity(mass, r_G):
-    """0.5 nu' M_RB nu = 0.5 m |v_G|^2 + 0.5 omega' I_G omega, with I_0 moved from the centre of gravity by Steiner."""
+    """0.5 nu' M_RB nu = 0.5 m |v_G|^2 + 0.5 omega' I_G omega, with I_0 moved from the
+    centre of gravity by Steiner.
+    """
     nu = np.array([1.0, -0.5, 0.3, 0.2, -0.4, 0.7])
     I_G = np.diag([1.0, 2.0, 3.0])
     steiner = mass * (np.dot(r_G, r_G) * np.eye(3) - np.outer(r_G, r_G))
     v_G = nu[:3] + np.cross(nu[3:], r_G)
     energy = 0.5 * mass * v_G @ v_G + 0.5 * nu[3:] @ I_G @ nu[3:]
-    np.testing.assert_allclose(0.5 * nu @ rigid_body_matrix(mass, r_G, I_G + steiner) @ nu, energy, rtol=1e-12)
+    np.testing.assert_allclose(
+        0.5 * nu @ rigid_body_matrix(mass, r_G, I_G + steiner) @ nu, energy, rtol=1e-12
+    )
 
 
 @quick
@@ -113,7 +128,9 @@ def test_restoring_does_not_depend_on_heading_or_place(attitude, psi):
 def test_quadratic_terms_scale_with_the_square(nu, factor):
     assume(np.abs(nu).max() > 1e-3)
     terms = ("u*v", "w*|q|", "r*V", "|p|*Vv", "v*Vw")
-    np.testing.assert_allclose(basis(factor * nu, None, terms), factor**2 * basis(nu, None, terms), rtol=1e-12, atol=1e-280)
+    np.testing.assert_allclose(
+        basis(factor * nu, None, terms), factor**2 * basis(nu, None, terms), rtol=1e-12, atol=1e-280
+    )
 
 
 @quick
@@ -123,8 +140,14 @@ def test_eta_ratio_never_exceeds_its_bound(nu, level_speed):
 
 
 @quick
-@given(arrays(np.float64, (5, 3), elements=SPEED), arrays(np.float64, (5, 3), elements=SPEED), arrays(np.float64, 5, elements=SPEED))
+@given(
+    arrays(np.float64, (5, 3), elements=SPEED),
+    arrays(np.float64, (5, 3), elements=SPEED),
+    arrays(np.float64, 5, elements=SPEED),
+)
 def test_allocation_is_force_and_moment(position, axis, force):
     tau = thruster_allocation(position, axis) @ force
     np.testing.assert_allclose(tau[:3], (axis * force[:, None]).sum(axis=0), atol=1e-11)
-    np.testing.assert_allclose(tau[3:], np.cross(position, axis * force[:, None]).sum(axis=0), atol=1e-10)
+    np.testing.assert_allclose(
+        tau[3:], np.cross(position, axis * force[:, None]).sum(axis=0), atol=1e-10
+    )

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from auvid.hydro.identification.regression.error_measures import error_table
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.standard_errors import long_run_moment
 from auvid.hydro.identification.signals.bias import fit_bias_linear
 from auvid.hydro.identification.signals.resampling import clean_clock, gaps, hold, linear
 from auvid.hydro.identification.signals.splines import smoothing_spline
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 seeds = st.integers(0, 2**32 - 1)
 QUICK = settings(max_examples=25, deadline=None)
@@ -19,7 +20,9 @@ TERMS = ("u", "v", "w", "p")
 
 
 def leg(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    return rng.standard_normal((len(TERMS), n)) * rng.uniform(0.1, 10.0, (len(TERMS), 1)), rng.standard_normal((n, 6))
+    return rng.standard_normal((len(TERMS), n)) * rng.uniform(
+        0.1, 10.0, (len(TERMS), 1)
+    ), rng.standard_normal((n, 6))
 
 
 @QUICK
@@ -43,20 +46,28 @@ def test_order_of_samples_does_not_matter(seed: int) -> None:
     rows, force = leg(rng, 80)
     order = rng.permutation(80)
     one = solve_axis(TriangularFactor.empty(TERMS).update(rows, force), "N", TERMS, trim=True)
-    other = solve_axis(TriangularFactor.empty(TERMS).update(rows[:, order], force[order]), "N", TERMS, trim=True)
+    other = solve_axis(
+        TriangularFactor.empty(TERMS).update(rows[:, order], force[order]), "N", TERMS, trim=True
+    )
     np.testing.assert_allclose(one.solution, other.solution, rtol=1e-9, atol=1e-10)
     assert one.sse == pytest.approx(other.sse, rel=1e-9)
 
 
 @QUICK
 @given(seeds, st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
-def test_units_scale_coefficients_and_change_nothing_else(seed: int, length: float, force_unit: float) -> None:
+def test_units_scale_coefficients_and_change_nothing_else(
+    seed: int, length: float, force_unit: float
+) -> None:
     rng = np.random.default_rng(seed)
     rows, force = leg(rng, 60)
     plain = solve_axis(TriangularFactor.empty(TERMS).update(rows, force), "X", TERMS)
     scaled_rows = rows * np.array([length, 1.0, 1.0, 1.0])[:, None]
-    scaled = solve_axis(TriangularFactor.empty(TERMS).update(scaled_rows, force * force_unit), "X", TERMS)
-    np.testing.assert_allclose(scaled.solution * [length, 1, 1, 1] / force_unit, plain.solution, rtol=1e-8, atol=1e-9)
+    scaled = solve_axis(
+        TriangularFactor.empty(TERMS).update(scaled_rows, force * force_unit), "X", TERMS
+    )
+    np.testing.assert_allclose(
+        scaled.solution * [length, 1, 1, 1] / force_unit, plain.solution, rtol=1e-8, atol=1e-9
+    )
     np.testing.assert_allclose(scaled.vif, plain.vif, rtol=1e-8)
     assert scaled.rank == plain.rank
     assert scaled.sse == pytest.approx(plain.sse * force_unit**2, rel=1e-9)
@@ -64,7 +75,9 @@ def test_units_scale_coefficients_and_change_nothing_else(seed: int, length: flo
 
 @QUICK
 @given(seeds, st.permutations(range(4)))
-def test_fitted_force_and_groups_do_not_depend_on_the_order_of_terms(seed: int, order: list[int]) -> None:
+def test_fitted_force_and_groups_do_not_depend_on_the_order_of_terms(
+    seed: int, order: list[int]
+) -> None:
     rng = np.random.default_rng(seed)
     rows, force = leg(rng, 50)
     rows[3] = 2.0 * rows[1] - rows[2]
@@ -75,17 +88,25 @@ def test_fitted_force_and_groups_do_not_depend_on_the_order_of_terms(seed: int, 
     assert fit.rank == 3
     assert [set(group.terms) for group in fit.groups] == [{"v", "w", "p"}]
     np.testing.assert_allclose(fit.solution @ rows[order], reference.solution @ rows, atol=1e-8)
-    assert fit.coefficients[names.index("u")] == pytest.approx(reference.coefficients[0], rel=1e-8, abs=1e-10)
+    assert fit.coefficients[names.index("u")] == pytest.approx(
+        reference.coefficients[0], rel=1e-8, abs=1e-10
+    )
 
 
 @QUICK
 @given(seeds, st.floats(1e-6, 1e3), st.floats(-100, 100), st.floats(0.01, 100))
-def test_smoothing_is_linear_in_the_values(seed: int, lam: float, offset: float, factor: float) -> None:
+def test_smoothing_is_linear_in_the_values(
+    seed: int, lam: float, offset: float, factor: float
+) -> None:
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.1, 1.0, 30))
     a, b = rng.standard_normal((2, 30))
     both = smoothing_spline(t, factor * a + b + offset, lam=lam).evaluate(t)
-    parts = factor * smoothing_spline(t, a, lam=lam).evaluate(t) + smoothing_spline(t, b, lam=lam).evaluate(t) + offset
+    parts = (
+        factor * smoothing_spline(t, a, lam=lam).evaluate(t)
+        + smoothing_spline(t, b, lam=lam).evaluate(t)
+        + offset
+    )
     np.testing.assert_allclose(both, parts, atol=1e-8 * (1 + abs(offset) + factor))
 
 
@@ -148,4 +169,6 @@ def test_error_measures_ignore_the_order_of_samples(seed: int) -> None:
     measured, predicted = rng.standard_normal((2, 31, 6))
     order = rng.permutation(31)
     for name, whole in error_table(measured, predicted).items():
-        assert vars(error_table(measured[order], predicted[order])[name]) == pytest.approx(vars(whole), rel=1e-12)
+        assert vars(error_table(measured[order], predicted[order])[name]) == pytest.approx(
+            vars(whole), rel=1e-12
+        )

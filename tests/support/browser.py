@@ -1,7 +1,8 @@
-"""Drive a headless Chromium over its debugging pipe: open a file, evaluate, press, drag, take a picture, print.
+"""Drive a headless Chromium over its debugging pipe: open a file, evaluate, press,
+drag, take a picture, print.
 
-Messages are JSON objects ended by a NUL byte, on file descriptors 3 (to the browser) and 4 (from it). Nothing else is needed, and
-the browser gets no network.
+Messages are JSON objects ended by a NUL byte, on file descriptors 3 (to the browser)
+and 4 (from it). Nothing else is needed, and the browser gets no network.
 """
 
 from __future__ import annotations
@@ -34,11 +35,17 @@ FLAGS = (
 
 def chromium() -> str | None:
     """The path of a Chromium, or None."""
-    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    return (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
 
 
 class Browser:
-    """One page in one headless browser. `messages` holds console errors, failed requests and uncaught exceptions."""
+    """One page in one headless browser. `messages` holds console errors, failed
+    requests and uncaught exceptions.
+    """
 
     def __init__(self, program: str) -> None:
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -65,14 +72,21 @@ class Browser:
         self.messages: list[str] = []
         self._events: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
     def __enter__(self) -> Browser:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self._session = None
         self._send("Browser.close", {})
         os.close(self._write)
@@ -115,15 +129,32 @@ class Browser:
             self.messages.append(str(params["exceptionDetails"].get("exception", params)))
         elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
             self.messages.append(f"{params['entry']['level']}: {params['entry']['text']}")
-        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
+        elif method == "Runtime.consoleAPICalled" and params["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             self.messages.append(str(params["args"]))
-        elif method == "Network.requestWillBeSent" and not params["request"]["url"].startswith(("file:", "data:", "blob:", "about:")):
+        elif method == "Network.requestWillBeSent" and not params["request"]["url"].startswith(
+            ("file:", "data:", "blob:", "about:")
+        ):
             self.messages.append(f"request to {params['request']['url']}")
 
-    def open(self, file: Path, *, width: int = 1280, height: int = 1000, dark: bool = False) -> None:
+    def open(
+        self, file: Path, *, width: int = 1280, height: int = 1000, dark: bool = False
+    ) -> None:
         """Open a local file at a window size and wait until it has loaded."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
+        self.call(
+            "Emulation.setEmulatedMedia",
+            features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}],
+        )
         self._events.clear()
         self.call("Page.navigate", url=file.resolve().as_uri())
         while "Page.loadEventFired" not in self._events:
@@ -131,14 +162,25 @@ class Browser:
 
     def evaluate(self, script: str) -> Any:
         """The value of a JavaScript expression (a promise is awaited)."""
-        result = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        result = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
     def mouse(self, kind: str, x: float, y: float, **more: Any) -> None:
-        """A mouse event `mousePressed`, `mouseMoved`, `mouseReleased` or `mouseWheel` at a place in the window."""
+        """A mouse event `mousePressed`, `mouseMoved`, `mouseReleased` or `mouseWheel`
+        at a place in the window.
+        """
         button = "none" if kind == "mouseWheel" else "left"
-        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, **({"clickCount": 1} | more))
+        self.call(
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=x,
+            y=y,
+            button=button,
+            **({"clickCount": 1} | more),
+        )
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press, move and release."""

@@ -1,6 +1,8 @@
-"""Every damage that a log is tried with, by kind and number, and what counts as failing it; failures are kept as files.
+"""Every damage that a log is tried with, by kind and number, and what counts as failing
+it; failures are kept as files.
 
-A flip is one bit, a cut ends the file, a mutation is seeded damage of all kinds in several places.
+A flip is one bit, a cut ends the file, a mutation is seeded damage of all kinds in
+several places.
 """
 
 from __future__ import annotations
@@ -14,10 +16,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
-
 from tests.support.mutate import Edit, Kept, apply_edits, mutations
 from tests.support.recovery import Judgement, judge
 from tests.support.small_logs import BINARY, SmallLog, small_log
@@ -29,7 +31,9 @@ BESIDE = 2  # records beside damage, in two places; without a checksum such a on
 
 
 def count(source: SmallLog, kind: str, mutated: int) -> int:
-    """How many cases of a kind there are; single bits and cuts are tried on binary logs only."""
+    """How many cases of a kind there are; single bits and cuts are tried on binary logs
+    only.
+    """
     if kind == "mutation":
         return mutated
     if source.name not in BINARY:
@@ -41,7 +45,9 @@ def damaged(source: SmallLog, kind: str, number: int) -> tuple[bytes, list[Kept]
     """The damaged log of one case, and what stayed whole."""
     if kind == "flip":
         place = number // 8
-        return apply_edits(source.data, [Edit(place, place + 1, bytes([source.data[place] ^ 1 << number % 8]))])
+        return apply_edits(
+            source.data, [Edit(place, place + 1, bytes([source.data[place] ^ 1 << number % 8]))]
+        )
     if kind == "cut":
         return source.data[:number], [Kept(0, number, 0)] if number else []
     return mutations(source.data, number)
@@ -71,7 +77,14 @@ def ingest_fault(source: SmallLog, data: bytes) -> str | None:
     return None
 
 
-def keep(source: SmallLog, kind: str, number: int, data: bytes, kept: Sequence[Kept], faults: Sequence[str]) -> Path:
+def keep(
+    source: SmallLog,
+    kind: str,
+    number: int,
+    data: bytes,
+    kept: Sequence[Kept],
+    faults: Sequence[str],
+) -> Path:
     """Write a failing case to a file that `replay` can try again."""
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / f"{source.name}-{kind}-{number}.json"
@@ -90,7 +103,11 @@ def replay(path: Path) -> list[str]:
     case = json.loads(path.read_text(encoding="ascii"))
     source, data = small_log(case["reader"]), zlib.decompress(base64.b85decode(case["data"]))
     kept = [Kept(*part) for part in case["kept"]]
-    if any(data[part.offset : part.offset + part.stop - part.start] != source.data[part.start : part.stop] for part in kept):
+    if any(
+        data[part.offset : part.offset + part.stop - part.start]
+        != source.data[part.start : part.stop]
+        for part in kept
+    ):
         return ["the small log is not the one that this case was made from"]
     fault = ingest_fault(source, data)
     return failures(source, judge(source, data, kept)) + ([fault] if fault else [])

@@ -34,7 +34,11 @@ MULTIPLIERS = {"-": 0.0, "0": 1.0, "B": 1e-2, "F": 1e-6, "J": 2.5}
 
 def fmt(id: int, name: str, formats: str, columns: str, length: int | None = None) -> bytes:
     """A FMT record; `length` overrides the true record length."""
-    size = 3 + struct.calcsize("<" + "".join(PACKING[char] for char in formats)) if length is None else length
+    size = (
+        3 + struct.calcsize("<" + "".join(PACKING[char] for char in formats))
+        if length is None
+        else length
+    )
     texts = struct.pack("<4s16s64s", name.encode(), formats.encode(), columns.encode())
     return HEADER + bytes([128, id, size]) + texts
 
@@ -44,11 +48,15 @@ def record(id: int, formats: str, *values: object) -> bytes:
     flat: list[object] = []
     for char, value in zip(formats, values, strict=True):
         flat += list(value) if char == "a" else [value]  # type: ignore[call-overload]
-    return HEADER + bytes([id]) + struct.pack("<" + "".join(PACKING[char] for char in formats), *flat)
+    return (
+        HEADER + bytes([id]) + struct.pack("<" + "".join(PACKING[char] for char in formats), *flat)
+    )
 
 
 def unit_records(fmtu: dict[int, tuple[str, str]]) -> bytes:
-    """FMTU, UNIT and MULT with their definitions: `fmtu` maps a type id to its unit and multiplier letters."""
+    """FMTU, UNIT and MULT with their definitions: `fmtu` maps a type id to its unit and
+    multiplier letters.
+    """
     out = fmt(240, "FMTU", "QBNN", "TimeUS,FmtType,UnitIds,MultIds")
     out += fmt(241, "UNIT", "QbZ", "TimeUS,Id,Label") + fmt(242, "MULT", "Qbd", "TimeUS,Id,Mult")
     for letter, label in UNITS.items():
@@ -63,7 +71,12 @@ def unit_records(fmtu: dict[int, tuple[str, str]]) -> bytes:
 IMU = (10, "IMU", "QBf", "TimeUS,I,GyrX")
 ATT = (11, "ATT", "Qcc", "TimeUS,Roll,Pitch")
 BAR = (12, "BARO", "Qff", "TimeUS,Alt,Press")
-HEADER_RECORDS = fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89) + fmt(*IMU) + fmt(*ATT) + fmt(*BAR)
+HEADER_RECORDS = (
+    fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 89)
+    + fmt(*IMU)
+    + fmt(*ATT)
+    + fmt(*BAR)
+)
 
 
 def group(step: int) -> bytes:

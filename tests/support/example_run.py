@@ -1,4 +1,6 @@
-"""A small made-up run in memory, as the stages would leave it: sections, views, tables, model cards. Seeded; nothing is physical."""
+"""A small made-up run in memory, as the stages would leave it: sections, views, tables,
+model cards. Seeded; nothing is physical.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.base import collection
@@ -34,7 +37,9 @@ VERDICTS = ("identified", "weak", "not excited", "inseparable")
 
 @dataclass
 class ExampleRun:
-    """The inputs of the report stage as plain mappings, so that a test can change any of them before `inputs()`."""
+    """The inputs of the report stage as plain mappings, so that a test can change any
+    of them before `inputs()`.
+    """
 
     campaign: dict[str, Any] = field(default_factory=dict)
     vehicle: dict[str, Any] = field(default_factory=dict)
@@ -49,8 +54,25 @@ class ExampleRun:
 
     def error_table(self) -> pa.Table:
         """The rows of `errors` as the artefact."""
-        names = ("use", "leg", "model", "axis", "n_bar", "rank", "samples", "sse", "mae", "mse", "rms", "mad", "j0", "ratio")
-        return make_table("error_table", {name: [row[name] for row in self.errors] for name in names})
+        names = (
+            "use",
+            "leg",
+            "model",
+            "axis",
+            "n_bar",
+            "rank",
+            "samples",
+            "sse",
+            "mae",
+            "mse",
+            "rms",
+            "mad",
+            "j0",
+            "ratio",
+        )
+        return make_table(
+            "error_table", {name: [row[name] for row in self.errors] for name in names}
+        )
 
     def inputs(self) -> Inputs:
         """What the runner would hand to the stage."""
@@ -60,7 +82,16 @@ class ExampleRun:
             provenance={
                 "logs": {"dive": [{"name": "logs/dive.BIN", "content": "9f2c"}]},
                 "vehicle": "51aa",
-                "stages": {"fuse": {"code": "07d1", "parameters": {"method": "kinematic", "cutoff_hz": 1.0, "as_published": False}}},
+                "stages": {
+                    "fuse": {
+                        "code": "07d1",
+                        "parameters": {
+                            "method": "kinematic",
+                            "cutoff_hz": 1.0,
+                            "as_published": False,
+                        },
+                    }
+                },
                 "packages": {"numpy": "2.4.6"},
             },
             log_info=collection(self.logs),
@@ -76,16 +107,22 @@ class ExampleRun:
 
 
 def example_run(seconds: Mapping[str, float] | None = None) -> ExampleRun:
-    """Two segments of one log (or those of `seconds`: name -> length), eight models, every kind of block."""
+    """Two segments of one log (or those of `seconds`: name -> length), eight models,
+    every kind of block.
+    """
     lengths = dict(seconds or {"train": 90.0, "check": 40.0})
     run = ExampleRun(campaign=_campaign(), vehicle=_vehicle())
     start = 0.0
     for name, length in lengths.items():
-        run.segments[name] = _segment(name, "validation" if name == "check" else "training", start, length)
+        run.segments[name] = _segment(
+            name, "validation" if name == "check" else "training", start, length
+        )
         start += length
     run.logs["dive"] = _log(start)
     run.cards = {name: _card(name) for name in MODELS}
-    run.errors = [row for use in ("validation", "training") for row in _error_rows(use, tuple(lengths))]
+    run.errors = [
+        row for use in ("validation", "training") for row in _error_rows(use, tuple(lengths))
+    ]
     _add_ingest(run, start)
     for index, name in enumerate(lengths):
         _add_segment(run, name, lengths[name], np.random.default_rng(index))
@@ -97,10 +134,16 @@ def _campaign() -> dict[str, Any]:
     return {
         "kind": "identification",
         "title": "A made-up dive with a Doppler velocity log",
-        "notes": "130 s of slow motion at 13.5 m depth. Mass and thrust curve are assumed, so the coefficients scale with them.",
+        "notes": (
+            "130 s of slow motion at 13.5 m depth. Mass and thrust curve are assumed, so the"
+            " coefficients scale with them."
+        ),
         "vehicle": "bluerov2_heavy",
         "logs": [{"id": "dive", "file": "logs/dive.BIN"}],
-        "legs": [{"id": "train", "log": "dive", "use": "training"}, {"id": "check", "log": "dive", "use": "validation"}],
+        "legs": [
+            {"id": "train", "log": "dive", "use": "training"},
+            {"id": "check", "log": "dive", "use": "validation"},
+        ],
         "stages": {"fuse": {"method": "kinematic", "cutoff_hz": 1.0}, "synthesise": {"trim": True}},
     }
 
@@ -116,7 +159,15 @@ def _vehicle() -> dict[str, Any]:
 def _log(seconds: float) -> dict[str, Any]:
     return {
         "log": "dive",
-        "files": [{"name": "dive.BIN", "format": "dataflash", "size_bytes": 8_123_456, "status": "truncated", "seconds_lost": 0.4}],
+        "files": [
+            {
+                "name": "dive.BIN",
+                "format": "dataflash",
+                "size_bytes": 8_123_456,
+                "status": "truncated",
+                "seconds_lost": 0.4,
+            }
+        ],
         "status": "truncated",
         "start_us": 61_000_000,
         "end_us": 61_000_000 + int(seconds * 1e6),
@@ -197,17 +248,45 @@ def _error_rows(use: str, segments: tuple[str, ...]) -> list[dict[str, Any]]:
     for leg in ("all", *segments):
         for place, (name, (_, terms, total)) in enumerate(MODELS.items()):
             for index, axis in enumerate(("all", *AXES)):
-                ratio = total * (0.5 if use == "training" else 1.0) * (1 + 0.12 * index * (-1) ** (index + place))
+                ratio = (
+                    total
+                    * (0.5 if use == "training" else 1.0)
+                    * (1 + 0.12 * index * (-1) ** (index + place))
+                )
                 ratio += 0.6 if use == "validation" and axis in "KM" else 0.0
                 j = 4.0 * ratio
-                row = {"use": use, "leg": leg, "model": name, "axis": axis, "n_bar": terms, "rank": terms - 2, "samples": 800}
-                rows.append({**row, "sse": 800 * j**2, "mae": 0.8 * j, "mse": j**2, "rms": j, "mad": 0.6 * j, "j0": 4.0, "ratio": ratio})
+                row = {
+                    "use": use,
+                    "leg": leg,
+                    "model": name,
+                    "axis": axis,
+                    "n_bar": terms,
+                    "rank": terms - 2,
+                    "samples": 800,
+                }
+                rows.append(
+                    {
+                        **row,
+                        "sse": 800 * j**2,
+                        "mae": 0.8 * j,
+                        "mse": j**2,
+                        "rms": j,
+                        "mad": 0.6 * j,
+                        "j0": 4.0,
+                        "ratio": ratio,
+                    }
+                )
     return rows
 
 
 def _signals(length: float, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     t = np.arange(int(length * RATE_HZ)) / RATE_HZ
-    truth = np.column_stack([0.3 * np.sin(0.25 * (index + 1) * t + index) * (1 + 0.3 * np.sin(0.05 * t)) for index in range(6)])
+    truth = np.column_stack(
+        [
+            0.3 * np.sin(0.25 * (index + 1) * t + index) * (1 + 0.3 * np.sin(0.05 * t))
+            for index in range(6)
+        ]
+    )
     return t, truth, truth + 0.03 * rng.standard_normal(truth.shape)
 
 
@@ -215,14 +294,23 @@ def _add_ingest(run: ExampleRun, seconds: float) -> None:
     time_us = 61_000_000 + np.arange(0, int(seconds * 1e6), 5_000_000)
     words = [f"EKF3 lane {index} active" for index in range(time_us.size)]
     run.tables["ingest/dive/events"] = make_table("events", {"time_us": time_us, "text": words})
-    run.tables["ingest/dive/mode"] = make_table("mode", {"time_us": time_us[:1], "mode": ["MANUAL"]})
+    run.tables["ingest/dive/mode"] = make_table(
+        "mode", {"time_us": time_us[:1], "mode": ["MANUAL"]}
+    )
     rows = [["imu", 6500, 50.0, 0.02], ["velocity", 1040, 8.0, 0.41], ["depth", 1300, 10.0, None]]
     blocks = [
         remark("Every byte of the file is accounted for; the last record is cut off.", "finding"),
-        table("Streams", ["stream", "samples", ("rate", "Hz"), ("longest gap", "s")], rows, note="Taken from the preferred source."),
+        table(
+            "Streams",
+            ["stream", "samples", ("rate", "Hz"), ("longest gap", "s")],
+            rows,
+            note="Taken from the preferred source.",
+        ),
         remark("The velocity stream has a gap of 0.41 s at 77 s.", "warning"),
     ]
-    run.sections["ingest/dive"] = section("Log dive", blocks, order=10, look_for="Rates as the sensors promise, and no long gaps.")
+    run.sections["ingest/dive"] = section(
+        "Log dive", blocks, order=10, look_for="Rates as the sensors promise, and no long gaps."
+    )
 
 
 def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Generator) -> None:
@@ -230,15 +318,39 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
     run.fused[name] = run.tables[f"fuse/{name}/fused"] = _fused_table(t, truth)
     run.tables[f"resample/{name}/resampled"] = _resampled_table(t, noisy)
     clock = t + float(run.segments[name]["leg_start_s"])
-    symbols = (("u", "m/s"), ("v", "m/s"), ("w", "m/s"), ("p", "rad/s"), ("q", "rad/s"), ("r", "rad/s"))
+    symbols = (
+        ("u", "m/s"),
+        ("v", "m/s"),
+        ("w", "m/s"),
+        ("p", "rad/s"),
+        ("q", "rad/s"),
+        ("r", "rad/s"),
+    )
     panels = [
-        panel(symbol, unit, [series("raw", clock, noisy[:, index], "raw"), series("fused", clock, truth[:, index], "fused")])
+        panel(
+            symbol,
+            unit,
+            [
+                series("raw", clock, noisy[:, index], "raw"),
+                series("fused", clock, truth[:, index], "fused"),
+            ],
+        )
         for index, (symbol, unit) in enumerate(symbols)
     ]
     blocks = [
-        text("Velocity from the Doppler log, rates from the gyro, one zero-phase filter on all channels."),
-        plot("Raw against fused", panels, group="time", look_for="The fused line follows the raw one without lag."),
-        table("Gyro bias", ["axis", ("bias", "rad/s")], [["p", 1.2e-4], ["q", -3.4e-4], ["r", 7.7e-5]]),
+        text(
+            "Velocity from the Doppler log, rates from the gyro, one zero-phase filter on all"
+            " channels."
+        ),
+        plot(
+            "Raw against fused",
+            panels,
+            group="time",
+            look_for="The fused line follows the raw one without lag.",
+        ),
+        table(
+            "Gyro bias", ["axis", ("bias", "rad/s")], [["p", 1.2e-4], ["q", -3.4e-4], ["r", 7.7e-5]]
+        ),
     ]
     run.sections[f"fuse/{name}"] = section(f"State, raw against fused: {name}", blocks, order=30)
     columns = {"u_m_s": "u", "v_m_s": "v", "w_m_s": "w"}
@@ -256,10 +368,20 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
     }
     parts = ("rigid_body_inertia", "added_mass_inertia", "restoring", "thrusters", "tau_bar")
     forces = [
-        panel(axis, unit, [series(part, clock, 4 * np.roll(truth[:, index], 7 * place), part) for place, part in enumerate(parts)])
+        panel(
+            axis,
+            unit,
+            [
+                series(part, clock, 4 * np.roll(truth[:, index], 7 * place), part)
+                for place, part in enumerate(parts)
+            ],
+        )
         for index, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True))
     ]
-    meaning = "What the rigid body does, less what gravity and actuators explain, is left for the viscous model."
+    meaning = (
+        "What the rigid body does, less what gravity and actuators explain, is left for the viscous"
+        " model."
+    )
     blocks = [
         equation(r"\bar\tau = M\dot\nu + C(\nu)\nu - \tau_G(\eta) - \tau_U(\nu, u)", meaning),
         plot("Residual force and its components", forces, group="time"),
@@ -270,26 +392,64 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
 
 def _fused_table(t: Array, nu: Array) -> pa.Table:
     names = ["u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s"]
-    pose = np.column_stack([np.cumsum(nu[:, :3], axis=0) / RATE_HZ + [0, 0, 13.5], 0.1 * np.sin(t), 0.1 * np.cos(t), 0.02 * t])
+    pose = np.column_stack(
+        [
+            np.cumsum(nu[:, :3], axis=0) / RATE_HZ + [0, 0, 13.5],
+            0.1 * np.sin(t),
+            0.1 * np.cos(t),
+            0.02 * t,
+        ]
+    )
     pose_names = ["x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad"]
-    columns = {"t_s": t, **dict(zip(pose_names, pose.T, strict=True)), **dict(zip(names, nu.T, strict=True))}
+    columns = {
+        "t_s": t,
+        **dict(zip(pose_names, pose.T, strict=True)),
+        **dict(zip(names, nu.T, strict=True)),
+    }
     for name in pose_names:
         columns[name.replace("_m", "_dot_m_s").replace("_rad", "_dot_rad_s")] = np.zeros(t.size)
     for name in names:
-        columns[name.replace("_m_s", "_dot_m_s2").replace("_rad_s", "_dot_rad_s2")] = np.zeros(t.size)
+        columns[name.replace("_m_s", "_dot_m_s2").replace("_rad_s", "_dot_rad_s2")] = np.zeros(
+            t.size
+        )
     return make_table("fused", columns)
 
 
 def _resampled_table(t: Array, nu: Array) -> pa.Table:
     zero = np.zeros(t.size)
-    names = ("z_m", "z_dot_m_s", "phi_rad", "theta_rad", "psi_rad", "phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
-    return make_table("resampled", {"t_s": t, **dict.fromkeys(names, zero), "u_m_s": nu[:, 0], "v_m_s": nu[:, 1], "w_m_s": nu[:, 2]})
+    names = (
+        "z_m",
+        "z_dot_m_s",
+        "phi_rad",
+        "theta_rad",
+        "psi_rad",
+        "phi_dot_rad_s",
+        "theta_dot_rad_s",
+        "psi_dot_rad_s",
+    )
+    return make_table(
+        "resampled",
+        {
+            "t_s": t,
+            **dict.fromkeys(names, zero),
+            "u_m_s": nu[:, 0],
+            "v_m_s": nu[:, 1],
+            "w_m_s": nu[:, 2],
+        },
+    )
 
 
 def _predictions(name: str, t: Array, truth: Array) -> pa.Table:
     columns = ["tau_X_N", "tau_Y_N", "tau_Z_N", "tau_K_N_m", "tau_M_N_m", "tau_N_N_m"]
-    keys = {"segment": [name] * t.size * 2, "model": ["linear"] * t.size + ["fossen"] * t.size, "t_s": np.tile(t, 2)}
-    forces = {column: np.concatenate([4 * truth[:, index], 4 * np.roll(truth[:, index], 2)]) for index, column in enumerate(columns)}
+    keys = {
+        "segment": [name] * t.size * 2,
+        "model": ["linear"] * t.size + ["fossen"] * t.size,
+        "t_s": np.tile(t, 2),
+    }
+    forces = {
+        column: np.concatenate([4 * truth[:, index], 4 * np.roll(truth[:, index], 2)])
+        for index, column in enumerate(columns)
+    }
     return make_table("predictions", {**keys, **forces})
 
 
@@ -300,15 +460,31 @@ def _add_campaign(run: ExampleRun) -> None:
         for item in fit["terms"]
     ]
     blocks = [
-        equation(r"\tau_\nu = K\,\xi(\nu), \qquad X = X_u u + X_{u|u|}\,u|u| + \frac{1}{2}\rho A C_D \left(u - u_c\right)^2"),
-        table("Coefficients of Linear", ["axis", "term", "value", ("standard error", ""), "verdict"], coefficients),
+        equation(
+            r"\tau_\nu = K\,\xi(\nu), \qquad X = X_u u + X_{u|u|}\,u|u| + \frac{1}{2}\rho A C_D"
+            r" \left(u - u_c\right)^2"
+        ),
+        table(
+            "Coefficients of Linear",
+            ["axis", "term", "value", ("standard error", ""), "verdict"],
+            coefficients,
+        ),
     ]
-    run.sections["synthesise"] = section("Models and coefficients", blocks, order=50, look_for="Which coefficients the data determine.")
+    run.sections["synthesise"] = section(
+        "Models and coefficients",
+        blocks,
+        order=50,
+        look_for="Which coefficients the data determine.",
+    )
     heads = ["model", "n", "J", "J/J0", *AXES]
     rows: list[list[Any]] = [
-        [title, terms, 4 * total, total, *(total * (1 + 0.1 * index) for index in range(6))] for title, terms, total in MODELS.values()
+        [title, terms, 4 * total, total, *(total * (1 + 0.1 * index) for index in range(6))]
+        for title, terms, total in MODELS.values()
     ]
-    t, truth, noisy = _signals(run.segments["check"]["duration_s"] if "check" in run.segments else 20.0, np.random.default_rng(1))
+    t, truth, noisy = _signals(
+        run.segments["check"]["duration_s"] if "check" in run.segments else 20.0,
+        np.random.default_rng(1),
+    )
     t += run.segments["check"]["leg_start_s"] if "check" in run.segments else 0.0
     panels = [
         panel(
@@ -322,11 +498,19 @@ def _add_campaign(run: ExampleRun) -> None:
         )
         for index, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True))
     ]
-    blocks = [table("Validation, layout of McCarter Table 5.1", heads, rows), plot("check", panels, group="time")]
+    blocks = [
+        table("Validation, layout of McCarter Table 5.1", heads, rows),
+        plot("check", panels, group="time"),
+    ]
     run.sections["validate"] = section("Errors and predictions", blocks, order=60)
     run.views["validate"] = {
         "groups": [
-            {"entity": f"residual/X/{model}", "table": f"predictions/{name}", "columns": ["tau_X_N"], "names": [f"X {model}"]}
+            {
+                "entity": f"residual/X/{model}",
+                "table": f"predictions/{name}",
+                "columns": ["tau_X_N"],
+                "names": [f"X {model}"],
+            }
             | {"roles": [model], "tab": "Answer", "unit": "N", "filter": {"model": model}}
             for name in run.segments
             for model in ("linear", "fossen")

@@ -1,4 +1,6 @@
-"""Prescribed rich motions with exact derivatives, and what ideal sensors and the stages before a stage under test would make of them."""
+"""Prescribed rich motions with exact derivatives, and what ideal sensors and the stages
+before a stage under test would make of them.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,29 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import yaml
+from scipy.interpolate import CubicSpline
+
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
-from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    eta_dot,
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.columns import ACCELERATION, ACCELEROMETER, ATTITUDE, POSE, POSE_RATE, VELOCITY, force_columns, named
-from scipy.interpolate import CubicSpline
+from auvid.stages.columns import (
+    ACCELERATION,
+    ACCELEROMETER,
+    ATTITUDE,
+    POSE,
+    POSE_RATE,
+    VELOCITY,
+    force_columns,
+    named,
+)
 
 Array = npt.NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
@@ -33,7 +49,9 @@ FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 @cache
 def vehicle_document(name: str) -> dict[str, Any]:
     """A vehicle file of the project; do not write to it."""
-    document: dict[str, Any] = yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
+    document: dict[str, Any] = yaml.safe_load(
+        (ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8")
+    )
     return document
 
 
@@ -43,7 +61,9 @@ VT690 = vehicle_from_document(vehicle_document("vt690"))
 def published(name: str) -> IdentifiedModel:
     """The published coefficients of a model for the VT 690 (Appendix E)."""
     coefficients: dict[str, dict[str, float]] = {}
-    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(newline="", encoding="utf-8") as file:
+    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(
+        newline="", encoding="utf-8"
+    ) as file:
         for row in csv.DictReader(file):
             coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
     return IdentifiedModel(name, coefficients)
@@ -51,7 +71,9 @@ def published(name: str) -> IdentifiedModel:
 
 @dataclass(frozen=True)
 class Motion:
-    """True pose, velocity and acceleration (n, 6) of the body origin, and the commands: rev/s (n,), fin angles (n, 4)."""
+    """True pose, velocity and acceleration (n, 6) of the body origin, and the commands:
+    rev/s (n,), fin angles (n, 4).
+    """
 
     t_s: Array
     eta: Array
@@ -61,17 +83,31 @@ class Motion:
     fins: Array
 
 
-def waves(rng: np.random.Generator, t: Array, amplitude: float, *, low: float = 0.05, high: float = 0.6, number: int = 5) -> Array:
-    """A sum of sines and its first two derivatives, (3, n); it stays within +-amplitude."""
+def waves(
+    rng: np.random.Generator,
+    t: Array,
+    amplitude: float,
+    *,
+    low: float = 0.05,
+    high: float = 0.6,
+    number: int = 5,
+) -> Array:
+    """A sum of sines and its first two derivatives, (3, n); it stays within
+    +-amplitude.
+    """
     omega = 2.0 * np.pi * rng.uniform(low, high, number)
     share = rng.uniform(0.5, 1.0, number)
     size, phase = amplitude * share / share.sum(), rng.uniform(0.0, 2.0 * np.pi, number)
     angle = np.outer(t, omega) + phase
-    return np.array([np.sin(angle) @ size, np.cos(angle) @ (size * omega), -np.sin(angle) @ (size * omega**2)])
+    return np.array(
+        [np.sin(angle) @ size, np.cos(angle) @ (size * omega), -np.sin(angle) @ (size * omega**2)]
+    )
 
 
 def rich_motion(seconds: float = 120.0, *, seed: int = 1, ahead: bool = True) -> Motion:
-    """Every velocity excited in both directions, u > 0 if `ahead`; velocities and attitude are sums of sines, their rates are exact."""
+    """Every velocity excited in both directions, u > 0 if `ahead`; velocities and
+    attitude are sums of sines, their rates are exact.
+    """
     rng, t = np.random.default_rng(seed), np.arange(0.0, seconds, 1.0 / RATE_HZ)
     linear = np.array([waves(rng, t, amplitude) for amplitude in (0.7, 0.5, 0.4)])
     if ahead:
@@ -80,7 +116,9 @@ def rich_motion(seconds: float = 120.0, *, seed: int = 1, ahead: bool = True) ->
     euler, rate, second = angle[:, 0].T, angle[:, 1].T, angle[:, 2].T
     to_body = euler_rate_matrix_inverse(euler)
     omega = np.einsum("nij,nj->ni", to_body, rate)
-    omega_dot = np.einsum("nij,nj->ni", to_body, second) + np.einsum("nij,nj->ni", _rate_of_inverse(euler, rate), rate)
+    omega_dot = np.einsum("nij,nj->ni", to_body, second) + np.einsum(
+        "nij,nj->ni", _rate_of_inverse(euler, rate), rate
+    )
     ned = np.einsum("nij,nj->ni", rotation_body_to_ned(euler), linear[:, 0].T)
     position = CubicSpline(t, ned).antiderivative()(t) + np.array([0.0, 0.0, 8.0])
     steps = 5 * np.floor(t / 7.0).astype(int) % 4
@@ -99,7 +137,11 @@ def _rate_of_inverse(euler: Array, rate: Array) -> Array:
     (cf, ct), (sf, st) = np.cos(euler[:, :2]).T, np.sin(euler[:, :2]).T
     f, th = rate[:, 0], rate[:, 1]
     zero = np.zeros_like(cf)
-    rows = [[zero, zero, -ct * th], [zero, -sf * f, -st * th * sf + ct * cf * f], [zero, -cf * f, -st * th * cf - ct * sf * f]]
+    rows = [
+        [zero, zero, -ct * th],
+        [zero, -sf * f, -st * th * sf + ct * cf * f],
+        [zero, -cf * f, -st * th * cf - ct * sf * f],
+    ]
     return np.moveaxis(np.array(rows), -1, 0)
 
 
@@ -110,7 +152,9 @@ def ratio_of(motion: Motion, vehicle: Vehicle = VT690) -> Array:
 
 
 def driven_by(motion: Motion, force: Array, vehicle: Vehicle = VT690) -> Motion:
-    """The motion with the accelerations that this viscous force (n, 6) and the commands give at its states."""
+    """The motion with the accelerations that this viscous force (n, 6) and the commands
+    give at its states.
+    """
     control = Control(propeller_rev_s=motion.rev_s, fins_rad=motion.fins)
     return replace(motion, nu_dot=forward_dynamics(vehicle, motion.eta, motion.nu, control, force))
 
@@ -147,25 +191,47 @@ def mounted_vehicle(sensors: Sensors, name: str = "vt690") -> dict[str, Any]:
     def quantity(value: Array, unit: str) -> dict[str, Any]:
         return {"value": [float(x) for x in value], "unit": unit, "source": "test"}
 
-    imu = {"arm": quantity(sensors.imu_arm, "m"), "mounting": quantity(sensors.imu_mounting, "rad"), "accelerometer": sensors.convention}
+    imu = {
+        "arm": quantity(sensors.imu_arm, "m"),
+        "mounting": quantity(sensors.imu_mounting, "rad"),
+        "accelerometer": sensors.convention,
+    }
     dvl = {"arm": quantity(sensors.dvl_arm, "m"), "mounting": quantity(sensors.dvl_mounting, "rad")}
-    return {**vehicle_document(name), "sensors": {"dvl": dvl, "imu": imu, "depth": {"arm": quantity(sensors.depth_arm, "m")}}}
+    return {
+        **vehicle_document(name),
+        "sensors": {"dvl": dvl, "imu": imu, "depth": {"arm": quantity(sensors.depth_arm, "m")}},
+    }
 
 
-def resampled_table(motion: Motion, sensors: Sensors = IDEAL, *, gravity: float = 9.80665, without: tuple[str, ...] = ()) -> pa.Table:
-    """What ideal sensors at these places read on the motion's clock. Biases act in body axes; `without` names columns to leave out."""
+def resampled_table(
+    motion: Motion,
+    sensors: Sensors = IDEAL,
+    *,
+    gravity: float = 9.80665,
+    without: tuple[str, ...] = (),
+) -> pa.Table:
+    """What ideal sensors at these places read on the motion's clock. Biases act in body
+    axes; `without` names columns to leave out.
+    """
     euler, omega, omega_dot = motion.eta[:, 3:], motion.nu[:, 3:], motion.nu_dot[:, 3:]
     to_ned = rotation_body_to_ned(euler)
     rate = eta_dot(motion.eta, motion.nu)
     dvl = motion.nu[:, :3] + np.cross(omega, sensors.dvl_arm)
     point = motion.nu_dot[:, :3] + np.cross(omega, motion.nu[:, :3])
-    point = point + np.cross(omega_dot, sensors.imu_arm) + np.cross(omega, np.cross(omega, sensors.imu_arm))
+    point = (
+        point
+        + np.cross(omega_dot, sensors.imu_arm)
+        + np.cross(omega, np.cross(omega, sensors.imu_arm))
+    )
     accel = {
         "specific_force": point - gravity * to_ned[:, 2, :],
         "inertial": point,
         "derivative": motion.nu_dot[:, :3],
     }[sensors.convention]
-    imu, log = rotation_body_to_ned(sensors.imu_mounting), rotation_body_to_ned(sensors.dvl_mounting)
+    imu, log = (
+        rotation_body_to_ned(sensors.imu_mounting),
+        rotation_body_to_ned(sensors.dvl_mounting),
+    )
     columns = {
         "t_s": motion.t_s,
         "z_m": motion.eta[:, 2] + to_ned[:, 2, :] @ sensors.depth_arm,
@@ -178,23 +244,36 @@ def resampled_table(motion: Motion, sensors: Sensors = IDEAL, *, gravity: float 
         "propeller_rev_s": motion.rev_s,
         **named(FINS, motion.fins),
     }
-    return make_table("resampled", {name: values for name, values in columns.items() if name not in without})
+    return make_table(
+        "resampled", {name: values for name, values in columns.items() if name not in without}
+    )
 
 
 def fused_table(motion: Motion) -> pa.Table:
     """The true state as the stage fuse would give it."""
     rate = eta_dot(motion.eta, motion.nu)
-    columns = {"t_s": motion.t_s, **named(POSE, motion.eta), **named(VELOCITY, motion.nu), **named(POSE_RATE, rate)}
+    columns = {
+        "t_s": motion.t_s,
+        **named(POSE, motion.eta),
+        **named(VELOCITY, motion.nu),
+        **named(POSE_RATE, rate),
+    }
     return make_table("fused", {**columns, **named(ACCELERATION, motion.nu_dot)})
 
 
 def residual_table(nu: Array, force: Array, ratio: Array | None = None) -> pa.Table:
     """A residual of this force (n, 6) at these velocities (n, 6)."""
-    columns = {"t_s": np.arange(len(nu)) / RATE_HZ, **named(VELOCITY, nu), **named(force_columns("tau_bar"), force)}
+    columns = {
+        "t_s": np.arange(len(nu)) / RATE_HZ,
+        **named(VELOCITY, nu),
+        **named(force_columns("tau_bar"), force),
+    }
     return make_table("residual", columns if ratio is None else {**columns, "eta_ratio": ratio})
 
 
-def segment_document(name: str = "one", use: str = "training", *, leg: str | None = None, gyro: bool = True) -> dict[str, Any]:
+def segment_document(
+    name: str = "one", use: str = "training", *, leg: str | None = None, gyro: bool = True
+) -> dict[str, Any]:
     """The document of a segment."""
     return {
         "id": name,
@@ -215,11 +294,34 @@ def segment_document(name: str = "one", use: str = "training", *, leg: str | Non
 
 def log_document(**fields: Any) -> dict[str, Any]:
     """The document of a log without parameters; `fields` go on top."""
-    empty: Mapping[str, Any] = {"streams": {}, "counts": {}, "notes": [], "parameters": {}, "files": []}
-    return {"log": "log", "status": "complete", "start_us": 0, "end_us": 1, "accelerometer": None, "vehicle": None, **empty, **fields}
+    empty: Mapping[str, Any] = {
+        "streams": {},
+        "counts": {},
+        "notes": [],
+        "parameters": {},
+        "files": [],
+    }
+    return {
+        "log": "log",
+        "status": "complete",
+        "start_us": 0,
+        "end_us": 1,
+        "accelerometer": None,
+        "vehicle": None,
+        **empty,
+        **fields,
+    }
 
 
 def fusion_document(**fields: Any) -> dict[str, Any]:
     """The document of a fusion without a filter; `fields` go on top."""
-    base = {"segment": "one", "method": "kinematic", "as_published": False, "cutoff_hz": None, "edge_s": 0.0, "rms": {}, "warnings": []}
+    base = {
+        "segment": "one",
+        "method": "kinematic",
+        "as_published": False,
+        "cutoff_hz": None,
+        "edge_s": 0.0,
+        "rms": {},
+        "warnings": [],
+    }
     return {**base, **fields}

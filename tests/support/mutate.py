@@ -1,7 +1,8 @@
 """Seeded damage for binary logs of any format, with a map of what stayed whole.
 
-`mutations(data, seed)` returns the damaged bytes and the source ranges that were copied without change, with the place they moved to.
-A record of the source whose bytes lie in one kept range is still in the damaged file, byte for byte, at `Kept.moved(offset)`.
+`mutations(data, seed)` returns the damaged bytes and the source ranges that were copied
+without change, with the place they moved to. A record of the source whose bytes lie in
+one kept range is still in the damaged file, byte for byte, at `Kept.moved(offset)`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-HOSTILE = (b"\x00", b"\x01", b"\x02", b"\xff", b"\x7f", b"\xff\xff", b"\x00\x00", b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", b"\x00" * 8)
+HOSTILE = (
+    b"\x00",
+    b"\x01",
+    b"\x02",
+    b"\xff",
+    b"\x7f",
+    b"\xff\xff",
+    b"\x00\x00",
+    b"\xff\xff\xff\x7f",
+    b"\xff\xff\xff\xff",
+    b"\x00" * 8,
+)
 
 
 class Kept(NamedTuple):
@@ -77,23 +89,30 @@ KINDS: dict[str, Callable[[bytes, int, np.random.Generator], Edit]] = {
 }
 
 
-def mutations(data: bytes, seed: int, kinds: Sequence[str] = tuple(KINDS), protect: int = 0) -> tuple[bytes, list[Kept]]:
-    """Damage `data` in one to a dozen places (up to forty flips), the same way for the same seed.
+def mutations(
+    data: bytes, seed: int, kinds: Sequence[str] = tuple(KINDS), protect: int = 0
+) -> tuple[bytes, list[Kept]]:
+    """Damage `data` in one to a dozen places (up to forty flips), the same way for the
+    same seed.
 
     Args:
-        data: the whole file, at least two bytes longer than `protect`.
-        seed: chooses kinds, places and values.
-        kinds: names of `KINDS` to draw from; an edit of each drawn kind may occur several times. One file in ten is truncated too.
-        protect: leading bytes that no edit starts in.
+        data: the whole file, at least two bytes longer than `protect`. seed: chooses
+        kinds, places and values. kinds: names of `KINDS` to draw from; an edit of each
+        drawn kind may occur several times. One file in ten is truncated too. protect:
+        leading bytes that no edit starts in.
 
     Returns:
-        The damaged bytes, and the source ranges left whole, in ascending order of both source and new offset.
+        The damaged bytes, and the source ranges left whole, in ascending order of both
+        source and new offset.
     """
     rng = np.random.default_rng(seed)
     edits: list[Edit] = []
     for name in rng.choice(list(kinds), size=int(rng.integers(1, 4))):
         places = int(rng.integers(1, 41 if name in ("flips", "hostile") else 5))
-        edits += [KINDS[str(name)](data, int(at), rng) for at in rng.integers(protect, len(data), size=places)]
+        edits += [
+            KINDS[str(name)](data, int(at), rng)
+            for at in rng.integers(protect, len(data), size=places)
+        ]
     if rng.random() < 0.1:
         at = int(rng.integers(protect + 1, len(data)))
         edits.append(Edit(at, len(data), b""))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from PIL import Image
+
+from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 
 PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
 
@@ -28,9 +29,11 @@ def look(file: Path) -> Look:
 
 
 def assert_pictured(recording: Path, name: str) -> None:
-    """Take a picture of how a run's recording opens, keep it as `build/screenshots/inspect_<name>.png`, and look whether it shows anything.
+    """Take a picture of how a run's recording opens, keep it as
+    `build/screenshots/inspect_<name>.png`, and look whether it shows anything.
 
-    Without the programs for pictures nothing is checked: `test_inspect.py` says so in the line of its skipped test.
+    Without the programs for pictures nothing is checked: `test_inspect.py` says so in
+    the line of its skipped test.
     """
     if viewer.missing_for_pictures() is not None:
         return

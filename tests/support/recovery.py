@@ -1,4 +1,6 @@
-"""Judge what a reader makes of a damaged log: what it must give back, what it must not, and that every byte is explained."""
+"""Judge what a reader makes of a damaged log: what it must give back, what it must not,
+and that every byte is explained.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.formats.tlog.byte_account import explain
-
 from tests.support.mutate import Kept
 from tests.support.small_logs import Ints, SmallLog, line_ends
 
@@ -22,10 +24,11 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass
 class Judgement:
-    """Of one damaged log: `expected` records whose bytes and definition are whole, those `lost`, records `invented`, and the faults.
+    """Of one damaged log: `expected` records whose bytes and definition are whole,
+    those `lost`, records `invented`, and the faults.
 
-    `refused` is the clear error with which the reader declined, if it did; it may do so only where nothing whole is left, or for a CSV
-    file whose cells are no numbers.
+    `refused` is the clear error with which the reader declined, if it did; it may do so
+    only where nothing whole is left, or for a CSV file whose cells are no numbers.
     """
 
     expected: int = 0
@@ -36,7 +39,9 @@ class Judgement:
 
 
 def judge(source: SmallLog, damaged: bytes, kept: Sequence[Kept]) -> Judgement:
-    """Read the damaged form of `source`, of which the ranges `kept` are unchanged, and hold the result against the whole log."""
+    """Read the damaged form of `source`, of which the ranges `kept` are unchanged, and
+    hold the result against the whole log.
+    """
     result = Judgement()
     ranges = _Ranges(kept)
     whole, moved = _whole(source, ranges)
@@ -76,14 +81,20 @@ class _Ranges:
         self.start, self.stop, self.offset = columns
 
     def whole(self, start: Ints, stop: Ints) -> tuple[Mask, Ints]:
-        """Which ranges of the source are whole in the damaged log, and by how much they moved."""
+        """Which ranges of the source are whole in the damaged log, and by how much they
+        moved.
+        """
         if not self.start.size:
             return np.zeros(start.shape, np.bool_), np.zeros(start.shape, np.int64)
         part = np.maximum(np.searchsorted(self.start, start, side="right") - 1, 0)
-        return (self.start[part] <= start) & (stop <= self.stop[part]), self.offset[part] - self.start[part]
+        return (self.start[part] <= start) & (stop <= self.stop[part]), self.offset[
+            part
+        ] - self.start[part]
 
     def origin(self, offset: Ints) -> tuple[Ints, Ints]:
-        """Where bytes of the damaged log come from, and where that range ends in the source; -1 for new bytes."""
+        """Where bytes of the damaged log come from, and where that range ends in the
+        source; -1 for new bytes.
+        """
         if not self.start.size:
             return np.full(offset.shape, -1), np.full(offset.shape, -1)
         part = np.maximum(np.searchsorted(self.offset, offset, side="right") - 1, 0)
@@ -95,9 +106,13 @@ class _Ranges:
 def _whole(source: SmallLog, ranges: _Ranges) -> tuple[Mask, Ints]:
     """Which records are whole with all that defines them, and where they are now."""
     places = source.places
-    # A range that begins one byte before the file (the line feed of the first line) has no such byte to lose.
+    # A range that begins one byte before the file (the line feed of the first line) has
+    # no such byte to lose.
     whole, shift = ranges.whole(np.maximum(places.start, 0), places.stop)
-    defined = np.array([ranges.whole(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs], np.bool_)
+    defined = np.array(
+        [ranges.whole(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs],
+        np.bool_,
+    )
     return whole & defined[places.type], places.first + shift
 
 
@@ -117,9 +132,15 @@ def _found(source: SmallLog, log: DecodedLog, damaged: bytes) -> dict[str, Ints]
 
 def _account_faults(log: DecodedLog, size: int) -> list[str]:
     account, faults = log.account, []
-    if account.record_bytes + account.definition_bytes + account.skipped_bytes != size or account.size != size:
+    if (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes != size
+        or account.size != size
+    ):
         faults.append(f"account: {account} does not add up to {size}")
-    if any(part.bytes < 0 or part.count < 1 for part in account.skipped) or min(account.record_bytes, account.definition_bytes) < 0:
+    if (
+        any(part.bytes < 0 or part.count < 1 for part in account.skipped)
+        or min(account.record_bytes, account.definition_bytes) < 0
+    ):
         faults.append(f"account: {account}")
     for name, table in log.messages.items():
         if any(len(column) != len(table) for column in table.columns.values()):
@@ -139,23 +160,38 @@ def _count_recovered(source: SmallLog, found: dict[str, Ints], whole: Mask, move
 
 
 def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str, Ints]) -> int:
-    """Records where the source has none: those that begin in kept bytes but at no record of the source, and frames with a checksum whose
-    content the source does not have. What begins in repeated or spliced bytes may be a true copy."""
+    """Records where the source has none: those that begin in kept bytes but at no
+    record of the source, and frames with a checksum whose content the source does not
+    have. What begins in repeated or spliced bytes may be a true copy.
+    """
     if source.name == "tlog":
-        pieces = {source.data[a + 8 : b] for a, b in zip(source.places.start.tolist(), source.places.stop.tolist(), strict=True)}
+        pieces = {
+            source.data[a + 8 : b]
+            for a, b in zip(source.places.start.tolist(), source.places.stop.tolist(), strict=True)
+        }
         records = explain(np.frombuffer(damaged, np.uint8)).records
-        return sum(damaged[a + 8 : b] not in pieces for a, b in zip(records.start.tolist(), records.stop.tolist(), strict=True))
+        return sum(
+            damaged[a + 8 : b] not in pieces
+            for a, b in zip(records.start.tolist(), records.stop.tolist(), strict=True)
+        )
     count = 0
     before = int((source.places.first - source.places.start).max())
     for offset in found.values():
         origin, end = ranges.origin(offset)
-        # A line behind a line feed that is not of the source is the rest of a damaged one.
-        own = (origin >= 0) & (origin + source.header <= end) & ((origin == 0) | (ranges.origin(offset - before)[0] == origin - before))
+        # A line behind a line feed that is not of the source is the rest of a damaged
+        # one.
+        own = (
+            (origin >= 0)
+            & (origin + source.header <= end)
+            & ((origin == 0) | (ranges.origin(offset - before)[0] == origin - before))
+        )
         count += int((own & ~np.isin(origin, source.places.first)).sum())
     return count
 
 
-def _wrong_values(source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask, moved: Ints) -> list[str]:
+def _wrong_values(
+    source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask, moved: Ints
+) -> list[str]:
     """Types of which a whole record does not have the values of the source."""
     faults = []
     for name, table in log.messages.items():
@@ -183,8 +219,14 @@ def _wrong_values(source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask
 
 
 def _has_earlier_rival(source: SmallLog, name: str, damaged: bytes) -> bool:
-    """Whether damage has put a copy of the definition of a type, with other field names, before it: nothing tells which is true."""
-    spans = source.places.needs[source.places.types.index(name)] if name in source.places.types else np.empty((0, 2), np.int64)
+    """Whether damage has put a copy of the definition of a type, with other field
+    names, before it: nothing tells which is true.
+    """
+    spans = (
+        source.places.needs[source.places.types.index(name)]
+        if name in source.places.types
+        else np.empty((0, 2), np.int64)
+    )
     if source.name not in ("dataflash", "dataflash_text") or not len(spans):
         return False
     whole = source.data[int(spans[0, 0]) : int(spans[0, 1])]

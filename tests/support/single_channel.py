@@ -1,4 +1,6 @@
-"""Known truth for single-channel runs: a body under a stepped force, integrated by another method than the estimators use."""
+"""Known truth for single-channel runs: a body under a stepped force, integrated by
+another method than the estimators use.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,16 @@ Array = npt.NDArray[np.float64]
 
 
 def stepped_run(
-    levels: Sequence[float] | Array, hold_s: float, rate_hz: float, slope: Callable[[float, float, float], float]
+    levels: Sequence[float] | Array,
+    hold_s: float,
+    rate_hz: float,
+    slope: Callable[[float, float, float], float],
 ) -> tuple[Array, Array, Array, Array]:
-    """Times (n,), velocity (n,), position (n,) and held force (n-1,) under levels of force held for `hold_s` each.
+    """Times (n,), velocity (n,), position (n,) and held force (n-1,) under levels of
+    force held for `hold_s` each.
 
-    `slope(x, s, force)` is x_dot; the run starts at rest. DOP853 over each hold, so that no step of the force lies inside a step.
+    `slope(x, s, force)` is x_dot; the run starts at rest. DOP853 over each hold, so
+    that no step of the force lies inside a step.
     """
     per = round(hold_s * rate_hz)
     t, states = [0.0], [np.zeros(2)]

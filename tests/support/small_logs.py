@@ -1,7 +1,9 @@
-"""One log of about 20 kB per reader, cut from the real logs of this repository, with the place of every record and of what defines it.
+"""One log of about 20 kB per reader, cut from the real logs of this repository, with
+the place of every record and of what defines it.
 
-The binary logs keep the records of a few message types in the order of the file; the text log is the binary one printed as firmware
-prints it; the CSV log is the head of the inertial record of campaign bluerov2_dvl_csv.
+The binary logs keep the records of a few message types in the order of the file; the
+text log is the binary one printed as firmware prints it; the CSV log is the head of the
+inertial record of campaign bluerov2_dvl_csv.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import yaml
+
 from auvid.data_schemas.formats import dataflash, ulog
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
@@ -29,7 +32,14 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "data"
 BYTES = 20_000
 TYPES = "FMT UNIT FMTU MULT PARM MSG MODE RCOU BARO BAT IMU ATT CTUN RATE XKF1 VIBE"
-TOPICS = ("sensor_combined", "vehicle_attitude", "actuator_outputs", "battery_status", "vehicle_air_data", "vehicle_status")
+TOPICS = (
+    "sensor_combined",
+    "vehicle_attitude",
+    "actuator_outputs",
+    "battery_status",
+    "vehicle_air_data",
+    "vehicle_status",
+)
 FEW = 20
 
 Ints = npt.NDArray[np.int64]
@@ -37,7 +47,8 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Places:
-    """Of every record of a log: `start` and `stop` (n,) of the bytes that it needs, `first` of its own bytes, index of its `type` (n,).
+    """Of every record of a log: `start` and `stop` (n,) of the bytes that it needs,
+    `first` of its own bytes, index of its `type` (n,).
 
     `needs` names, for each type, the byte ranges that define it, shape (m, 2).
     """
@@ -52,7 +63,9 @@ class Places:
 
 @dataclass(frozen=True)
 class SmallLog:
-    """A log, its reader, what the reader gives, and where the records are; `header` bytes open its records and name their type."""
+    """A log, its reader, what the reader gives, and where the records are; `header`
+    bytes open its records and name their type.
+    """
 
     name: str
     reader: LogReader
@@ -66,11 +79,15 @@ class SmallLog:
         return self.reader.read(RawFile(self.name, np.frombuffer(data, np.uint8), self.columns))
 
 
-def _read(reader: LogReader, data: bytes, columns: Mapping[str, object] | None = None) -> DecodedLog:
+def _read(
+    reader: LogReader, data: bytes, columns: Mapping[str, object] | None = None
+) -> DecodedLog:
     return reader.read(RawFile("log", np.frombuffer(data, np.uint8), columns))
 
 
-def _places(log: DecodedLog, stop: Callable[[str, Ints], Ints], needs: Mapping[str, Ints], before: int = 0) -> Places:
+def _places(
+    log: DecodedLog, stop: Callable[[str, Ints], Ints], needs: Mapping[str, Ints], before: int = 0
+) -> Places:
     types = tuple(log.messages)
     offsets = [log.messages[name].offset for name in types]
     first = np.concatenate(offsets)
@@ -88,7 +105,10 @@ def _definitions(log: DecodedLog) -> tuple[dict[str, int], dict[str, Ints], dict
     """Record length, place of the FMT, and id of each type of a DataFlash log."""
     columns = log.messages["FMT"].columns
     names = [name.decode() for name in columns["Name"].tolist()]
-    places = {name: np.array([[at, at + dataflash.FMT_BYTES]]) for name, at in zip(names, log.messages["FMT"].offset.tolist(), strict=True)}
+    places = {
+        name: np.array([[at, at + dataflash.FMT_BYTES]])
+        for name, at in zip(names, log.messages["FMT"].offset.tolist(), strict=True)
+    }
     places["FMT"] = np.empty((0, 2), np.int64)
     ids = dict(zip(columns["Name"].tolist(), columns["Type"].tolist(), strict=True))
     return dict(zip(names, columns["Length"].tolist(), strict=True)), places, ids
@@ -112,13 +132,24 @@ def _dataflash() -> SmallLog:
     small = _joined(data, sorted(parts))
     log = _read(DATAFLASH, small)
     length, places, _ = _definitions(log)
-    return SmallLog("dataflash", DATAFLASH, small, None, log, _places(log, lambda name, at: at + length[name], places), 3)
+    return SmallLog(
+        "dataflash",
+        DATAFLASH,
+        small,
+        None,
+        log,
+        _places(log, lambda name, at: at + length[name], places),
+        3,
+    )
 
 
 def _joined(data: bytes, parts: list[tuple[int, int]]) -> bytes:
     """The pieces, one behind the other, as many as fit."""
     sizes = np.cumsum([stop - start for start, stop in parts])
-    return b"".join(data[start:stop] for start, stop in parts[: int(np.searchsorted(sizes, BYTES, side="right"))])
+    return b"".join(
+        data[start:stop]
+        for start, stop in parts[: int(np.searchsorted(sizes, BYTES, side="right"))]
+    )
 
 
 def _text() -> SmallLog:
@@ -139,16 +170,25 @@ def _text() -> SmallLog:
 
     defined = log.messages["FMT"]
     spans = np.stack([defined.offset - 1, stop("FMT", defined.offset)], axis=1)
-    needs = {name.decode(): spans[i : i + 1] for i, name in enumerate(defined.columns["Name"].tolist()) if name != b"FMT"}
+    needs = {
+        name.decode(): spans[i : i + 1]
+        for i, name in enumerate(defined.columns["Name"].tolist())
+        if name != b"FMT"
+    }
     # A line needs the line feed before it: without that it is the tail of another.
-    return SmallLog("dataflash_text", DATAFLASH_TEXT, data, None, log, _places(log, stop, needs, before=1), 4)
+    return SmallLog(
+        "dataflash_text", DATAFLASH_TEXT, data, None, log, _places(log, stop, needs, before=1), 4
+    )
 
 
 def _tlog() -> SmallLog:
     data = (DATA / "bluerov2_ugps_small" / "small.tlog").read_bytes()
     records = explain(np.frombuffer(data, np.uint8)).records
     middle = int(np.searchsorted(records.start, len(data) // 2))
-    small = _joined(data, list(zip(records.start[middle:].tolist(), records.stop[middle:].tolist(), strict=True)))
+    small = _joined(
+        data,
+        list(zip(records.start[middle:].tolist(), records.stop[middle:].tolist(), strict=True)),
+    )
     records = explain(np.frombuffer(small, np.uint8)).records
     log = _read(TLOG, small)
     start, stop = records.start.astype(np.int64), records.stop.astype(np.int64)
@@ -190,13 +230,21 @@ def _ulog() -> SmallLog:
     log = _read(ULOG, small)
     chain = _messages(small)
     ends = {start: stop for start, stop, _ in chain}
-    formats = {small[start + 3 : stop].split(b":")[0].decode(): (start, stop) for start, stop, kind in chain if kind == "F"}
+    formats = {
+        small[start + 3 : stop].split(b":")[0].decode(): (start, stop)
+        for start, stop, kind in chain
+        if kind == "F"
+    }
     needs = {}
     for start, stop, kind in chain:
         if kind == "A":
             instance, topic = small[start + 3], small[start + 6 : stop].decode()
-            needs[f"{topic}.{instance}" if instance else topic] = np.array([formats[topic], (start, stop)])
-    places = _places(log, lambda name, at: np.array([ends[one] for one in at.tolist()], np.int64), needs)
+            needs[f"{topic}.{instance}" if instance else topic] = np.array(
+                [formats[topic], (start, stop)]
+            )
+    places = _places(
+        log, lambda name, at: np.array([ends[one] for one in at.tolist()], np.int64), needs
+    )
     return SmallLog("ulog", ULOG, small, None, log, places, 5)
 
 
@@ -209,12 +257,16 @@ def _csv() -> SmallLog:
     ends = line_ends(data)
     row = log.messages["imu"].offset
     start, stop = ends[row - 2], ends[row - 1]
-    places = Places(start, start - 1, stop, np.zeros(row.size, np.int64), ("imu",), (np.array([[0, ends[0]]]),))
+    places = Places(
+        start, start - 1, stop, np.zeros(row.size, np.int64), ("imu",), (np.array([[0, ends[0]]]),)
+    )
     return SmallLog("csv", CSV, data, columns, log, places, 1)
 
 
 def line_ends(data: bytes) -> Ints:
-    """The offset behind each line feed, and of the end of the file where the last line has none."""
+    """The offset behind each line feed, and of the end of the file where the last line
+    has none.
+    """
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n")) + 1
     return ends if data.endswith(b"\n") else np.append(ends, len(data))
 

@@ -1,4 +1,6 @@
-"""A made-up log of a healthy vehicle that moves in all six axes, as streams, for tests that then spoil one thing at a time."""
+"""A made-up log of a healthy vehicle that moves in all six axes, as streams, for tests
+that then spoil one thing at a time.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+)
 from auvid.stages.ingest.health.health_check import check_health
 from auvid.stages.ingest.streams.mapping import OtherSource
 
@@ -20,12 +26,16 @@ DELAY_S = 0.3
 
 def euler(t: Array) -> Array:
     """Attitude (n, 3) in rad."""
-    return np.stack([0.10 * np.sin(1.1 * t), 0.10 * np.sin(0.9 * t + 1.0), 2.0 + 0.5 * np.sin(0.5 * t)], axis=1)
+    return np.stack(
+        [0.10 * np.sin(1.1 * t), 0.10 * np.sin(0.9 * t + 1.0), 2.0 + 0.5 * np.sin(0.5 * t)], axis=1
+    )
 
 
 def velocity(t: Array) -> Array:
     """Body velocity (n, 3) in m/s."""
-    return np.stack([0.3 * np.sin(0.7 * t), 0.1 * np.sin(0.8 * t + 1.0), 0.15 * np.sin(1.0 * t + 2.0)], axis=1)
+    return np.stack(
+        [0.3 * np.sin(0.7 * t), 0.1 * np.sin(0.8 * t + 1.0), 0.15 * np.sin(1.0 * t + 2.0)], axis=1
+    )
 
 
 def rates(t: Array) -> Array:
@@ -49,7 +59,9 @@ def clock(rate_hz: float) -> Array:
 
 @dataclass
 class Log:
-    """Columns of streams by name, what `log_info` says, rejected samples, other sources; all to be spoiled by tests."""
+    """Columns of streams by name, what `log_info` says, rejected samples, other
+    sources; all to be spoiled by tests.
+    """
 
     streams: dict[str, dict[str, Any]]
     info: dict[str, Any]
@@ -63,23 +75,35 @@ class Log:
 
     def keep(self, stream: str, rows: npt.NDArray[np.bool_]) -> None:
         """Keep these rows of a stream only."""
-        self.streams[stream] = {name: np.asarray(values)[rows] for name, values in self.streams[stream].items()}
+        self.streams[stream] = {
+            name: np.asarray(values)[rows] for name, values in self.streams[stream].items()
+        }
 
     def health(self) -> dict[str, Any]:
         """Its health document."""
         tables = {name: make_table(name, columns) for name, columns in self.streams.items()}
         for name, table in tables.items():
             known = self.info["streams"].get(name, {})
-            alternatives = [{"source": item.source, "columns": "", "status": item.refused or "available"} for item in self.others]
+            alternatives = [
+                {"source": item.source, "columns": "", "status": item.refused or "available"}
+                for item in self.others
+            ]
             self.info["streams"][name] = {
                 "source": known.get("source", name.upper()),
                 "alternatives": alternatives,
                 "rows": table.num_rows,
                 "rejected": sum(row["count"] for row in self.dropped if row["stream"] == name),
-                "longest_gap_s": float(np.diff(self.t_s(name)).max()) if table.num_rows > 1 else 0.0,
+                "longest_gap_s": (
+                    float(np.diff(self.t_s(name)).max()) if table.num_rows > 1 else 0.0
+                ),
             }
-        rows = {key: [row.get(key, 0) for row in self.dropped] for key in ("stream", "reason", "count", "bytes", "first", "last")}
-        return check_health(tables, self.info, make_table("dropped", rows), vehicle=self.vehicle, others=self.others)
+        rows = {
+            key: [row.get(key, 0) for row in self.dropped]
+            for key in ("stream", "reason", "count", "bytes", "first", "last")
+        }
+        return check_health(
+            tables, self.info, make_table("dropped", rows), vehicle=self.vehicle, others=self.others
+        )
 
     def ids(self) -> list[str]:
         """The findings by name."""
@@ -97,7 +121,9 @@ def micro(t: Array) -> npt.NDArray[np.int64]:
 
 
 def sound() -> Log:
-    """A log in which nothing is wrong: 60 s, attitude and depth 10 Hz, inertial unit 25 Hz, velocity 8 Hz, eight thrusters at 10 Hz."""
+    """A log in which nothing is wrong: 60 s, attitude and depth 10 Hz, inertial unit 25
+    Hz, velocity 8 Hz, eight thrusters at 10 Hz.
+    """
     random = np.random.default_rng(3)
     t_imu, t, t_dvl = clock(25.0), clock(10.0), clock(8.0)
 
@@ -116,14 +142,33 @@ def sound() -> Log:
     imu |= {f"accel_{axis}_m_s2": up[:, index] for index, axis in enumerate("xyz")}
     streams: dict[str, dict[str, Any]] = {
         "imu": {"time_us": micro(t_imu), **imu},
-        "attitude": {"time_us": micro(t), **dict(zip(("phi_rad", "theta_rad", "psi_rad"), attitude.T, strict=True))},
+        "attitude": {
+            "time_us": micro(t),
+            **dict(zip(("phi_rad", "theta_rad", "psi_rad"), attitude.T, strict=True)),
+        },
         "depth": {"time_us": micro(t), "depth_m": depth(t) + noise(t.shape, 0.002)},
-        "velocity": {"time_us": micro(t_dvl), **dict(zip(("u_m_s", "v_m_s", "w_m_s"), speed.T, strict=True))},
-        "actuators": {"time_us": micro(t), **{f"pwm_{number + 1}_us": pwm[:, number] for number in range(8)}},
-        "battery": {"time_us": micro(t), "voltage_v": 16.0 + noise(t.shape, 0.01), "current_a": 5.0 + noise(t.shape, 0.1)},
+        "velocity": {
+            "time_us": micro(t_dvl),
+            **dict(zip(("u_m_s", "v_m_s", "w_m_s"), speed.T, strict=True)),
+        },
+        "actuators": {
+            "time_us": micro(t),
+            **{f"pwm_{number + 1}_us": pwm[:, number] for number in range(8)},
+        },
+        "battery": {
+            "time_us": micro(t),
+            "voltage_v": 16.0 + noise(t.shape, 0.01),
+            "current_a": 5.0 + noise(t.shape, 0.1),
+        },
         "mode": {"time_us": micro(t[:1]), "mode": ["MANUAL"], "armed": [True]},
     }
-    file = {"name": "made.BIN", "format": "ArduPilot DataFlash", "size_bytes": 1000, "record_bytes": 1000, "definition_bytes": 0}
+    file = {
+        "name": "made.BIN",
+        "format": "ArduPilot DataFlash",
+        "size_bytes": 1000,
+        "record_bytes": 1000,
+        "definition_bytes": 0,
+    }
     info = {
         "log": "made",
         "files": [{**file, "skipped": [], "status": "complete", "seconds_lost": 0.0}],
@@ -132,7 +177,10 @@ def sound() -> Log:
         "end_us": FIRST_US + int(LENGTH_S * 1e6),
         "utc_offset_us": None,
         "vehicle": "ArduSub V4.5.0 (12345678)",
-        "parameters": {"FRAME_CONFIG": 2.0, **{f"MOT_{number}_DIRECTION": 1.0 for number in range(1, 9)}},
+        "parameters": {
+            "FRAME_CONFIG": 2.0,
+            **{f"MOT_{number}_DIRECTION": 1.0 for number in range(1, 9)},
+        },
         "accelerometer": "specific_force",
         "streams": {},
         "counts": {"IMU": t_imu.size},

@@ -1,6 +1,8 @@
-"""A graph of four toy stages for tests of the runner: one per kind of work item. Nothing is physical.
+"""A graph of four toy stages for tests of the runner: one per kind of work item.
+Nothing is physical.
 
-A log is bytes; each byte is a depth in metres, one a second. `BAD` at the start of a log is a user's fault, `CRASH` one of the program.
+A log is bytes; each byte is a depth in metres, one a second. `BAD` at the start of a
+log is a user's fault, `CRASH` one of the program.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.campaigns.campaign import load_campaign
@@ -54,7 +57,11 @@ def decode(inputs: DecodeInputs, params: DecodeParams) -> DecodeOutputs:
         warnings.warn("toy warning", RuntimeWarning, stacklevel=1)
     time_us = np.arange(content.size, dtype=np.int64) * 1_000_000
     depth = make_table("depth", {"time_us": time_us, "depth_m": content * params.scale})
-    battery = make_table("battery", {"time_us": time_us, "voltage_v": np.full(content.size, 12.0)}) if content.size > 100 else None
+    battery = (
+        make_table("battery", {"time_us": time_us, "voltage_v": np.full(content.size, 12.0)})
+        if content.size > 100
+        else None
+    )
     return DecodeOutputs(depth, section(f"Log {inputs.raw_log.id}", [], order=1), battery)
 
 
@@ -78,7 +85,10 @@ def cut(inputs: CutInputs, params: CutParams) -> CutOutputs:
     name = inputs.leg["id"]
     keys = [name] if params.parts == 1 else [f"{name}.{part + 1}" for part in range(params.parts)]
     pieces = np.array_split(inputs.depth["depth_m"].to_numpy(), max(params.parts, 1))
-    tables = [make_table("samples_depth", {"t_s": np.arange(piece.size, dtype=float), "z_m": piece}) for piece in pieces]
+    tables = [
+        make_table("samples_depth", {"t_s": np.arange(piece.size, dtype=float), "z_m": piece})
+        for piece in pieces
+    ]
     return CutOutputs(dict(zip(keys, tables, strict=False)))
 
 
@@ -105,8 +115,12 @@ class SpreadOutputs:
 def spread(inputs: SpreadInputs, params: SpreadParams) -> SpreadOutputs:
     values = inputs.samples_depth["z_m"].to_numpy()
     distance = np.maximum(np.abs(values - values.mean()), params.floor)
-    table = make_table("range", {"time_us": np.arange(values.size, dtype=np.int64), "range_m": distance})
-    return SpreadOutputs(table, section("Spread", [], order=2, look_for="" if inputs.battery is None else "battery"))
+    table = make_table(
+        "range", {"time_us": np.arange(values.size, dtype=np.int64), "range_m": distance}
+    )
+    return SpreadOutputs(
+        table, section("Spread", [], order=2, look_for="" if inputs.battery is None else "battery")
+    )
 
 
 @dataclass(frozen=True)
@@ -129,22 +143,44 @@ class TotalOutputs:
 
 
 def total(inputs: TotalInputs, params: TotalParams) -> TotalOutputs:
-    sums = {name: float(np.sum(table["range_m"].to_numpy())) for name, table in inputs.range.items()}
+    sums = {
+        name: float(np.sum(table["range_m"].to_numpy())) for name, table in inputs.range.items()
+    }
     text = "\n".join([*inputs.sections, *inputs.tables])
-    empty = make_table("mode", {"time_us": np.zeros(0, dtype=np.int64), "mode": pa.array([], pa.string())})
-    return TotalOutputs({"training": {"toy": sums}, "validation": {}}, text.encode(), dict.fromkeys(inputs.range, empty))
+    empty = make_table(
+        "mode", {"time_us": np.zeros(0, dtype=np.int64), "mode": pa.array([], pa.string())}
+    )
+    return TotalOutputs(
+        {"training": {"toy": sums}, "validation": {}},
+        text.encode(),
+        dict.fromkeys(inputs.range, empty),
+    )
 
 
 STAGES: tuple[Stage[Any, Any, Any], ...] = (
     Stage("decode", "Bytes to depths", "log", DecodeInputs, DecodeParams, DecodeOutputs, decode),
-    Stage("cut", "Depths to segments", "leg", CutInputs, CutParams, CutOutputs, cut, yields="segment"),
-    Stage("spread", "Distance from the mean", "segment", SpreadInputs, SpreadParams, SpreadOutputs, spread),
+    Stage(
+        "cut", "Depths to segments", "leg", CutInputs, CutParams, CutOutputs, cut, yields="segment"
+    ),
+    Stage(
+        "spread",
+        "Distance from the mean",
+        "segment",
+        SpreadInputs,
+        SpreadParams,
+        SpreadOutputs,
+        spread,
+    ),
     Stage("total", "Sum per segment", "campaign", TotalInputs, TotalParams, TotalOutputs, total),
 )
 
 
-def write_campaign(folder: Path, text: str | None = None, logs: Mapping[str, bytes] | None = None) -> Path:
-    """A campaign folder with two logs and three legs, or with this manifest and these logs."""
+def write_campaign(
+    folder: Path, text: str | None = None, logs: Mapping[str, bytes] | None = None
+) -> Path:
+    """A campaign folder with two logs and three legs, or with this manifest and these
+    logs.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in (logs or {"a.log": bytes(range(60)), "b.log": bytes(range(120))}).items():
         (folder / name).write_bytes(content)
@@ -168,5 +204,8 @@ legs:
 def open_run(folder: Path, runs: Path, **params: Mapping[str, Any]) -> Run:
     """A run of the toy graph with these parameters per stage."""
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
-    values = {stage.name: make_params(stage.params, params.get(stage.name, {}), stage=stage.name) for stage in STAGES}
+    values = {
+        stage.name: make_params(stage.params, params.get(stage.name, {}), stage=stage.name)
+        for stage in STAGES
+    }
     return Run(campaign, Graph(STAGES), values, runs / campaign.name)

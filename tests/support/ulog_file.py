@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 
 import numpy as np
+
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
@@ -42,7 +43,10 @@ def sync() -> bytes:
 
 
 def flag_bits(*offsets: int, incompatible: int = 1) -> bytes:
-    return message("B", bytes(8) + bytes([incompatible]) + bytes(7) + struct.pack("<3Q", *(*offsets, 0, 0, 0)[:3]))
+    return message(
+        "B",
+        bytes(8) + bytes([incompatible]) + bytes(7) + struct.pack("<3Q", *(*offsets, 0, 0, 0)[:3]),
+    )
 
 
 DEPTH = declare("depth:uint64_t timestamp;float metres;uint8_t[4] _padding0;")
@@ -58,11 +62,20 @@ def depths(first: int, last: int, id: int = 0) -> bytes:
 
 
 def read(raw: bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
-    """Read, and check that every byte is accounted for and that what is given is consistent."""
+    """Read, and check that every byte is accounted for and that what is given is
+    consistent.
+    """
     log = ULOG.read(RawFile("test.ulg", np.frombuffer(raw, np.uint8)), wanted)
     account = log.account
-    assert account.size == len(raw) == account.record_bytes + account.definition_bytes + account.skipped_bytes
-    assert all(part.count > 0 and part.bytes > 0 and part.first_offset <= part.last_offset < len(raw) for part in account.skipped)
+    assert (
+        account.size
+        == len(raw)
+        == account.record_bytes + account.definition_bytes + account.skipped_bytes
+    )
+    assert all(
+        part.count > 0 and part.bytes > 0 and part.first_offset <= part.last_offset < len(raw)
+        for part in account.skipped
+    )
     for table in log.messages.values():
         assert len(table) == log.counts[table.name] > 0
         assert all(column.shape == (len(table),) for column in table.columns.values())

@@ -1,1 +1,3 @@
-"""Paths and trajectories that a controller follows: straight lines, circles, helices, Dubins paths."""
+"""Paths and trajectories that a controller follows: straight lines, circles, helices,
+Dubins paths.
+"""

@@ -1,8 +1,11 @@
-"""Three-dimensional Dubins paths of bounded pitch and curvature between two poses, after Al Makdah 2016, 4.3 (Wehbe 2015).
+"""Three-dimensional Dubins paths of bounded pitch and curvature between two poses,
+after Al Makdah 2016, 4.3 (Wehbe 2015).
 
-Five segments: helix of constant pitch, helix of variable pitch, straight line, helix of variable pitch, helix of constant pitch. In plan
-the path is a turn, a line and a turn; along the first turn the pitch goes from that of the first pose to that of the line, along the
-last turn to that of the second pose. Where the depth cannot be reached within the pitch limit, whole turns are added.
+Five segments: helix of constant pitch, helix of variable pitch, straight line, helix of
+variable pitch, helix of constant pitch. In plan the path is a turn, a line and a turn;
+along the first turn the pitch goes from that of the first pose to that of the line,
+along the last turn to that of the second pose. Where the depth cannot be reached within
+the pitch limit, whole turns are added.
 """
 
 from __future__ import annotations
@@ -12,10 +15,11 @@ from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
+from scipy.optimize import brentq
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.paths.paths import Curve
-from scipy.optimize import brentq
 
 SCAN = 181
 MOST_TURNS = 12
@@ -35,7 +39,8 @@ class Pose:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Least turning radius in plan, largest pitch, least radius of a change of pitch, and the ramp of a curvature-continuous path [m, rad].
+    """Least turning radius in plan, largest pitch, least radius of a change of pitch,
+    and the ramp of a curvature-continuous path [m, rad].
 
     `ramp_m` 0 gives the classic path, whose curvature jumps between segments.
     """
@@ -62,8 +67,9 @@ class _Plan:
 def dubins_path(first: Pose, last: Pose, bounds: Bounds) -> Curve:
     """The shortest path of the five segments from `first` to `last` within `bounds`.
 
-    Raises `CampaignError` for poses steeper than the limit, bounds that are not positive, and pairs that no such path joins: with what is
-    missing, and the radius or the pitch that would do.
+    Raises `CampaignError` for poses steeper than the limit, bounds that are not
+    positive, and pairs that no such path joins: with what is missing, and the radius or
+    the pitch that would do.
     """
     for name in ("radius_m", "pitch_rad", "pitch_radius_m"):
         if not getattr(bounds, name) > 0.0:
@@ -71,18 +77,36 @@ def dubins_path(first: Pose, last: Pose, bounds: Bounds) -> Curve:
     for name, pose in (("first", first), ("last", last)):
         if abs(pose.pitch) > bounds.pitch_rad:
             limit = f"+-{bounds.pitch_rad:.3g} rad"
-            raise CampaignError("the pose is steeper than the path may be", field=f"{name}.pitch", value=pose.pitch, allowed=limit)
+            raise CampaignError(
+                "the pose is steeper than the path may be",
+                field=f"{name}.pitch",
+                value=pose.pitch,
+                allowed=limit,
+            )
     if bounds.ramp_m < 0.0 or bounds.ramp_m > np.pi * bounds.radius_m:
-        raise CampaignError("the ramp of the curvature must lie between 0 and half a turn", field="ramp_m", value=bounds.ramp_m)
+        raise CampaignError(
+            "the ramp of the curvature must lie between 0 and half a turn",
+            field="ramp_m",
+            value=bounds.ramp_m,
+        )
     for plan in sorted(_plans(first, last, bounds), key=lambda plan: plan.run(bounds)):
         pitch = _line_pitch(plan, first, last, bounds)
         if pitch is not None:
             return _build(plan, pitch, first, last, bounds)
     raise CampaignError(
         "no Dubins path of five segments joins these poses",
-        value=f"{np.hypot(last.x - first.x, last.y - first.y):.4g} m apart in plan, {first.z - last.z:+.4g} m of rise",
-        allowed=f"pitch up to {bounds.pitch_rad:.3g} rad, turns of {bounds.radius_m:g} m radius, {MOST_TURNS} whole turns at most",
-        remedy="Give more distance, a larger pitch limit, or a smaller turning radius (not below what the vehicle can turn).",
+        value=(
+            f"{np.hypot(last.x - first.x, last.y - first.y):.4g} m apart in plan,"
+            f" {first.z - last.z:+.4g} m of rise"
+        ),
+        allowed=(
+            f"pitch up to {bounds.pitch_rad:.3g} rad, turns of {bounds.radius_m:g} m radius,"
+            f" {MOST_TURNS} whole turns at most"
+        ),
+        remedy=(
+            "Give more distance, a larger pitch limit, or a smaller turning radius (not below what"
+            " the vehicle can turn)."
+        ),
     )
 
 
@@ -102,20 +126,32 @@ def _turn(angle: float, bounds: Bounds) -> Array:
     moved, heading = np.zeros(2), 0.0
     for width, shape in ((ramp, 1.0), (held * radius, 0.0), (ramp, -1.0)):
         x = 0.5 * width * (_NODE + 1.0)
-        rate = x / radius if shape == 0.0 else 0.5 * x * x / (ramp * radius) if shape > 0.0 else (x - 0.5 * x * x / ramp) / radius
+        rate = (
+            x / radius
+            if shape == 0.0
+            else 0.5 * x * x / (ramp * radius)
+            if shape > 0.0
+            else (x - 0.5 * x * x / ramp) / radius
+        )
         pieces = max(1, int(np.ceil(held / 1.0))) if shape == 0.0 else 1
         if shape == 0.0:
-            ends = radius * np.array([np.sin(heading + held) - np.sin(heading), np.cos(heading) - np.cos(heading + held)])
+            ends = radius * np.array(
+                [np.sin(heading + held) - np.sin(heading), np.cos(heading) - np.cos(heading + held)]
+            )
             moved, heading = moved + ends, heading + held
             continue
         weight = 0.5 * width * _WEIGHT / pieces
-        moved = moved + np.array([(weight * np.cos(heading + rate)).sum(), (weight * np.sin(heading + rate)).sum()])
+        moved = moved + np.array(
+            [(weight * np.cos(heading + rate)).sum(), (weight * np.sin(heading + rate)).sum()]
+        )
         heading += 0.5 * ramp / radius
     return moved
 
 
 def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
-    """All turn-line-turn paths in plan, with 0 to MOST_TURNS whole turns added to either turn."""
+    """All turn-line-turn paths in plan, with 0 to MOST_TURNS whole turns added to
+    either turn.
+    """
     target = np.array([last.x - first.x, last.y - first.y])
     least = bounds.ramp_m / bounds.radius_m
 
@@ -129,7 +165,9 @@ def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
         there = first.heading + sides[0] * angle
         after = second(angle, sides)
         rest = (
-            target - _turned(_turn(angle, bounds) * (1.0, sides[0]), first.heading) - _turned(_turn(after, bounds) * (1.0, sides[1]), there)
+            target
+            - _turned(_turn(angle, bounds) * (1.0, sides[0]), first.heading)
+            - _turned(_turn(after, bounds) * (1.0, sides[1]), there)
         )
         along = np.array([np.cos(there), np.sin(there)])
         return float(along[0] * rest[1] - along[1] * rest[0]), float(along @ rest)
@@ -142,7 +180,16 @@ def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
             if miss[i] == 0.0:
                 roots.append(float(grid[i]))
                 continue
-            roots.append(float(brentq(lambda angle, sides=sides: line(angle, sides)[0], grid[i], grid[i + 1], xtol=1e-13)))
+            roots.append(
+                float(
+                    brentq(
+                        lambda angle, sides=sides: line(angle, sides)[0],
+                        grid[i],
+                        grid[i + 1],
+                        xtol=1e-13,
+                    )
+                )
+            )
         for angle in roots:
             missed, length = line(angle, sides)
             if abs(missed) > 1e-6 * (1.0 + np.hypot(*target)) or length < -1e-9:
@@ -150,7 +197,9 @@ def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
             after = second(angle, sides)
             for a, b in product(range(MOST_TURNS + 1), repeat=2):
                 if a + b <= MOST_TURNS:
-                    yield _Plan(sides, (angle + 2.0 * np.pi * a, after + 2.0 * np.pi * b), max(length, 0.0))
+                    yield _Plan(
+                        sides, (angle + 2.0 * np.pi * a, after + 2.0 * np.pi * b), max(length, 0.0)
+                    )
 
 
 def _turned(moved: Array, heading: float) -> Array:
@@ -159,11 +208,15 @@ def _turned(moved: Array, heading: float) -> Array:
 
 
 def _change(angle: float, bounds: Bounds) -> float:
-    """Run over which the pitch changes by `angle`; with ramps the rate rises and falls linearly."""
+    """Run over which the pitch changes by `angle`; with ramps the rate rises and falls
+    linearly.
+    """
     return abs(angle) * bounds.pitch_radius_m * (2.0 if bounds.ramp_m else 1.0)
 
 
-def _rise(pitch: float, turns: tuple[float, float], line: float, first: Pose, last: Pose, bounds: Bounds) -> float:
+def _rise(
+    pitch: float, turns: tuple[float, float], line: float, first: Pose, last: Pose, bounds: Bounds
+) -> float:
     """Height gained along the path with this pitch on the line."""
     total = line * np.tan(pitch)
     for run, end in zip(turns, (first.pitch, last.pitch), strict=True):
@@ -177,7 +230,9 @@ def _rise(pitch: float, turns: tuple[float, float], line: float, first: Pose, la
 
 
 def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float | None:
-    """The pitch of the line that meets the second pose's depth, or None if none within the limit does or the changes do not fit."""
+    """The pitch of the line that meets the second pose's depth, or None if none within
+    the limit does or the changes do not fit.
+    """
     turns = (_arc(plan.turned[0], bounds), _arc(plan.turned[1], bounds))
 
     def miss(pitch: float) -> float:
@@ -197,13 +252,18 @@ def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float |
 
 
 def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -> Curve:
-    """The path from piecewise linear rates: those of the heading and those of the pitch have knots of their own."""
+    """The path from piecewise linear rates: those of the heading and those of the pitch
+    have knots of their own.
+    """
     runs = (_arc(plan.turned[0], bounds), plan.line_m, _arc(plan.turned[1], bounds))
     ends = (runs[0], runs[0] + runs[1], sum(runs))
     heading = [*_box(0.0, runs[0], plan.sides[0] / bounds.radius_m, bounds.ramp_m)]
     heading += _box(ends[1], ends[2], plan.sides[1] / bounds.radius_m, bounds.ramp_m)
     down, up = _change(pitch - first.pitch, bounds), _change(last.pitch - pitch, bounds)
-    pitching = [*_hat(runs[0] - down, runs[0], pitch - first.pitch, bounds), *_hat(ends[1], ends[1] + up, last.pitch - pitch, bounds)]
+    pitching = [
+        *_hat(runs[0] - down, runs[0], pitch - first.pitch, bounds),
+        *_hat(ends[1], ends[1] + up, last.pitch - pitch, bounds),
+    ]
     inner = {0.0, ends[2], *(at for at, _ in (*heading, *pitching))}
     run_m = np.repeat(np.array(sorted(inner)), 2)
     side = np.tile([-1.0, 1.0], len(inner))
@@ -216,7 +276,13 @@ def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -
     )
     columns = [_value(knots, run_m, side) for knots in (heading, pitching)]
     return Curve(
-        np.array([first.x, first.y, first.z]), first.heading, first.pitch, run_m[1:-1], columns[0][1:-1], columns[1][1:-1], segments
+        np.array([first.x, first.y, first.z]),
+        first.heading,
+        first.pitch,
+        run_m[1:-1],
+        columns[0][1:-1],
+        columns[1][1:-1],
+        segments,
     )
 
 
@@ -238,10 +304,14 @@ def _hat(start: float, end: float, angle: float, bounds: Bounds) -> Knots:
 
 
 def _value(knots: Knots, run: Array, side: Array) -> Array:
-    """Value just before (side -1) or after (+1) each place, of a function linear between knots and zero outside."""
+    """Value just before (side -1) or after (+1) each place, of a function linear
+    between knots and zero outside.
+    """
     out = np.zeros(len(run))
     for (a, low), (b, high) in pairwise(knots):
         if b > a:
-            inside = ((run > a) | ((run == a) & (side > 0))) & ((run < b) | ((run == b) & (side < 0)))
+            inside = ((run > a) | ((run == a) & (side > 0))) & (
+                (run < b) | ((run == b) & (side < 0))
+            )
             out[inside] = low + (high - low) * (run[inside] - a) / (b - a)
     return out

@@ -1,9 +1,11 @@
-"""Space curves for a vehicle: heading and pitch of the tangent over the horizontal run, position by integration, arc length, frames.
+"""Space curves for a vehicle: heading and pitch of the tangent over the horizontal run,
+position by integration, arc length, frames.
 
-A path is given by the rates of heading and pitch per metre of horizontal run, linear between knots; a jump is two knots at one place.
-Heading and pitch are then quadratic between knots (clothoid-like where a rate is ramped), the tangent is exact, and straight lines
-need no care.
-With run sigma, heading psi and pitch theta (bow up): T = [c(theta) c(psi), c(theta) s(psi), -s(theta)] in NED and ds = d(sigma) / c(theta).
+A path is given by the rates of heading and pitch per metre of horizontal run, linear
+between knots; a jump is two knots at one place. Heading and pitch are then quadratic
+between knots (clothoid-like where a rate is ramped), the tangent is exact, and straight
+lines need no care. With run sigma, heading psi and pitch theta (bow up): T = [c(theta)
+c(psi), c(theta) s(psi), -s(theta)] in NED and ds = d(sigma) / c(theta).
 """
 
 from __future__ import annotations
@@ -13,18 +15,26 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.arrays import Array, cross
 from numpy.typing import ArrayLike
 
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array, cross
+
 CELL_M = 0.25
-"""Positions come from Gauss-Legendre integration over cells no longer than this: 1e-12 m for radii above 1 m."""
-_NODE, _WEIGHT = (0.5 * (np.polynomial.legendre.leggauss(8)[0] + 1.0), 0.5 * np.polynomial.legendre.leggauss(8)[1])
+"""Positions come from Gauss-Legendre integration over cells no longer than this: 1e-12
+m for radii above 1 m.
+"""
+_NODE, _WEIGHT = (
+    0.5 * (np.polynomial.legendre.leggauss(8)[0] + 1.0),
+    0.5 * np.polynomial.legendre.leggauss(8)[1],
+)
 
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """A path at arc lengths `s_m` (n,): NED position (n, 3), heading and pitch of the tangent (n,) [rad], their rates per metre of arc."""
+    """A path at arc lengths `s_m` (n,): NED position (n, 3), heading and pitch of the
+    tangent (n,) [rad], their rates per metre of arc.
+    """
 
     s_m: Array
     position: Array
@@ -46,7 +56,8 @@ class CurvePoints:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve from `start` (3,) with rates at `run_m` (k,) of its knots: `heading_rate`, `pitch_rate` (k,) [rad per m of run].
+    """A curve from `start` (3,) with rates at `run_m` (k,) of its knots:
+    `heading_rate`, `pitch_rate` (k,) [rad per m of run].
 
     `segments`: names of parts and the run where each begins.
     """
@@ -71,10 +82,20 @@ class Curve:
         width = np.maximum(knots[place + 1] - knots[place], 1e-300)
         ahead = run - knots[place]
         found = []
-        for first, rate in ((self.start_heading, self.heading_rate), (self.start_pitch, self.pitch_rate)):
-            before = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(knots))])
+        for first, rate in (
+            (self.start_heading, self.heading_rate),
+            (self.start_pitch, self.pitch_rate),
+        ):
+            before = np.concatenate(
+                [[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(knots))]
+            )
             slope = (rate[place + 1] - rate[place]) / width
-            found.append((first + before[place] + ahead * (rate[place] + 0.5 * slope * ahead), rate[place] + slope * ahead))
+            found.append(
+                (
+                    first + before[place] + ahead * (rate[place] + 0.5 * slope * ahead),
+                    rate[place] + slope * ahead,
+                )
+            )
         return found[0][0], found[1][0], found[0][1], found[1][1]
 
     @cached_property
@@ -87,7 +108,11 @@ class Curve:
         edges = np.concatenate(parts)
         length, moved = self._within(edges[:-1], np.diff(edges))
         arc = np.concatenate([[0.0], np.cumsum(length)])
-        return edges, arc, np.asarray(self.start) + np.concatenate([np.zeros((1, 3)), np.cumsum(moved, axis=0)])
+        return (
+            edges,
+            arc,
+            np.asarray(self.start) + np.concatenate([np.zeros((1, 3)), np.cumsum(moved, axis=0)]),
+        )
 
     def _within(self, run: Array, width: Array) -> tuple[Array, Array]:
         """Arc length (n,) and displacement (n, 3) from `run` over `width`."""
@@ -106,19 +131,27 @@ class Curve:
         for _ in range(6):
             length, _ = self._within(edges[cell], ahead)
             pitch = self.angles(edges[cell] + ahead)[1]
-            ahead = np.clip(ahead - (length - (inside - arc[cell])) * np.cos(pitch), 0.0, edges[cell + 1] - edges[cell])
+            ahead = np.clip(
+                ahead - (length - (inside - arc[cell])) * np.cos(pitch),
+                0.0,
+                edges[cell + 1] - edges[cell],
+            )
         _, moved = self._within(edges[cell], ahead)
         heading, pitch, turning, pitching = self.angles(edges[cell] + ahead)
         outside = s - inside
         straight = outside == 0.0
         place = position[cell] + moved + outside[:, None] * _tangent(heading, pitch)
         cosine = np.cos(pitch)
-        return CurvePoints(s, place, heading, pitch, turning * cosine * straight, pitching * cosine * straight)
+        return CurvePoints(
+            s, place, heading, pitch, turning * cosine * straight, pitching * cosine * straight
+        )
 
     def largest_curvature(self) -> float:
         """[1/m] at the edges and middles of all cells."""
         edges = self._cells[0]
-        _, pitch, turning, pitching = self.angles(np.concatenate([edges[:-1] + 1e-9, edges[1:] - 1e-9, 0.5 * (edges[1:] + edges[:-1])]))
+        _, pitch, turning, pitching = self.angles(
+            np.concatenate([edges[:-1] + 1e-9, edges[1:] - 1e-9, 0.5 * (edges[1:] + edges[:-1])])
+        )
         return float(np.hypot(pitching * np.cos(pitch), turning * np.cos(pitch) ** 2).max())
 
     def pitch_range(self) -> tuple[float, float]:
@@ -133,30 +166,51 @@ def _tangent(heading: Array, pitch: Array) -> Array:
 
 
 def path_of_pieces(
-    start: ArrayLike, heading: float, pitch: float, pieces: Sequence[tuple[str, float, float, float]], *, ramp_m: float = 0.0
+    start: ArrayLike,
+    heading: float,
+    pitch: float,
+    pieces: Sequence[tuple[str, float, float, float]],
+    *,
+    ramp_m: float = 0.0,
 ) -> Curve:
     """A path of pieces (name, run [m], heading rate, pitch rate [rad per m of run]).
 
-    `ramp_m`: run over which a piece's rates rise from zero and fall to it again, so that the curvature is continuous; the piece becomes
-    that much longer and its turn stays. Raises `CampaignError` where a turning piece is shorter than its ramps.
+    `ramp_m`: run over which a piece's rates rise from zero and fall to it again, so
+    that the curvature is continuous; the piece becomes that much longer and its turn
+    stays. Raises `CampaignError` where a turning piece is shorter than its ramps.
     """
     knots, turning, pitching, names, at = [], [], [], [], 0.0
     for name, run, h, p in pieces:
         names.append((name, at))
         ramp = ramp_m if (h or p) else 0.0
         if run < ramp or run < 0.0:
-            raise CampaignError(f"the piece '{name}' is shorter than the ramp of its curvature", value=run, allowed=f">= {ramp:g} m")
-        shares = ((0.0, 0.0), (ramp, 1.0), (run, 1.0), (run + ramp, 0.0)) if ramp else ((0.0, 1.0), (run, 1.0))
+            raise CampaignError(
+                f"the piece '{name}' is shorter than the ramp of its curvature",
+                value=run,
+                allowed=f">= {ramp:g} m",
+            )
+        shares = (
+            ((0.0, 0.0), (ramp, 1.0), (run, 1.0), (run + ramp, 0.0))
+            if ramp
+            else ((0.0, 1.0), (run, 1.0))
+        )
         for ahead, share in shares:
             knots.append(at + ahead)
             turning.append(share * h)
             pitching.append(share * p)
         at += run + ramp
     kept = [
-        i for i in range(len(knots)) if i == 0 or (knots[i], turning[i], pitching[i]) != (knots[i - 1], turning[i - 1], pitching[i - 1])
+        i
+        for i in range(len(knots))
+        if i == 0
+        or (knots[i], turning[i], pitching[i]) != (knots[i - 1], turning[i - 1], pitching[i - 1])
     ]
-    run_m, turns, climbs = (np.asarray(values, dtype=np.float64)[kept] for values in (knots, turning, pitching))
-    return Curve(np.asarray(start, dtype=np.float64), heading, pitch, run_m, turns, climbs, tuple(names))
+    run_m, turns, climbs = (
+        np.asarray(values, dtype=np.float64)[kept] for values in (knots, turning, pitching)
+    )
+    return Curve(
+        np.asarray(start, dtype=np.float64), heading, pitch, run_m, turns, climbs, tuple(names)
+    )
 
 
 def helix(
@@ -169,9 +223,11 @@ def helix(
     start: ArrayLike = (0.0, 0.0, 0.0),
     heading_rad: float = 0.0,
 ) -> Curve:
-    """A helix of horizontal radius `radius_m` and constant pitch. `ramp_m`: run over which its curvature grows from zero.
+    """A helix of horizontal radius `radius_m` and constant pitch. `ramp_m`: run over
+    which its curvature grows from zero.
 
-    Raises `CampaignError` unless the radius and the turns are positive and the pitch is below 80 degrees.
+    Raises `CampaignError` unless the radius and the turns are positive and the pitch is
+    below 80 degrees.
     """
     _positive(radius_m=radius_m, turns=turns)
     _pitch(pitch_rad)
@@ -191,7 +247,8 @@ def saw_tooth(
     heading_rad: float = 0.0,
     dive_first: bool = True,
 ) -> Curve:
-    """Straight legs of arc length `leg_m` in a vertical plane at +-`pitch_rad`, joined by tips of at least `tip_radius_m`.
+    """Straight legs of arc length `leg_m` in a vertical plane at +-`pitch_rad`, joined
+    by tips of at least `tip_radius_m`.
 
     Raises `CampaignError` for figures that are not positive.
     """
@@ -204,15 +261,19 @@ def saw_tooth(
         pieces.append(("dive" if (index % 2 == 0) == dive_first else "rise", straight, 0.0, 0.0))
         if index < legs - 1:
             turn = 2.0 * pitch_rad * (1.0 if (index % 2 == 0) == dive_first else -1.0)
-            pieces.append(("tip", abs(turn) * tip_radius_m, 0.0, float(np.sign(turn)) / tip_radius_m))
+            pieces.append(
+                ("tip", abs(turn) * tip_radius_m, 0.0, float(np.sign(turn)) / tip_radius_m)
+            )
     return path_of_pieces(start, heading_rad, first, pieces, ramp_m=ramp_m)
 
 
 def frenet_frame(points: CurvePoints) -> Array:
-    """[T N B] as columns (n, 3, 3), robust: where the curve is straight N is that of the last bend (before the first bend: starboard).
+    """[T N B] as columns (n, 3, 3), robust: where the curve is straight N is that of
+    the last bend (before the first bend: starboard).
 
-    The principal normal is turned to the starboard half plane (3.8 uses arcsin, which loses this), so that its roll (`frame_roll`) stays
-    within +-90 degrees and a turn to port is not flown on the back (Al Makdah 2016 (3.5), errata M26).
+    The principal normal is turned to the starboard half plane (3.8 uses arcsin, which
+    loses this), so that its roll (`frame_roll`) stays within +-90 degrees and a turn to
+    port is not flown on the back (Al Makdah 2016 (3.5), errata M26).
     """
     heading, pitch = points.heading, points.pitch
     starboard = np.stack([-np.sin(heading), np.cos(heading), np.zeros_like(heading)], axis=-1)
@@ -243,4 +304,9 @@ def _positive(**values: float) -> None:
 
 def _pitch(pitch: float) -> None:
     if abs(pitch) > np.radians(80.0):
-        raise CampaignError("a path steeper than 80 degrees has no heading to hold", field="pitch", value=pitch, allowed="+-1.396 rad")
+        raise CampaignError(
+            "a path steeper than 80 degrees has no heading to hold",
+            field="pitch",
+            value=pitch,
+            allowed="+-1.396 rad",
+        )

@@ -1,7 +1,10 @@
-"""Trajectories in time: where the vehicle shall be, with the direction of its path, from a path flown at a speed or from a recording.
+"""Trajectories in time: where the vehicle shall be, with the direction of its path,
+from a path flown at a speed or from a recording.
 
-Al Makdah 2016, 3.1.2: the desired position gamma(t), its tangent and frame. The frame of a trajectory is `level` (starboard axis
-horizontal, roll 0) or `frenet` (roll of the principal normal, errata M26): in a vertical plane the latter asks for a vehicle on its side.
+Al Makdah 2016, 3.1.2: the desired position gamma(t), its tangent and frame. The frame
+of a trajectory is `level` (starboard axis horizontal, roll 0) or `frenet` (roll of the
+principal normal, errata M26): in a vertical plane the latter asks for a vehicle on its
+side.
 """
 
 from __future__ import annotations
@@ -9,12 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.arrays import Array
-from auvid.hydro.control.paths.paths import Curve, frame_roll, frenet_frame
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
+
+from auvid.data_schemas.errors import CampaignError
+from auvid.hydro.arrays import Array
+from auvid.hydro.control.paths.paths import Curve, frame_roll, frenet_frame
 
 SLOWEST_M_S = 1e-6
 CHORD_M = 0.3
@@ -23,10 +27,11 @@ CHORD_M = 0.3
 
 @dataclass(frozen=True)
 class Trajectory:
-    """On a uniform clock: `t_s` (n,), NED `position` and `velocity` (n, 3), `attitude` (n, 3) [phi, theta, psi] of the path's frame.
+    """On a uniform clock: `t_s` (n,), NED `position` and `velocity` (n, 3), `attitude`
+    (n, 3) [phi, theta, psi] of the path's frame.
 
-    theta and psi are those of the tangent, psi is not bounded to +-pi (3.9). `speed` (n,) [m/s]; `s_m` (n,) arc length; `attitude_rate`
-    (n, 3) [rad/s].
+    theta and psi are those of the tangent, psi is not bounded to +-pi (3.9). `speed`
+    (n,) [m/s]; `s_m` (n,) arc length; `attitude_rate` (n, 3) [rad/s].
     """
 
     t_s: Array
@@ -47,36 +52,56 @@ class Trajectory:
         return float(self.t_s[1] - self.t_s[0])
 
 
-def fly_path(path: Curve, *, speed_m_s: float, step_s: float, duration_s: float | None = None, frame: str = "level") -> Trajectory:
-    """The path flown at a constant speed, to its end or for `duration_s` (beyond its end straight on).
+def fly_path(
+    path: Curve,
+    *,
+    speed_m_s: float,
+    step_s: float,
+    duration_s: float | None = None,
+    frame: str = "level",
+) -> Trajectory:
+    """The path flown at a constant speed, to its end or for `duration_s` (beyond its
+    end straight on).
 
-    Raises `CampaignError` for a speed or step that is not positive, an unknown frame, or a path shorter than two steps.
+    Raises `CampaignError` for a speed or step that is not positive, an unknown frame,
+    or a path shorter than two steps.
     """
     if not speed_m_s > 0.0:
-        raise CampaignError("a trajectory needs a positive speed", field="speed_m_s", value=speed_m_s)
+        raise CampaignError(
+            "a trajectory needs a positive speed", field="speed_m_s", value=speed_m_s
+        )
     if frame not in ("level", "frenet"):
-        raise CampaignError("unknown frame", field="frame", value=frame, allowed=("level", "frenet"))
+        raise CampaignError(
+            "unknown frame", field="frame", value=frame, allowed=("level", "frenet")
+        )
     if not step_s > 0.0:
         raise CampaignError("a trajectory needs a positive step", field="step_s", value=step_s)
     duration = path.length_m / speed_m_s if duration_s is None else duration_s
     steps = int(np.floor(duration / step_s + 1e-9))
     if steps < 2:
         raise CampaignError(
-            "the trajectory is shorter than two steps", field="duration_s", value=duration, allowed=f">= {2.0 * step_s:g} s"
+            "the trajectory is shorter than two steps",
+            field="duration_s",
+            value=duration,
+            allowed=f">= {2.0 * step_s:g} s",
         )
     t_s = step_s * np.arange(steps + 1, dtype=np.float64)
     points = path.at(speed_m_s * t_s)
     roll = np.zeros(len(t_s)) if frame == "level" else frame_roll(frenet_frame(points))
     attitude = np.column_stack([roll, points.pitch, points.heading])
     roll_rate = np.zeros(len(t_s)) if frame == "level" else np.gradient(roll, step_s)
-    rate = np.column_stack([roll_rate, speed_m_s * points.pitch_rate, speed_m_s * points.heading_rate])
+    rate = np.column_stack(
+        [roll_rate, speed_m_s * points.pitch_rate, speed_m_s * points.heading_rate]
+    )
     return Trajectory(t_s, points.position, speed_m_s * points.tangent, attitude, rate, points.s_m)
 
 
 def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
-    """The trajectory of recorded positions (n, 3) at uniform times, by quintic splines; level frame (the helix of 4.3 is such a recording).
+    """The trajectory of recorded positions (n, 3) at uniform times, by quintic splines;
+    level frame (the helix of 4.3 is such a recording).
 
-    Raises `CampaignError` where the recording stands still: a path has no direction there.
+    Raises `CampaignError` where the recording stands still: a path has no direction
+    there.
     """
     t, place = np.asarray(t_s, dtype=np.float64), np.asarray(position, dtype=np.float64)
     spline = make_interp_spline(t, place, k=5)
@@ -84,7 +109,11 @@ def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
     speed = np.sqrt(np.sum(velocity**2, axis=-1))
     if speed.min() < SLOWEST_M_S:
         at = float(t[int(np.argmin(speed))])
-        raise CampaignError("the recorded vehicle stands still: its path has no direction there", field="t_s", value=at)
+        raise CampaignError(
+            "the recorded vehicle stands still: its path has no direction there",
+            field="t_s",
+            value=at,
+        )
     level = np.hypot(velocity[:, 0], velocity[:, 1])
     heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     pitch = -np.arctan2(velocity[:, 2], level)
@@ -93,12 +122,21 @@ def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
     pitching = -(acceleration[:, 2] - velocity[:, 2] * along / speed**2) / level
     zero = np.zeros_like(t)
     s_m = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
-    return Trajectory(t, place, velocity, np.column_stack([zero, pitch, heading]), np.column_stack([zero, pitching, turning]), s_m)
+    return Trajectory(
+        t,
+        place,
+        velocity,
+        np.column_stack([zero, pitch, heading]),
+        np.column_stack([zero, pitching, turning]),
+        s_m,
+    )
 
 
 @dataclass(frozen=True)
 class TrackingError:
-    """Against a trajectory, (..., n): distance to where the vehicle should be at that time, and to the nearest point of the path [m]."""
+    """Against a trajectory, (..., n): distance to where the vehicle should be at that
+    time, and to the nearest point of the path [m].
+    """
 
     position_m: Array
     cross_track_m: Array
@@ -107,17 +145,22 @@ class TrackingError:
 def tracking_error(trajectory: Trajectory, position: ArrayLike) -> TrackingError:
     """Errors of flown positions (..., n, 3) at the first n times of the trajectory.
 
-    The nearest point is sought over the whole path, on the chords between samples about `CHORD_M` apart.
+    The nearest point is sought over the whole path, on the chords between samples about
+    `CHORD_M` apart.
     """
     flown = np.asarray(position, dtype=np.float64)
     late = np.sqrt(np.sum((flown - trajectory.position[: flown.shape[-2]]) ** 2, axis=-1))
-    stride = max(1, int(CHORD_M / max(float(np.median(trajectory.speed)) * trajectory.step_s, 1e-12)))
+    stride = max(
+        1, int(CHORD_M / max(float(np.median(trajectory.speed)) * trajectory.step_s, 1e-12))
+    )
     corners = np.vstack([trajectory.position[:-1:stride], trajectory.position[-1:]])
     return TrackingError(late, _nearest(corners, flown))
 
 
 def _nearest(path: Array, flown: Array) -> Array:
-    """Distance of points (..., 3) to the nearest chord of a path (k, 3), sought beside its nearest corner."""
+    """Distance of points (..., 3) to the nearest chord of a path (k, 3), sought beside
+    its nearest corner.
+    """
     start, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum(np.sum(along**2, axis=-1), 1e-300)
     flat = flown.reshape(-1, 3)
@@ -128,6 +171,8 @@ def _nearest(path: Array, flown: Array) -> Array:
     for chord in (np.maximum(corner - 1, 0), np.minimum(corner, len(start) - 1)):
         there = flat[known] - start[chord]
         share = np.clip(np.sum(there * along[chord], axis=-1) / square[chord], 0.0, 1.0)
-        best = np.minimum(best, np.sqrt(np.sum((there - share[:, None] * along[chord]) ** 2, axis=-1)))
+        best = np.minimum(
+            best, np.sqrt(np.sum((there - share[:, None] * along[chord]) ** 2, axis=-1))
+        )
     out[known] = best
     return out.reshape(flown.shape[:-1])

@@ -1,4 +1,6 @@
-"""The buoyancy engine of a hybrid glider: the mass it can take and where the centre of gravity then is: Al Makdah 2016 (3.11)-(3.12)."""
+"""The buoyancy engine of a hybrid glider: the mass it can take and where the centre of
+gravity then is: Al Makdah 2016 (3.11)-(3.12).
+"""
 
 from __future__ import annotations
 
@@ -7,15 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.quantities import Quantities
-from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
 class BuoyancyEngine:
-    """Masses [kg] of the vehicle empty, neutral and full, and how far x_G moves with the mass [m/kg] (3.12)."""
+    """Masses [kg] of the vehicle empty, neutral and full, and how far x_G moves with
+    the mass [m/kg] (3.12).
+    """
 
     low_kg: float
     neutral_kg: float
@@ -24,22 +29,34 @@ class BuoyancyEngine:
 
     def x_G(self, mass_kg: ArrayLike) -> Array:
         """x_G = 0.02 (m - m_neutral) (3.12): masses (...) [kg] -> (...) [m]."""
-        return np.asarray(self.x_G_m_per_kg * (np.asarray(mass_kg, dtype=np.float64) - self.neutral_kg))
+        return np.asarray(
+            self.x_G_m_per_kg * (np.asarray(mass_kg, dtype=np.float64) - self.neutral_kg)
+        )
 
     def glide_mass(self, pitch_rad: ArrayLike, *, epsilon_rad: float) -> Array:
-        """Mass for a glide at this desired pitch (3.11): heavy to dive (pitch < 0), light to float up; (...) rad -> (...) kg.
+        """Mass for a glide at this desired pitch (3.11): heavy to dive (pitch < 0),
+        light to float up; (...) rad -> (...) kg.
 
-        m = m_neutral - dm tanh(pitch / epsilon) with dm the stroke to that side (1 kg in the thesis); `epsilon_rad` sets how fast it
-        changes over. Raises `CampaignError` unless epsilon > 0.
+        m = m_neutral - dm tanh(pitch / epsilon) with dm the stroke to that side (1 kg
+        in the thesis); `epsilon_rad` sets how fast it changes over. Raises
+        `CampaignError` unless epsilon > 0.
         """
         if epsilon_rad <= 0.0:
-            raise CampaignError("the change-over of the glide needs a positive angle", field="epsilon", value=epsilon_rad)
+            raise CampaignError(
+                "the change-over of the glide needs a positive angle",
+                field="epsilon",
+                value=epsilon_rad,
+            )
         share = -np.tanh(np.asarray(pitch_rad, dtype=np.float64) / epsilon_rad)
-        stroke = np.where(share > 0.0, self.high_kg - self.neutral_kg, self.neutral_kg - self.low_kg)
+        stroke = np.where(
+            share > 0.0, self.high_kg - self.neutral_kg, self.neutral_kg - self.low_kg
+        )
         return np.asarray(self.neutral_kg + stroke * share)
 
     def check(self, mass_kg: ArrayLike, *, field: str = "mass") -> Array:
-        """The masses, if the engine can hold them; `CampaignError` naming the range if not."""
+        """The masses, if the engine can hold them; `CampaignError` naming the range if
+        not.
+        """
         mass = np.asarray(mass_kg, dtype=np.float64)
         outside = ~((mass >= self.low_kg) & (mass <= self.high_kg))
         if outside.any():
@@ -53,7 +70,9 @@ class BuoyancyEngine:
 
 
 def buoyancy_engine_from_document(document: Mapping[str, Any]) -> BuoyancyEngine:
-    """The engine of a vehicle document (key `buoyancy_engine`). Raises `CampaignError` when it is missing or its masses do not ascend."""
+    """The engine of a vehicle document (key `buoyancy_engine`). Raises `CampaignError`
+    when it is missing or its masses do not ascend.
+    """
     read = Quantities(document).part("buoyancy_engine")
     engine = BuoyancyEngine(
         low_kg=read.number("mass_empty", "kg"),

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.hydro.arrays import Array, cross
 from numpy.typing import ArrayLike
 
+from auvid.hydro.arrays import Array, cross
+
 NO_PULSE_US = 800.0
-"""Shorter pulses are no command at all (an autopilot writes 0 when disarmed): the thruster stands still."""
+"""Shorter pulses are no command at all (an autopilot writes 0 when disarmed): the
+thruster stands still.
+"""
 
 NEUTRAL_US = 1500.0
 FULL_COMMAND = 100.0
@@ -17,10 +20,12 @@ FULL_COMMAND = 100.0
 
 @dataclass(frozen=True)
 class ThrustCurve:
-    """Bollard thrust of one thruster type: `force_N` (k,) over `pwm_us` (k,) ascending, measured at `voltage_v`.
+    """Bollard thrust of one thruster type: `force_N` (k,) over `pwm_us` (k,) ascending,
+    measured at `voltage_v`.
 
-    Thrust scales with (V / voltage_v) ** voltage_exponent. With `polynomial` (highest power first), force [N] of a command of 0 to 100,
-    the pulses are those of the commands -100 and 100, and the table is not used between them (`polynomial_thrust`).
+    Thrust scales with (V / voltage_v) ** voltage_exponent. With `polynomial` (highest
+    power first), force [N] of a command of 0 to 100, the pulses are those of the
+    commands -100 and 100, and the table is not used between them (`polynomial_thrust`).
     """
 
     pwm_us: Array
@@ -32,9 +37,11 @@ class ThrustCurve:
 
 @dataclass(frozen=True)
 class Thrusters:
-    """n thrusters with `allocation` (6, n): force and moment [N, N m] of 1 N of each, body FRD; `direction` (n,) +1 or -1.
+    """n thrusters with `allocation` (6, n): force and moment [N, N m] of 1 N of each,
+    body FRD; `direction` (n,) +1 or -1.
 
-    `outputs` are the autopilot's output channels: thruster i listens to column `pwm_<outputs[i]>_us` of the stream `actuators`.
+    `outputs` are the autopilot's output channels: thruster i listens to column
+    `pwm_<outputs[i]>_us` of the stream `actuators`.
     """
 
     allocation: Array
@@ -44,45 +51,63 @@ class Thrusters:
 
 
 def thruster_allocation(position: ArrayLike, axis: ArrayLike) -> Array:
-    """B (6, n) with tau = B f: positions (n, 3) [m], unit axes (n, 3), thruster forces f [N]. Column i is [axis; position x axis]."""
+    """B (6, n) with tau = B f: positions (n, 3) [m], unit axes (n, 3), thruster forces
+    f [N]. Column i is [axis; position x axis].
+    """
     position, axis = np.asarray(position, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     return np.concatenate([axis, cross(position, axis)], axis=-1).T
 
 
 def thrust_from_pwm(pwm_us: ArrayLike, voltage_v: ArrayLike | None, curve: ThrustCurve) -> Array:
-    """Bollard thrust [N] at a pulse width [us]: linear between the points of the table, its dead band kept, or by polynomial; any shape.
+    """Bollard thrust [N] at a pulse width [us]: linear between the points of the table,
+    its dead band kept, or by polynomial; any shape.
 
-    The speed controller holds full thrust beyond the ends of the table, so the pulse is clipped there; below `NO_PULSE_US` there is no
-    pulse and no thrust; nan stays nan. `voltage_v` is the battery voltage (broadcast), None for the voltage of the curve. Thrust in still
-    water: the loss of thrust with inflow is not modelled and ends up in the damping.
+    The speed controller holds full thrust beyond the ends of the table, so the pulse is
+    clipped there; below `NO_PULSE_US` there is no pulse and no thrust; nan stays nan.
+    `voltage_v` is the battery voltage (broadcast), None for the voltage of the curve.
+    Thrust in still water: the loss of thrust with inflow is not modelled and ends up in
+    the damping.
     """
     pwm = np.asarray(pwm_us, dtype=np.float64)
     if curve.polynomial is None:
         force = np.interp(pwm, curve.pwm_us, curve.force_N)
     else:
-        command = np.interp(pwm, [curve.pwm_us[0], NEUTRAL_US, curve.pwm_us[-1]], [-FULL_COMMAND, 0.0, FULL_COMMAND])
+        command = np.interp(
+            pwm, [curve.pwm_us[0], NEUTRAL_US, curve.pwm_us[-1]], [-FULL_COMMAND, 0.0, FULL_COMMAND]
+        )
         force = polynomial_thrust(command, curve.polynomial)
     force = np.where(pwm < NO_PULSE_US, 0.0, force)
     if voltage_v is not None:
-        force = force * (np.asarray(voltage_v, dtype=np.float64) / curve.voltage_v) ** curve.voltage_exponent
+        force = (
+            force
+            * (np.asarray(voltage_v, dtype=np.float64) / curve.voltage_v) ** curve.voltage_exponent
+        )
     return np.asarray(force)
 
 
 def polynomial_thrust(command: ArrayLike, coefficients: ArrayLike) -> Array:
-    """Thrust [N] of a command of -100 to 100 by a polynomial (highest power first) that holds for commands above 0: Alberti 2015 (59).
+    """Thrust [N] of a command of -100 to 100 by a polynomial (highest power first) that
+    holds for commands above 0: Alberti 2015 (59).
 
-    The odd extension, sign(c) P(|c|) and 0 at 0, since (59) is positive everywhere and so means commands above 0 only; between 0 and its
-    smallest thrust the curve jumps, as the fit does not pass through the origin.
+    The odd extension, sign(c) P(|c|) and 0 at 0, since (59) is positive everywhere and
+    so means commands above 0 only; between 0 and its smallest thrust the curve jumps,
+    as the fit does not pass through the origin.
     """
     command = np.asarray(command, dtype=np.float64)
-    return np.asarray(np.sign(command) * np.polyval(np.asarray(coefficients, dtype=np.float64), np.abs(command)))
+    return np.asarray(
+        np.sign(command) * np.polyval(np.asarray(coefficients, dtype=np.float64), np.abs(command))
+    )
 
 
-def thruster_forces(thrusters: Thrusters, pwm_us: ArrayLike, voltage_v: ArrayLike | None = None) -> Array:
-    """Force of each thruster along its axis [N]: pulses (..., n) us, voltage (...) V -> (..., n).
+def thruster_forces(
+    thrusters: Thrusters, pwm_us: ArrayLike, voltage_v: ArrayLike | None = None
+) -> Array:
+    """Force of each thruster along its axis [N]: pulses (..., n) us, voltage (...) V ->
+    (..., n).
 
-    Direction -1 mirrors the pulse about 1500 us: a mirrored propeller or swapped phase wires turn the motor the other way, while the
-    strong direction of thrust stays the geometric one, along the axis.
+    Direction -1 mirrors the pulse about 1500 us: a mirrored propeller or swapped phase
+    wires turn the motor the other way, while the strong direction of thrust stays the
+    geometric one, along the axis.
     """
     pwm = np.asarray(pwm_us, dtype=np.float64)
     pulse = np.where(pwm < NO_PULSE_US, pwm, NEUTRAL_US + thrusters.direction * (pwm - NEUTRAL_US))

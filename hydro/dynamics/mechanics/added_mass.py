@@ -1,6 +1,7 @@
 """Added mass of a prolate spheroid after Imlay: McCarter 2014 (2.36)-(2.41).
 
-Convention of McCarter throughout: M_A = [X_udot ...] <= 0, tau_A = M_A nu_dot + C_A(nu) nu, M = M_RB - M_A.
+Convention of McCarter throughout: M_A = [X_udot ...] <= 0, tau_A = M_A nu_dot + C_A(nu)
+nu, M = M_RB - M_A.
 """
 
 from __future__ import annotations
@@ -8,26 +9,36 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import Array
 
 SERIES_ECCENTRICITY = 0.1
-"""Below this the closed form of alpha_0 loses digits by cancellation; the series is then exact to rounding."""
+"""Below this the closed form of alpha_0 loses digits by cancellation; the series is
+then exact to rounding.
+"""
 
 
 def equal_volume_semi_axes(length: float, diameter: float, volume: float) -> tuple[float, float]:
-    """Semi-axes (a, b) [m] of the spheroid with the aspect ratio length / diameter and the volume [m^3] of the hull (Table B.3)."""
+    """Semi-axes (a, b) [m] of the spheroid with the aspect ratio length / diameter and
+    the volume [m^3] of the hull (Table B.3).
+    """
     ratio = length / diameter
     b = (3.0 * volume / (4.0 * math.pi * ratio)) ** (1.0 / 3.0)
     return ratio * b, b
 
 
-def spheroid_added_mass(a: float, b: float, *, fluid_mass: float | None = None, water_density: float = 1000.0) -> Array:
-    """M_A (6, 6), <= 0, of a prolate spheroid about its centre with semi-axes a >= b [m]; x is the axis of revolution.
+def spheroid_added_mass(
+    a: float, b: float, *, fluid_mass: float | None = None, water_density: float = 1000.0
+) -> Array:
+    """M_A (6, 6), <= 0, of a prolate spheroid about its centre with semi-axes a >= b
+    [m]; x is the axis of revolution.
 
-    `fluid_mass` m_f [kg] is the mass of displaced water, by default 4/3 pi rho a b^2. Table B.3 of McCarter follows from the dry
-    mass of the vehicle in its place: X, Y, Z with the equal-volume semi-axes, M and N with length / 2 and diameter / 2.
-    Limits: sphere -m_f / 2; slender body Y_vdot -> -m_f, X_udot -> 0, M_qdot -> -m_f a^2 / 5. Raises `PipelineError` unless a >= b > 0.
+    `fluid_mass` m_f [kg] is the mass of displaced water, by default 4/3 pi rho a b^2.
+    Table B.3 of McCarter follows from the dry mass of the vehicle in its place: X, Y, Z
+    with the equal-volume semi-axes, M and N with length / 2 and diameter / 2. Limits:
+    sphere -m_f / 2; slender body Y_vdot -> -m_f, X_udot -> 0, M_qdot -> -m_f a^2 / 5.
+    Raises `PipelineError` unless a >= b > 0.
     """
     if not (a >= b > 0.0):
         raise PipelineError("a prolate spheroid needs semi-axes a >= b > 0", value=(a, b))

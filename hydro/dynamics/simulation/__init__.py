@@ -1,1 +1,3 @@
-"""Motion in time: compiled loop, free runs of identified models, bench motions, sensors."""
+"""Motion in time: compiled loop, free runs of identified models, bench motions,
+sensors.
+"""

@@ -1,6 +1,8 @@
-"""Motion of the three bench experiments of Alberti 2015, integrated to 1e-10: single channels in a tank, free decay, quadrifilar pendulum.
+"""Motion of the three bench experiments of Alberti 2015, integrated to 1e-10: single
+channels in a tank, free decay, quadrifilar pendulum.
 
-Each returns a function of time, so that every sensor can be sampled at its own times. Rates are exact: they come from the equation.
+Each returns a function of time, so that every sensor can be sampled at its own times.
+Rates are exact: they come from the equation.
 """
 
 from __future__ import annotations
@@ -10,10 +12,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.integrate import solve_ivp
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.simplified import SimplifiedModel, state_rate
-from scipy.integrate import solve_ivp
 
 RELATIVE, ABSOLUTE = 1e-10, 1e-12
 LONGEST_STEP_S = 2.0
@@ -22,7 +25,9 @@ Rate = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A motion: `state` and `rate` (n, k) at times (n,) [s] from its start; before 0 it stands as it starts."""
+    """A motion: `state` and `rate` (n, k) at times (n,) [s] from its start; before 0 it
+    stands as it starts.
+    """
 
     at: Callable[[Array], tuple[Array, Array]]
 
@@ -30,15 +35,21 @@ class Trajectory:
         return self.at(np.asarray(t_s, dtype=np.float64))
 
 
-def drive(model: SimplifiedModel, start: Array, changes_s: Array, tau: Array, end_s: float) -> Trajectory:
-    """The simplified model from rest under propulsion tau (m, 6) [N, N m], each row held from `changes_s` (m,) on, the first from 0.
+def drive(
+    model: SimplifiedModel, start: Array, changes_s: Array, tau: Array, end_s: float
+) -> Trajectory:
+    """The simplified model from rest under propulsion tau (m, 6) [N, N m], each row
+    held from `changes_s` (m,) on, the first from 0.
 
-    `start`: pose eta (6,). State [eta, nu] (n, 12). Raises `DataError` where the motion cannot be followed (pitch of 90 degrees).
+    `start`: pose eta (6,). State [eta, nu] (n, 12). Raises `DataError` where the motion
+    cannot be followed (pitch of 90 degrees).
     """
     pieces, state = [], np.concatenate([start, np.zeros(6)])
     edges = np.append(changes_s, end_s)
     for index, force in enumerate(tau):
-        piece = _follow(partial(state_rate, model, tau=force), state, edges[index], edges[index + 1])
+        piece = _follow(
+            partial(state_rate, model, tau=force), state, edges[index], edges[index + 1]
+        )
         pieces.append(piece)
         state = piece(edges[index + 1])
 
@@ -59,8 +70,9 @@ def drive(model: SimplifiedModel, start: Array, changes_s: Array, tau: Array, en
 
 @dataclass(frozen=True)
 class PhysicalPendulum:
-    """A pendulum in water: `inertia` [kg m^2] about the pivot with all added mass, `restoring` [N m] at 90 degrees of angle (weight less
-    buoyancy, each at its own arm), `linear` and `quadratic` [N m s, N m s^2] of the angular rate, both <= 0.
+    """A pendulum in water: `inertia` [kg m^2] about the pivot with all added mass,
+    `restoring` [N m] at 90 degrees of angle (weight less buoyancy, each at its own
+    arm), `linear` and `quadratic` [N m s, N m s^2] of the angular rate, both <= 0.
     """
 
     inertia: float
@@ -69,24 +81,37 @@ class PhysicalPendulum:
     quadratic: float
 
     def rate(self, state: Array) -> Array:
-        """Rate of [theta, theta_dot] (..., 2): Alberti (70) with every part at its own arm."""
+        """Rate of [theta, theta_dot] (..., 2): Alberti (70) with every part at its own
+        arm.
+        """
         angle, speed = state[..., 0], state[..., 1]
-        moment = -self.restoring * np.sin(angle) + self.linear * speed + self.quadratic * speed * np.abs(speed)
+        moment = (
+            -self.restoring * np.sin(angle)
+            + self.linear * speed
+            + self.quadratic * speed * np.abs(speed)
+        )
         return np.stack([speed, moment / self.inertia], axis=-1)
 
 
 def free_decay(pendulum: PhysicalPendulum, angle_rad: float, end_s: float) -> Trajectory:
-    """Release at rest from an angle at 0 s: state [theta, theta_dot] (n, 2). Raises `DataError` where nothing restores it."""
+    """Release at rest from an angle at 0 s: state [theta, theta_dot] (n, 2). Raises
+    `DataError` where nothing restores it.
+    """
     if pendulum.restoring <= 0.0 or pendulum.inertia <= 0.0:
-        raise DataError("the pendulum does not hang: buoyancy is above weight, or it has no inertia", value=pendulum)
+        raise DataError(
+            "the pendulum does not hang: buoyancy is above weight, or it has no inertia",
+            value=pendulum,
+        )
     return _released(pendulum.rate, angle_rad, end_s)
 
 
 @dataclass(frozen=True)
 class Quadrifilar:
-    """A tray on lines of length `line` [m] between circles of radius R_1 (ceiling) and R_2 (tray) with all that lies on it.
+    """A tray on lines of length `line` [m] between circles of radius R_1 (ceiling) and
+    R_2 (tray) with all that lies on it.
 
-    `inertia` [kg m^2] about the vertical through the centre, `mass` [kg], `damping` [N m s] >= 0 of the air.
+    `inertia` [kg m^2] about the vertical through the centre, `mass` [kg], `damping` [N
+    m s] >= 0 of the air.
     """
 
     inertia: float
@@ -98,14 +123,21 @@ class Quadrifilar:
     gravity: float
 
     def rate(self, state: Array) -> Array:
-        """Rate of [psi, psi_dot] (..., 2), exact in the angle: the tray rises as it turns. For small angles it is Alberti (54).
+        """Rate of [psi, psi_dot] (..., 2), exact in the angle: the tray rises as it
+        turns. For small angles it is Alberti (54).
 
-        With depth h(psi) = sqrt(line^2 - R_1^2 - R_2^2 + 2 R_1 R_2 cos psi) below the ceiling, Lagrange's equation is
-        (I + m h'^2) psi_ddot + m h' h'' psi_dot^2 = m g h' - c psi_dot.
+        With depth h(psi) = sqrt(line^2 - R_1^2 - R_2^2 + 2 R_1 R_2 cos psi) below the
+        ceiling, Lagrange's equation is (I + m h'^2) psi_ddot + m h' h'' psi_dot^2 = m g
+        h' - c psi_dot.
         """
         psi, speed = state[..., 0], state[..., 1]
         product = self.radius_ceiling * self.radius_tray
-        depth = np.sqrt(self.line**2 - self.radius_ceiling**2 - self.radius_tray**2 + 2.0 * product * np.cos(psi))
+        depth = np.sqrt(
+            self.line**2
+            - self.radius_ceiling**2
+            - self.radius_tray**2
+            + 2.0 * product * np.cos(psi)
+        )
         first = -product * np.sin(psi) / depth
         second = -product * np.cos(psi) / depth - first**2 / depth
         moment = self.mass * first * (self.gravity - second * speed**2) - self.damping * speed
@@ -129,8 +161,12 @@ def _released(rate: Rate, angle: float, end_s: float) -> Trajectory:
     return Trajectory(at)
 
 
-def _follow(rate: Rate, start: Array, first_s: float, last_s: float) -> Callable[[Array | float], Array]:
-    """Dormand and Prince of eighth order with its own interpolation. Returns states (k, n) at times (n,)."""
+def _follow(
+    rate: Rate, start: Array, first_s: float, last_s: float
+) -> Callable[[Array | float], Array]:
+    """Dormand and Prince of eighth order with its own interpolation. Returns states (k,
+    n) at times (n,).
+    """
     found = solve_ivp(
         lambda _, state: rate(state),
         (first_s, last_s),
@@ -142,6 +178,8 @@ def _follow(rate: Rate, start: Array, first_s: float, last_s: float) -> Callable
         dense_output=True,
     )
     if not found.success or not np.all(np.isfinite(found.y)):
-        raise DataError(f"the motion cannot be followed beyond {found.t[-1]:.3g} s", value=str(found.message))
+        raise DataError(
+            f"the motion cannot be followed beyond {found.t[-1]:.3g} s", value=str(found.message)
+        )
     path: Callable[[Array | float], Array] = found.sol
     return path

@@ -1,10 +1,13 @@
-"""The right-hand side of hydro/dynamics as one compiled loop over constant tables, for long simulations of one vehicle or many.
+"""The right-hand side of hydro/dynamics as one compiled loop over constant tables, for
+long simulations of one vehicle or many.
 
-Nothing is decided here: `plant_tables` reads every constant from the values of the other modules, and the arithmetic below is theirs,
-written out by element; a test holds it to the numpy path at 1e-12. It is written once and compiled twice: for numbers, one vehicle at a
-time, and for the registers of hydro/dynamics/lanes.py, eight vehicles at a time. Strips and surfaces fill a register in both cases: one
-after the other with a lane per vehicle, or eight of them at once for a single vehicle. Import this module only where a simulation runs:
-numba takes a second.
+Nothing is decided here: `plant_tables` reads every constant from the values of the
+other modules, and the arithmetic below is theirs, written out by element; a test holds
+it to the numpy path at 1e-12. It is written once and compiled twice: for numbers, one
+vehicle at a time, and for the registers of hydro/dynamics/lanes.py, eight vehicles at a
+time. Strips and surfaces fill a register in both cases: one after the other with a lane
+per vehicle, or eight of them at once for a single vehicle. Import this module only
+where a simulation runs: numba takes a second.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from typing import Any
 
 import numba
 import numpy as np
+
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import SINGULAR_COSINE
 from auvid.hydro.dynamics.simulation.lanes import (
@@ -36,12 +40,16 @@ from auvid.hydro.dynamics.simulation.plant_constants import WIDTH, Tables
 
 _config: Any = numba.config
 THREADS: int = _config.NUMBA_NUM_THREADS
-"""As many as numba would start: the processors this process may use, or NUMBA_NUM_THREADS of the environment."""
+"""As many as numba would start: the processors this process may use, or
+NUMBA_NUM_THREADS of the environment.
+"""
 
 
 @compiled
 def room_for(c: Tables) -> int:
-    """Numbers of scratch that `rate` needs for each vehicle: terms and factors of a viscous model."""
+    """Numbers of scratch that `rate` needs for each vehicle: terms and factors of a
+    viscous model.
+    """
     return _whole(c.counts[0]) + 17
 
 
@@ -81,7 +89,9 @@ def _model_force(nu: Any, eta_minus_1: Any, c: Tables, room: Array, like: Any) -
 def _axis_force(axis: int, c: Tables, terms: Array, like: Any) -> Any:
     columns, first, force = WIDTH // together(like), axis * _whole(c.counts[0]), spread(0.0)
     for k in range(0, c.counts[0], columns):
-        force = force + column(c.coefficients, first + k, like) * get(terms, k // columns, spread(0.0))
+        force = force + column(c.coefficients, first + k, like) * get(
+            terms, k // columns, spread(0.0)
+        )
     return total(force, like)
 
 
@@ -90,7 +100,8 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
     """The force of `PhysicalViscous`."""
     u, v, w, p, q, r = nu
     columns = WIDTH // together(like)
-    # A strip at x feels sqrt(side^2 + down^2), a polynomial in x under the root; its force and moment are moments of area times root.
+    # A strip at x feels sqrt(side^2 + down^2), a polynomial in x under the root; its
+    # force and moment are moments of area times root.
     at_0, at_1, at_2 = v * v + w * w, 2.0 * (v * r - w * q), q * q + r * r
     zero = spread(0.0)
     s0, s1, s2 = zero, zero, zero
@@ -105,7 +116,11 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
     f0, f1, f2, f3, f4, f5 = zero, zero, zero, zero, zero, zero
     wide = _whole(c.counts[2])
     for i in range(0, c.counts[2], columns):
-        sx, sy, sz = column(c.surfaces, i, like), column(c.surfaces, i + wide, like), column(c.surfaces, i + 2 * wide, like)
+        sx, sy, sz = (
+            column(c.surfaces, i, like),
+            column(c.surfaces, i + wide, like),
+            column(c.surfaces, i + 2 * wide, like),
+        )
         nx, ny, nz = (
             column(c.surfaces, i + 3 * wide, like),
             column(c.surfaces, i + 4 * wide, like),
@@ -117,8 +132,17 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
         share = sine2 * column(c.surfaces, i + 8 * wide, like)
         attached = 1.0 / (1.0 + share * share)
         lift, plate = column(c.surfaces, i + 6 * wide, like), column(c.surfaces, i + 7 * wide, like)
-        push = across * (lift * attached * absolute(ahead) + plate * (1.0 - attached) * absolute(across))
-        drag = (column(c.surfaces, i + 9 * wide, like) + column(c.surfaces, i + 10 * wide, like) * sine2) * ahead * absolute(ahead)
+        push = across * (
+            lift * attached * absolute(ahead) + plate * (1.0 - attached) * absolute(across)
+        )
+        drag = (
+            (
+                column(c.surfaces, i + 9 * wide, like)
+                + column(c.surfaces, i + 10 * wide, like) * sine2
+            )
+            * ahead
+            * absolute(ahead)
+        )
         fx, fy, fz = push * nx + drag, push * ny, push * nz
         f0, f1, f2 = f0 - fx, f1 - fy, f2 - fz
         f3 = f3 + (sz * fy - sy * fz)
@@ -129,9 +153,14 @@ def _physical_force(nu: Any, c: Tables, like: Any) -> Any:
     x = c.body[1]
     side, down = v + x * r, w - x * q
     lift_y, lift_z = c.body[0] * along * side, c.body[0] * along * down
-    induced = c.body[2] * (side * side + down * down) * u / root(u * u + v * v + w * w + SPEED_FLOOR)
+    induced = (
+        c.body[2] * (side * side + down * down) * u / root(u * u + v * v + w * w + SPEED_FLOOR)
+    )
     return (
-        total(f0, like) + c.asymmetry[0] * forward - c.axial[0] * u * power(along, 1.0 - c.axial[1]) - induced,
+        total(f0, like)
+        + c.asymmetry[0] * forward
+        - c.axial[0] * u * power(along, 1.0 - c.axial[1])
+        - induced,
         total(f1, like) + c.asymmetry[1] * forward - (v * d0 + r * d1) - lift_y,
         total(f2, like) + c.asymmetry[2] * forward - (w * d0 - q * d1) - lift_z,
         total(f3, like) + c.asymmetry[3] * forward,
@@ -149,17 +178,28 @@ def _row(a: Any, i: int, x: Any) -> Any:
 @compiled
 def _fin_force(a: Any, i: int, d: Any) -> Any:
     near = (a[8 * i] + a[8 * i + 4] * d[0]) * d[0] + (a[8 * i + 1] + a[8 * i + 5] * d[1]) * d[1]
-    return near + ((a[8 * i + 2] + a[8 * i + 6] * d[2]) * d[2] + (a[8 * i + 3] + a[8 * i + 7] * d[3]) * d[3])
+    return near + (
+        (a[8 * i + 2] + a[8 * i + 6] * d[2]) * d[2] + (a[8 * i + 3] + a[8 * i + 7] * d[3]) * d[3]
+    )
 
 
 @compiled
 def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any) -> None:
-    """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it (18,), of one vehicle or a register of them.
+    """d/dt of the state x = [eta, nu] (12,), or with the lagged viscous force after it
+    (18,), of one vehicle or a register of them.
 
-    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force (6) [N, N m]. `room` (`room_for(c)`,): scratch.
-    All are flat; for a register every item is `WIDTH` numbers.
+    `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force
+    (6) [N, N m]. `room` (`room_for(c)`,): scratch. All are flat; for a register every
+    item is `WIDTH` numbers.
     """
-    u, v, w, p, q, r = get(x, 6, like), get(x, 7, like), get(x, 8, like), get(x, 9, like), get(x, 10, like), get(x, 11, like)
+    u, v, w, p, q, r = (
+        get(x, 6, like),
+        get(x, 7, like),
+        get(x, 8, like),
+        get(x, 9, like),
+        get(x, 10, like),
+        get(x, 11, like),
+    )
     nu = (u, v, w, p, q, r)
     sf, cf = sine_cosine(get(x, 3, like))
     st, ct = sine_cosine(get(x, 4, like))
@@ -176,11 +216,20 @@ def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any)
         visc = _physical_force(nu, c, like)
     else:
         speed = root(u * u + v * v + w * w)
-        visc = _model_force(nu, get(inputs, 1, like) / larger(speed, c.minimum_speed) - 1.0, c, room, like)
+        visc = _model_force(
+            nu, get(inputs, 1, like) / larger(speed, c.minimum_speed) - 1.0, c, room, like
+        )
     if c.lag_s > 0.0:
         for i in range(6):
             put(out, 12 + i, (visc[i] - get(x, 12 + i, like)) / c.lag_s)
-        visc = (get(x, 12, like), get(x, 13, like), get(x, 14, like), get(x, 15, like), get(x, 16, like), get(x, 17, like))
+        visc = (
+            get(x, 12, like),
+            get(x, 13, like),
+            get(x, 14, like),
+            get(x, 15, like),
+            get(x, 16, like),
+            get(x, 17, like),
+        )
     a1, a2, a3, b1, b2, b3 = (
         _row(c.mass, 0, nu),
         _row(c.mass, 1, nu),
@@ -197,25 +246,50 @@ def rate(x: Array, inputs: Array, c: Tables, out: Array, room: Array, like: Any)
     thrust = c.propeller[1] * a * a + c.propeller[2] * a * spin + c.propeller[3] * n * spin
     torque = c.propeller[4] * a * a + c.propeller[5] * a * spin + c.propeller[6] * n * spin
     tau = (
-        get(inputs, 6, like) + visc[0] - (q * a3 - r * a2) - net * st + uu * _fin_force(c.fins, 0, d) + thrust,
-        get(inputs, 7, like) + visc[1] - (r * a1 - p * a3) + net * down_y + uu * _fin_force(c.fins, 1, d),
-        get(inputs, 8, like) + visc[2] - (p * a2 - q * a1) + net * down_z + uu * _fin_force(c.fins, 2, d),
+        get(inputs, 6, like)
+        + visc[0]
+        - (q * a3 - r * a2)
+        - net * st
+        + uu * _fin_force(c.fins, 0, d)
+        + thrust,
+        get(inputs, 7, like)
+        + visc[1]
+        - (r * a1 - p * a3)
+        + net * down_y
+        + uu * _fin_force(c.fins, 1, d),
+        get(inputs, 8, like)
+        + visc[2]
+        - (p * a2 - q * a1)
+        + net * down_z
+        + uu * _fin_force(c.fins, 2, d),
         get(inputs, 9, like)
         + visc[3]
         - (v * a3 - w * a2 + q * b3 - r * b2)
         + (gy * down_z - gz * down_y)
         + uu * _fin_force(c.fins, 3, d)
         + torque,
-        get(inputs, 10, like) + visc[4] - (w * a1 - u * a3 + r * b1 - p * b3) - (gz * st + gx * down_z) + uu * _fin_force(c.fins, 4, d),
-        get(inputs, 11, like) + visc[5] - (u * a2 - v * a1 + p * b2 - q * b1) + (gx * down_y + gy * st) + uu * _fin_force(c.fins, 5, d),
+        get(inputs, 10, like)
+        + visc[4]
+        - (w * a1 - u * a3 + r * b1 - p * b3)
+        - (gz * st + gx * down_z)
+        + uu * _fin_force(c.fins, 4, d),
+        get(inputs, 11, like)
+        + visc[5]
+        - (u * a2 - v * a1 + p * b2 - q * b1)
+        + (gx * down_y + gy * st)
+        + uu * _fin_force(c.fins, 5, d),
     )
     for i in range(6):
         put(out, 6 + i, _row(c.inverse, i, tau))
 
 
 @compiled
-def _read(knot: int, b: int, n: Array, fins: Array, extra: Array, level: Array, out: Array, width: int) -> None:
-    """The inputs of `width` vehicles from vehicle `b` on at a knot, item by item; lanes beyond the last vehicle repeat it."""
+def _read(
+    knot: int, b: int, n: Array, fins: Array, extra: Array, level: Array, out: Array, width: int
+) -> None:
+    """The inputs of `width` vehicles from vehicle `b` on at a knot, item by item; lanes
+    beyond the last vehicle repeat it.
+    """
     for j in range(width):
         i = min(b + j, n.shape[0] - 1)
         out[j], out[width + j] = n[i, knot], level[i, knot]
@@ -249,13 +323,35 @@ def _addresses(c: Tables) -> Any:
 
 @compiled
 def _integrate(
-    b: int, x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array, like: Any
+    b: int,
+    x0: Array,
+    n: Array,
+    fins: Array,
+    extra: Array,
+    level: Array,
+    step: float,
+    per_knot: int,
+    c: Tables,
+    out: Array,
+    like: Any,
 ) -> None:
-    """Runge-Kutta 4 of the vehicles from `b` on, as many as `like` holds, with inputs linear between knots."""
+    """Runge-Kutta 4 of the vehicles from `b` on, as many as `like` holds, with inputs
+    linear between knots.
+    """
     width, size, rows = together(like), x0.shape[1], out.shape[1]
     used = min(width, x0.shape[0] - b)
-    x, stage, slope, slopes = np.empty(size * width), np.empty(size * width), np.empty(size * width), np.empty(size * width)
-    low, high, now, room = np.empty(12 * width), np.empty(12 * width), np.empty(12 * width), np.empty(room_for(c) * width)
+    x, stage, slope, slopes = (
+        np.empty(size * width),
+        np.empty(size * width),
+        np.empty(size * width),
+        np.empty(size * width),
+    )
+    low, high, now, room = (
+        np.empty(12 * width),
+        np.empty(12 * width),
+        np.empty(12 * width),
+        np.empty(room_for(c) * width),
+    )
     shown = np.empty(size * width)
     ended = like  # nan once a state was not finite
     for j in range(width):
@@ -299,14 +395,28 @@ def _integrate(
 
 @compiled
 def integrate(
-    x0: Array, n: Array, fins: Array, extra: Array, level: Array, step: float, per_knot: int, c: Tables, out: Array, first: int, stop: int
+    x0: Array,
+    n: Array,
+    fins: Array,
+    extra: Array,
+    level: Array,
+    step: float,
+    per_knot: int,
+    c: Tables,
+    out: Array,
+    first: int,
+    stop: int,
 ) -> None:
-    """Fill `out` (batch, steps + 1, states) for vehicles `first` (a multiple of `WIDTH`) to `stop` of a batch, from `x0` (batch, states).
+    """Fill `out` (batch, steps + 1, states) for vehicles `first` (a multiple of
+    `WIDTH`) to `stop` of a batch, from `x0` (batch, states).
 
-    Inputs at knots: `n` and `level` (batch, k), `fins` (batch, k, 4), `extra` (batch, k, 6). Rows after a state that is not finite are nan.
+    Inputs at knots: `n` and `level` (batch, k), `fins` (batch, k, 4), `extra` (batch,
+    k, 6). Rows after a state that is not finite are nan.
     """
     if x0.shape[0] == 1:
         _integrate(0, x0, n, fins, extra, level, step, per_knot, _addresses(c), out, 0.0)
     else:
         for b in range(first, stop, WIDTH):
-            _integrate(b, x0, n, fins, extra, level, step, per_knot, _addresses(c), out, spread(0.0))
+            _integrate(
+                b, x0, n, fins, extra, level, step, per_knot, _addresses(c), out, spread(0.0)
+            )

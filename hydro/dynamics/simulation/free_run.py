@@ -1,7 +1,9 @@
-"""Free run: the motion that a model gives by itself, from measured controls and one measured state, against the measured motion.
+"""Free run: the motion that a model gives by itself, from measured controls and one
+measured state, against the measured motion.
 
-A force error hides what a model does over time: a small bias turns into a wrong heading, an unstable coefficient set leaves the run.
-Several starting points and several models run at once as one batch (McCarter 2.60-2.66 with the identified tau_nu).
+A force error hides what a model does over time: a small bias turns into a wrong
+heading, an unstable coefficient set leaves the run. Several starting points and several
+models run at once as one batch (McCarter 2.60-2.66 with the identified tau_nu).
 """
 
 from __future__ import annotations
@@ -10,30 +12,43 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import basis, basis_term_names, eta_ratio, needs_propeller_speed
+from auvid.hydro.dynamics.viscous.basis import (
+    basis,
+    basis_term_names,
+    eta_ratio,
+    needs_propeller_speed,
+)
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel, coefficient_matrix
-from numpy.typing import ArrayLike, NDArray
 
 Index = NDArray[np.intp]
 SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
-"""Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours comes near them."""
+"""Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours
+comes near them.
+"""
 
 
 @dataclass(frozen=True)
 class FreeRuns:
-    """Runs of m models from w starting points: state errors (m, w, k, 12) at `horizons_s` (k,), simulated minus measured, yaw error
-    wrapped; nan where the run had diverged. `diverged_s` (m, w): seconds after the start, nan for a run that stayed bounded."""
+    """Runs of m models from w starting points: state errors (m, w, k, 12) at
+    `horizons_s` (k,), simulated minus measured, yaw error wrapped; nan where the run
+    had diverged. `diverged_s` (m, w): seconds after the start, nan for a run that
+    stayed bounded.
+    """
 
     horizons_s: Array
     errors: Array
     diverged_s: Array
 
     def rms(self) -> Array:
-        """RMS over the starting points that stayed bounded: (m, k, 12); nan where none did."""
+        """RMS over the starting points that stayed bounded: (m, k, 12); nan where none
+        did.
+        """
         count = np.sum(np.isfinite(self.errors), axis=1)
         total = np.nansum(self.errors**2, axis=1)
         return np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
@@ -52,23 +67,32 @@ def free_runs(
     horizons_s: ArrayLike,
     minimum_speed: float = 0.05,
 ) -> FreeRuns:
-    """Simulate every model from every start with RK4 at the steps of the uniform clock t_s (n,) [s].
+    """Simulate every model from every start with RK4 at the steps of the uniform clock
+    t_s (n,) [s].
 
-    state (n, 12): measured [eta, nu]; control: series (n, ...); level_speed (n,) u_c(n) [m/s] where models have terms with eta;
-    trims (m, 6) [N, N m]; starts_s (w,), horizons_s (k,) ascending [s]. A horizon beyond the end of the data counts as nan.
+    state (n, 12): measured [eta, nu]; control: series (n, ...); level_speed (n,) u_c(n)
+    [m/s] where models have terms with eta; trims (m, 6) [N, N m]; starts_s (w,),
+    horizons_s (k,) ascending [s]. A horizon beyond the end of the data counts as nan.
     Raises `DataError` when no start leaves room for the shortest horizon.
     """
     t, measured = np.asarray(t_s, dtype=np.float64), np.asarray(state, dtype=np.float64)
-    starts, horizons = np.asarray(starts_s, dtype=np.float64), np.asarray(horizons_s, dtype=np.float64)
+    starts, horizons = (
+        np.asarray(starts_s, dtype=np.float64),
+        np.asarray(horizons_s, dtype=np.float64),
+    )
     starts = starts[starts + horizons[0] <= t[-1] - t[0] + 1e-9]
     if not len(starts):
         raise DataError(
-            "the segment is shorter than the shortest horizon of the free run", value=float(t[-1] - t[0]), allowed=f"{horizons[0]} s"
+            "the segment is shorter than the shortest horizon of the free run",
+            value=float(t[-1] - t[0]),
+            allowed=f"{horizons[0]} s",
         )
     step = float(t[-1] - t[0]) / (len(t) - 1)
     first = np.round(starts / step).astype(np.intp)
     after = np.round(horizons / step).astype(np.intp)
-    force = _forces(models, np.asarray(trims, dtype=np.float64), level_speed is not None, minimum_speed)
+    force = _forces(
+        models, np.asarray(trims, dtype=np.float64), level_speed is not None, minimum_speed
+    )
     level = None if level_speed is None else np.asarray(level_speed, dtype=np.float64)
     x = np.broadcast_to(measured[first], (len(models), len(first), 12)).copy()
     errors = np.full((len(models), len(first), len(after), 12), np.nan)
@@ -78,7 +102,9 @@ def free_runs(
     def rate(now: Array, low: Index, share: float) -> Array:
         high = np.minimum(low + 1, last)
         ratio_level = None if level is None else _between(level, low, high, share)
-        return state_derivative(vehicle, now, _control_at(control, low, high, share), lambda nu: force(nu, ratio_level))
+        return state_derivative(
+            vehicle, now, _control_at(control, low, high, share), lambda nu: force(nu, ratio_level)
+        )
 
     with np.errstate(all="ignore"):
         for count in range(int(after[-1])):
@@ -88,7 +114,10 @@ def free_runs(
             k3 = rate(x + 0.5 * step * k2, low, 0.5)
             k4 = rate(x + step * k3, low, 1.0)
             x = x + step / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
-            gone = ~(np.all(np.abs(x[..., 6:9]) < SPEED_LIMIT, axis=-1) & np.all(np.abs(x[..., 9:]) < RATE_LIMIT, axis=-1))
+            gone = ~(
+                np.all(np.abs(x[..., 6:9]) < SPEED_LIMIT, axis=-1)
+                & np.all(np.abs(x[..., 9:]) < RATE_LIMIT, axis=-1)
+            )
             inside = first + count + 1 <= last
             diverged = np.where(gone & np.isnan(diverged) & inside, (count + 1) * step, diverged)
             x[gone] = np.nan
@@ -106,12 +135,20 @@ def _forces(
     used = {term for model in models for axis in model.coefficients.values() for term in axis}
     terms = tuple(term for term in basis_term_names() if term in used)
     if not with_ratio and any(needs_propeller_speed(term) for term in terms):
-        raise DataError("a model has terms with the propulsion ratio, but the propeller speed is not known")
-    gains = np.stack([coefficient_matrix(model.coefficients, terms) for model in models]) if terms else np.zeros((len(models), 6, 0))
+        raise DataError(
+            "a model has terms with the propulsion ratio, but the propeller speed is not known"
+        )
+    gains = (
+        np.stack([coefficient_matrix(model.coefficients, terms) for model in models])
+        if terms
+        else np.zeros((len(models), 6, 0))
+    )
 
     def force(nu: Array, level: Array | None) -> Array:
         ratio = None if level is None else eta_ratio(level, nu, minimum_speed)
-        return np.asarray(np.einsum("mij,mwj->mwi", gains, basis(nu, ratio, terms)) + trims[:, None, :])
+        return np.asarray(
+            np.einsum("mij,mwj->mwi", gains, basis(nu, ratio, terms)) + trims[:, None, :]
+        )
 
     return force
 
@@ -123,4 +160,9 @@ def _between(values: ArrayLike, low: Index, high: Index, share: float) -> Array:
 
 def _control_at(control: Control, low: Index, high: Index, share: float) -> Control:
     """The control series linearly between two samples, per starting point."""
-    return Control(**{name: None if series is None else _between(series, low, high, share) for name, series in vars(control).items()})
+    return Control(
+        **{
+            name: None if series is None else _between(series, low, high, share)
+            for name, series in vars(control).items()
+        }
+    )

@@ -1,8 +1,11 @@
-"""Registers of `WIDTH` numbers in compiled code, one lane per vehicle, so that one text of an equation serves one vehicle and many.
+"""Registers of `WIDTH` numbers in compiled code, one lane per vehicle, so that one text
+of an equation serves one vehicle and many.
 
-A value is a number (float64) or a register (`LANES`); arithmetic takes both and any mixture. The argument `like` of a function (0.0, or
-`spread(0.0)`) says which of the two is meant. LLVM makes a register of whatever the machine has: one of 512 bits, or several smaller ones.
-Functions that use these are compiled once into __pycache__ and do not see a change in this file: after one, delete what lies there.
+A value is a number (float64) or a register (`LANES`); arithmetic takes both and any
+mixture. The argument `like` of a function (0.0, or `spread(0.0)`) says which of the two
+is meant. LLVM makes a register of whatever the machine has: one of 512 bits, or several
+smaller ones. Functions that use these are compiled once into __pycache__ and do not see
+a change in this file: after one, delete what lies there.
 """
 
 from __future__ import annotations
@@ -14,8 +17,9 @@ from typing import Any, TypeVar
 
 import numba
 import numba.extending
-from auvid.hydro.dynamics.simulation.plant_constants import WIDTH
 from numba.core import cgutils as numba_cgutils
+
+from auvid.hydro.dynamics.simulation.plant_constants import WIDTH
 
 # The compiler's own interface has no types.
 cgutils: Any = numba_cgutils
@@ -52,8 +56,14 @@ def _everywhere(builder: Any, value: Any) -> Any:
     """The same number in every lane."""
     if value.type == _VECTOR:
         return value
-    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+    first = builder.insert_element(
+        ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+    )
+    return builder.shuffle_vector(
+        first,
+        ir.Constant(_VECTOR, ir.Undefined),
+        ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH),
+    )
 
 
 def _arithmetic(symbol: Any, instruction: str) -> None:
@@ -63,14 +73,21 @@ def _arithmetic(symbol: Any, instruction: str) -> None:
         return lambda a, b: LANES if LANES in (a, b) and a in _KINDS and b in _KINDS else None
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return getattr(builder, instruction)(*(_everywhere(builder, item) for item in args), flags=_CONTRACT)
+        return getattr(builder, instruction)(
+            *(_everywhere(builder, item) for item in args), flags=_CONTRACT
+        )
 
     extending.type_callable(symbol)(typer)
     for pair in ((LANES, LANES), (LANES, types.float64), (types.float64, LANES)):
         extending.lower_builtin(symbol, *pair)(lower)
 
 
-for _symbol, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+for _symbol, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _arithmetic(_symbol, _instruction)
 
 
@@ -83,7 +100,9 @@ def _elementwise(name: str) -> Any:
         kind = args[0].type
         function = ir.FunctionType(kind, [kind] * len(args))
         suffix = "f64" if kind == _DOUBLE else f"v{WIDTH}f64"
-        return builder.call(cgutils.get_or_insert_function(builder.module, function, f"llvm.{name}.{suffix}"), args)
+        return builder.call(
+            cgutils.get_or_insert_function(builder.module, function, f"llvm.{name}.{suffix}"), args
+        )
 
     @intrinsic
     def found(typing: Any, a: Any) -> Any:
@@ -91,7 +110,9 @@ def _elementwise(name: str) -> Any:
 
     @intrinsic
     def found_two(typing: Any, a: Any, b: Any) -> Any:
-        return ((LANES if LANES in (a, b) else a)(a, b), call) if a in _KINDS and b in _KINDS else None
+        return (
+            ((LANES if LANES in (a, b) else a)(a, b), call) if a in _KINDS and b in _KINDS else None
+        )
 
     return found_two if name in ("pow", "maxnum") else found
 
@@ -123,21 +144,34 @@ def spread(typing: Any, value: Any) -> Any:
 def together(typing: Any, like: Any) -> Any:
     """Vehicles at a time: 1, or the lanes of a register."""
     count = WIDTH if like == LANES else 1
-    return types.intp(like), lambda context, builder, signature, args: context.get_constant(types.intp, count)
+    return types.intp(like), lambda context, builder, signature, args: context.get_constant(
+        types.intp, count
+    )
 
 
 @intrinsic
 def address(typing: Any, array: Any) -> Any:
-    """Where the numbers of an array are: unlike the array, it is not counted each time that a tuple gives it out."""
-    return types.CPointer(array.dtype)(array), lambda context, builder, signature, args: _data(context, builder, array, args[0])
+    """Where the numbers of an array are: unlike the array, it is not counted each time
+    that a tuple gives it out.
+    """
+    return types.CPointer(array.dtype)(array), lambda context, builder, signature, args: _data(
+        context, builder, array, args[0]
+    )
 
 
 def _data(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    return value if isinstance(kind, types.CPointer) else context.make_array(kind)(context, builder, value).data
+    return (
+        value
+        if isinstance(kind, types.CPointer)
+        else context.make_array(kind)(context, builder, value).data
+    )
 
 
 def _pointer(context: Any, builder: Any, kind: Any, value: Any, index: Any, pointed: Any) -> Any:
-    return builder.bitcast(builder.gep(_data(context, builder, kind, value), [index], inbounds=True), pointed.as_pointer())
+    return builder.bitcast(
+        builder.gep(_data(context, builder, kind, value), [index], inbounds=True),
+        pointed.as_pointer(),
+    )
 
 
 @intrinsic
@@ -158,7 +192,9 @@ def put(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         index = builder.mul(args[1], ir.Constant(args[1].type, WIDTH if value == LANES else 1))
-        builder.store(args[2], _pointer(context, builder, array, args[0], index, args[2].type), align=8)
+        builder.store(
+            args[2], _pointer(context, builder, array, args[0], index, args[2].type), align=8
+        )
         return context.get_dummy_value()
 
     return types.void(array, types.intp, value), code
@@ -166,7 +202,9 @@ def put(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
 @intrinsic
 def column(typing: Any, table: Any, index: Any, like: Any) -> Any:
-    """What meets `like` in a row of a table: the next `WIDTH` columns for one vehicle, one number for a register of vehicles."""
+    """What meets `like` in a row of a table: the next `WIDTH` columns for one vehicle,
+    one number for a register of vehicles.
+    """
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = _DOUBLE if like == LANES else _VECTOR
@@ -177,21 +215,29 @@ def column(typing: Any, table: Any, index: Any, like: Any) -> Any:
 
 @intrinsic
 def total(typing: Any, lanes: Any, like: Any) -> Any:
-    """The sum over the columns of a table: over the lanes for one vehicle; nothing is left to add for a register of vehicles."""
+    """The sum over the columns of a table: over the lanes for one vehicle; nothing is
+    left to add for a register of vehicles.
+    """
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         if like == LANES:
             return args[0]
         function = ir.FunctionType(_DOUBLE, [_DOUBLE, _VECTOR])
-        found = cgutils.get_or_insert_function(builder.module, function, f"llvm.vector.reduce.fadd.v{WIDTH}f64")
+        found = cgutils.get_or_insert_function(
+            builder.module, function, f"llvm.vector.reduce.fadd.v{WIDTH}f64"
+        )
         return builder.call(found, [ir.Constant(_DOUBLE, -0.0), args[0]], fastmath=("reassoc",))
 
     return like(lanes, like), code
 
 
 def compiled(function: F) -> F:
-    """Compiled on first use, into its caller, and kept in __pycache__; division by zero gives infinity as in numpy. Holds no lock."""
-    jit: Any = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True, fastmath=set(_CONTRACT))
+    """Compiled on first use, into its caller, and kept in __pycache__; division by zero
+    gives infinity as in numpy. Holds no lock.
+    """
+    jit: Any = numba.njit(
+        cache=True, error_model="numpy", nogil=True, forceinline=True, fastmath=set(_CONTRACT)
+    )
     result: F = jit(function)
     return result
 
@@ -205,7 +251,9 @@ _COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(10))
 
 @compiled
 def sine_cosine(angle: Any) -> Any:
-    """sin and cos from their series, after a turn by multiples of pi/2: to 1e-15 for angles up to 1e6 rad."""
+    """sin and cos from their series, after a turn by multiples of pi/2: to 1e-15 for
+    angles up to 1e6 rad.
+    """
     turns = nearest(angle * (2.0 / math.pi))
     x = ((angle - turns * _QUARTER) - turns * _REST) - turns * _LAST
     z = x * x
@@ -218,4 +266,6 @@ def sine_cosine(angle: Any) -> Any:
     half = floor(turns * 0.5)
     odd = turns - half * 2.0
     sign = 1.0 - 2.0 * (half - 2.0 * floor(half * 0.5))
-    return sign * choose(odd, 0.5, sine, cosine), sign * (1.0 - 2.0 * odd) * choose(odd, 0.5, cosine, sine)
+    return sign * choose(odd, 0.5, sine, cosine), sign * (1.0 - 2.0 * odd) * choose(
+        odd, 0.5, cosine, sine
+    )

@@ -1,9 +1,13 @@
-"""A viscous force from flow physics, for the truth of a twin: outside the span of all eight models of McCarter 2014.
+"""A viscous force from flow physics, for the truth of a twin: outside the span of all
+eight models of McCarter 2014.
 
-Strips along the hull feel cross-flow drag (Hoerner 1965, ch. 3; Fossen 2011, 6.4.3), the body lifts at small angles, fins and a tail mast
-lift and stall softly, the hull has friction that falls with the Reynolds number, and small asymmetries push at all times. Ideal-fluid
-parts (added mass, the Munk moment) stay in M_A and C_A; the deflection of the fins stays in tau_delta. The rows of `strips` and `surfaces`
-are constants times velocities, so that the compiled loop of hydro/dynamics/compiled.py reads the same tables.
+Strips along the hull feel cross-flow drag (Hoerner 1965, ch. 3; Fossen 2011, 6.4.3),
+the body lifts at small angles, fins and a tail mast lift and stall softly, the hull has
+friction that falls with the Reynolds number, and small asymmetries push at all times.
+Ideal-fluid parts (added mass, the Munk moment) stay in M_A and C_A; the deflection of
+the fins stays in tau_delta. The rows of `strips` and `surfaces` are constants times
+velocities, so that the compiled loop of hydro/dynamics/compiled.py reads the same
+tables.
 """
 
 from __future__ import annotations
@@ -12,21 +16,26 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array, cross, read_only
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from numpy.typing import ArrayLike
 
 SPEED_FLOOR = 1e-6
-"""[m^2/s^2] added to squared speeds in quotients, so that a vehicle at rest feels no force and no division by zero."""
+"""[m^2/s^2] added to squared speeds in quotients, so that a vehicle at rest feels no
+force and no division by zero.
+"""
 
 
 @dataclass(frozen=True)
 class LiftingSurface:
-    """A thin surface: its centre and unit normal in body axes, area, slope of the normal force, and how it stalls.
+    """A thin surface: its centre and unit normal in body axes, area, slope of the
+    normal force, and how it stalls.
 
-    Attached flow gives the normal force 1/2 rho S lift_slope u v_n, separated flow 1/2 rho S plate_drag |v_n| v_n; the share of attached
-    flow is 1 / (1 + (sin^2(alpha) / sin^2(stall))^2) with sin^2(alpha) = v_n^2 / (u^2 + v_n^2).
+    Attached flow gives the normal force 1/2 rho S lift_slope u v_n, separated flow 1/2
+    rho S plate_drag |v_n| v_n; the share of attached flow is 1 / (1 + (sin^2(alpha) /
+    sin^2(stall))^2) with sin^2(alpha) = v_n^2 / (u^2 + v_n^2).
     """
 
     name: str
@@ -40,19 +49,30 @@ class LiftingSurface:
     induced_drag: float = 0.6
 
     def row(self, density: float) -> list[float]:
-        """Centre, normal, 1/2 rho S times (slope, plate drag), 1 / sin^2(stall), 1/2 rho S times profile and induced drag: (11,)."""
+        """Centre, normal, 1/2 rho S times (slope, plate drag), 1 / sin^2(stall), 1/2
+        rho S times profile and induced drag: (11,).
+        """
         q = 0.5 * density * self.area_m2
         stall = 1.0 / math.sin(self.stall_rad) ** 2
-        return [*self.centre_m, *self.normal, q * self.lift_slope, q * self.plate_drag, stall, q * self.profile_drag, q * self.induced_drag]
+        return [
+            *self.centre_m,
+            *self.normal,
+            q * self.lift_slope,
+            q * self.plate_drag,
+            stall,
+            q * self.profile_drag,
+            q * self.induced_drag,
+        ]
 
 
 @dataclass(frozen=True)
 class PhysicalViscous:
     """The constants of the force, each with 1/2 rho and its area in it.
 
-    `strips` (n, 2): x [m], 1/2 rho C_d d dx. `surfaces` (k, 11): `LiftingSurface.row`. `body` (3,): 1/2 rho d^2 c_yd [kg/m], its x [m], and
-    the induced drag over (v^2 + w^2). `axial` (2,): 1/2 rho C S at 1 m/s, and the power of |u| by which it falls. `asymmetry` (6,): force
-    and moment per u|u|.
+    `strips` (n, 2): x [m], 1/2 rho C_d d dx. `surfaces` (k, 11): `LiftingSurface.row`.
+    `body` (3,): 1/2 rho d^2 c_yd [kg/m], its x [m], and the induced drag over (v^2 +
+    w^2). `axial` (2,): 1/2 rho C S at 1 m/s, and the power of |u| by which it falls.
+    `asymmetry` (6,): force and moment per u|u|.
     """
 
     strips: Array
@@ -62,7 +82,9 @@ class PhysicalViscous:
     asymmetry: Array
 
     def force(self, nu: ArrayLike, level_speed: ArrayLike | None = None) -> Array:
-        """tau_nu: nu (..., 6) -> (..., 6) [N, N m]. The level speed has no influence; it is there for models with a propulsion ratio."""
+        """tau_nu: nu (..., 6) -> (..., 6) [N, N m]. The level speed has no influence;
+        it is there for models with a propulsion ratio.
+        """
         nu = np.asarray(nu, dtype=np.float64)
         u, v, w = nu[..., 0], nu[..., 1], nu[..., 2]
         tau = self.asymmetry * (u * np.abs(u))[..., None]
@@ -99,7 +121,9 @@ def _add_surface(tau: Array, row: Array, nu: Array) -> None:
     ahead, across = local[..., 0], local @ normal
     sine2 = across**2 / (ahead**2 + across**2 + SPEED_FLOOR)
     attached = 1.0 / (1.0 + (sine2 * row[8]) ** 2)
-    push = -across * (row[6] * attached * np.abs(ahead) + row[7] * (1.0 - attached) * np.abs(across))
+    push = -across * (
+        row[6] * attached * np.abs(ahead) + row[7] * (1.0 - attached) * np.abs(across)
+    )
     force = push[..., None] * normal
     force[..., 0] -= (row[9] + row[10] * sine2) * ahead * np.abs(ahead)
     tau[..., :3] += force
@@ -107,18 +131,27 @@ def _add_surface(tau: Array, row: Array, nu: Array) -> None:
 
 
 HULL_FULLNESS = 0.84
-"""Displaced volume over length times the circle of the diameter; it gives the VT 690's printed diameter 0.1753 m."""
+"""Displaced volume over length times the circle of the diameter; it gives the VT 690's
+printed diameter 0.1753 m.
+"""
 STRIPS = 20
 
 
 def physical_viscous(vehicle: Vehicle) -> PhysicalViscous:
-    """The physical force of a torpedo-shaped vehicle, sized from its length (reference length of the fins) and displaced volume.
+    """The physical force of a torpedo-shaped vehicle, sized from its length (reference
+    length of the fins) and displaced volume.
 
-    Shape and coefficients are assumptions, chosen so that the VT 690 is stable, runs 1.5 to 2.2 m/s at 1800 to 2600 rpm, and has effective
-    derivatives per m/s of u near Y_v -50, Y_r +20, N_v +22, N_r -27. Raises `CampaignError` for a vehicle without fins.
+    Shape and coefficients are assumptions, chosen so that the VT 690 is stable, runs
+    1.5 to 2.2 m/s at 1800 to 2600 rpm, and has effective derivatives per m/s of u near
+    Y_v -50, Y_r +20, N_v +22, N_r -27. Raises `CampaignError` for a vehicle without
+    fins.
     """
     if vehicle.fins is None:
-        raise CampaignError("the physical truth is that of a torpedo with fins; this vehicle has none", field="vehicle", value=vehicle.name)
+        raise CampaignError(
+            "the physical truth is that of a torpedo with fins; this vehicle has none",
+            field="vehicle",
+            value=vehicle.name,
+        )
     rho, length = vehicle.water_density, vehicle.fins.length_m
     diameter = math.sqrt(vehicle.displaced_mass_kg / rho / (HULL_FULLNESS * math.pi / 4.0 * length))
     scale = length / 2.057
@@ -134,7 +167,9 @@ def physical_viscous(vehicle: Vehicle) -> PhysicalViscous:
 
 
 def _strips(density: float, length: float, diameter: float) -> Array:
-    """Blunt nose, cylinder, tapered tail; cross-flow drag coefficient 1.0 of a cylinder at these Reynolds numbers."""
+    """Blunt nose, cylinder, tapered tail; cross-flow drag coefficient 1.0 of a cylinder
+    at these Reynolds numbers.
+    """
     edges = np.linspace(-0.5, 0.5, STRIPS + 1)
     x = 0.5 * (edges[1:] + edges[:-1])
     nose = np.where(x < 0.4, 1.0, np.sqrt(np.clip(1.0 - ((x - 0.4) / 0.1) ** 2, 0.0, 1.0)))
@@ -149,7 +184,15 @@ _SURFACES = (
     LiftingSurface("port fin", (_FIN_X, -_FIN_RADIUS, 0.0), (0.0, 0.0, 1.0), _FIN_AREA),
     LiftingSurface("bottom fin", (_FIN_X, 0.0, _FIN_RADIUS), (0.0, 1.0, 0.0), _FIN_AREA),
     LiftingSurface("top fin", (_FIN_X, 0.0, -_FIN_RADIUS), (0.0, 1.0, 0.0), _FIN_AREA),
-    LiftingSurface("mast", (-0.72, 0.0, -0.17), (0.0, 1.0, 0.0), 0.003, lift_slope=1.2, profile_drag=0.08, stall_rad=math.radians(18.0)),
+    LiftingSurface(
+        "mast",
+        (-0.72, 0.0, -0.17),
+        (0.0, 1.0, 0.0),
+        0.003,
+        lift_slope=1.2,
+        profile_drag=0.08,
+        stall_rad=math.radians(18.0),
+    ),
 )
 
 
@@ -157,4 +200,7 @@ def _scaled(surfaces: tuple[LiftingSurface, ...], scale: float) -> list[LiftingS
     def moved(centre: tuple[float, float, float]) -> tuple[float, float, float]:
         return centre[0] * scale, centre[1] * scale, centre[2] * scale
 
-    return [replace(item, centre_m=moved(item.centre_m), area_m2=item.area_m2 * scale**2) for item in surfaces]
+    return [
+        replace(item, centre_m=moved(item.centre_m), area_m2=item.area_m2 * scale**2)
+        for item in surfaces
+    ]

@@ -1,4 +1,5 @@
-"""The shape of a vehicle as strip theory sees it: a hull of revolution and pairs of thin surfaces (`geometry` of a vehicle document).
+"""The shape of a vehicle as strip theory sees it: a hull of revolution and pairs of
+thin surfaces (`geometry` of a vehicle document).
 
 Body axes FRD; x counts from the body origin, heights from the hull's axis.
 """
@@ -10,22 +11,27 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.quantities import Quantities
-from numpy.typing import ArrayLike
 
 HULL_SHAPES = ("cylinder", "myring", "stations")
 LAYOUTS = ("cruciform", "horizontal", "vertical")
 NODES = 32
-"""Gauss-Legendre nodes per piece: exact for the polynomial pieces of cylinders and Myring tails, 1e-5 for a round Myring nose."""
+"""Gauss-Legendre nodes per piece: exact for the polynomial pieces of cylinders and
+Myring tails, 1e-5 for a round Myring nose.
+"""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """A hull of revolution. `radius_m` maps x (...) [m] to the radius, 0 outside `tail_x_m`..`nose_x_m`; `knots_m` bound its smooth pieces.
+    """A hull of revolution. `radius_m` maps x (...) [m] to the radius, 0 outside
+    `tail_x_m`..`nose_x_m`; `knots_m` bound its smooth pieces.
 
-    `frontal_area_m2` is the area that the drag formula (2.82) is given; `cross_flow_drag` is C_dc of (2.84).
+    `frontal_area_m2` is the area that the drag formula (2.82) is given;
+    `cross_flow_drag` is C_dc of (2.84).
     """
 
     radius_m: Callable[[ArrayLike], Array]
@@ -49,10 +55,12 @@ class Hull:
 
 @dataclass(frozen=True)
 class Surface:
-    """A pair of equal thin surfaces (horizontal or vertical), or two crossed pairs (cruciform). `controlled`: they are the control fins.
+    """A pair of equal thin surfaces (horizontal or vertical), or two crossed pairs
+    (cruciform). `controlled`: they are the control fins.
 
-    `span_m` b of one surface from root to tip, `area_m2` its planform, `tip_height_m` from the hull's axis, `force_x_m` where its force
-    acts, `taper` t of (2.85): width of the tip over that of the root.
+    `span_m` b of one surface from root to tip, `area_m2` its planform, `tip_height_m`
+    from the hull's axis, `force_x_m` where its force acts, `taper` t of (2.85): width
+    of the tip over that of the root.
     """
 
     name: str
@@ -90,9 +98,16 @@ class Geometry:
         return next((item for item in self.surfaces if item.controlled), None)
 
     def integral(self, function: Callable[[Array], Array]) -> float:
-        """Integral of a function of x [m] over the hull, piece by piece between the knots of the hull and the edges of the surfaces."""
+        """Integral of a function of x [m] over the hull, piece by piece between the
+        knots of the hull and the edges of the surfaces.
+        """
         low, high = self.hull.tail_x_m, self.hull.nose_x_m
-        edges = {low, high, *self.hull.knots_m, *(x for item in self.surfaces for x in (item.rear_x_m, item.front_x_m))}
+        edges = {
+            low,
+            high,
+            *self.hull.knots_m,
+            *(x for item in self.surfaces for x in (item.rear_x_m, item.front_x_m)),
+        }
         cuts = np.array(sorted(x for x in edges if low <= x <= high))
         node, weight = np.polynomial.legendre.leggauss(NODES)
         half, middle = 0.5 * np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
@@ -102,15 +117,19 @@ class Geometry:
 def geometry_from_document(document: Mapping[str, Any]) -> Geometry:
     """The geometry of a vehicle document (schema `vehicle`, key `geometry`).
 
-    Raises `CampaignError` when there is none, when an area, length or diameter is not positive, when a surface lies ahead of or behind
-    the hull, does not rise above it or does not touch it, and when a profile's pieces do not fit its length.
+    Raises `CampaignError` when there is none, when an area, length or diameter is not
+    positive, when a surface lies ahead of or behind the hull, does not rise above it or
+    does not touch it, and when a profile's pieces do not fit its length.
     """
     read = Quantities(document).part("geometry")
     if "hull" not in read:
         raise CampaignError(
             "the vehicle has no geometry",
             field="geometry.hull",
-            remedy="Strip theory needs the shape of the hull and its fins: give the block `geometry` in the vehicle file.",
+            remedy=(
+                "Strip theory needs the shape of the hull and its fins: give the block `geometry`"
+                " in the vehicle file."
+            ),
         )
     hull = _hull(read.part("hull"))
     surfaces = read.part("surfaces")
@@ -121,17 +140,33 @@ def geometry_from_document(document: Mapping[str, Any]) -> Geometry:
 def _positive(read: Quantities, key: str, unit: str, *, default: float | None = None) -> float:
     value = read.number(key, unit, default=default)
     if value <= 0.0:
-        raise CampaignError("must be positive", field=f"{read.where(key)}.value", value=value, allowed=f"more than 0 {unit}")
+        raise CampaignError(
+            "must be positive",
+            field=f"{read.where(key)}.value",
+            value=value,
+            allowed=f"more than 0 {unit}",
+        )
     return value
 
 
 def _hull(read: Quantities) -> Hull:
     shape = str(read.plain("shape", "cylinder"))
     if shape not in HULL_SHAPES:
-        raise CampaignError("unknown hull shape", field=read.where("shape"), value=shape, allowed=HULL_SHAPES)
+        raise CampaignError(
+            "unknown hull shape", field=read.where("shape"), value=shape, allowed=HULL_SHAPES
+        )
     if shape == "stations":
-        x, r = read.array("station_x", "m", shape=(-1,)), read.array("station_radius", "m", shape=(-1,))
-        if len(x) < 2 or len(x) != len(r) or np.any(np.diff(x) <= 0.0) or np.any(r < 0.0) or not np.any(r > 0.0):
+        x, r = (
+            read.array("station_x", "m", shape=(-1,)),
+            read.array("station_radius", "m", shape=(-1,)),
+        )
+        if (
+            len(x) < 2
+            or len(x) != len(r)
+            or np.any(np.diff(x) <= 0.0)
+            or np.any(r < 0.0)
+            or not np.any(r > 0.0)
+        ):
             raise CampaignError(
                 "stations need two or more ascending x with a radius, not negative, each",
                 field=read.where("station_x"),
@@ -169,8 +204,12 @@ def _cylinder(tail: float, nose: float, diameter: float) -> Callable[[ArrayLike]
     return radius
 
 
-def _myring(read: Quantities, *, tail: float, nose: float, diameter: float) -> tuple[Callable[[ArrayLike], Array], tuple[float, ...]]:
-    """Myring's nose and tail about a cylinder (Prestero 2001, section 2.2): nose length a, exponent n, tail length c, tail half-angle."""
+def _myring(
+    read: Quantities, *, tail: float, nose: float, diameter: float
+) -> tuple[Callable[[ArrayLike], Array], tuple[float, ...]]:
+    """Myring's nose and tail about a cylinder (Prestero 2001, section 2.2): nose length
+    a, exponent n, tail length c, tail half-angle.
+    """
     a, c = _positive(read, "nose_length", "m"), _positive(read, "tail_length", "m")
     n, angle = _positive(read, "nose_exponent", "1"), _positive(read, "tail_angle", "rad")
     if a + c > nose - tail:
@@ -187,7 +226,11 @@ def _myring(read: Quantities, *, tail: float, nose: float, diameter: float) -> t
         s = np.clip((tail + c) - x, 0.0, c)
         front = 0.5 * diameter * (1.0 - into_nose**2) ** (1.0 / n)
         slope = np.tan(angle)
-        back = 0.5 * diameter - (1.5 * diameter / c**2 - slope / c) * s**2 + (diameter / c**3 - slope / c**2) * s**3
+        back = (
+            0.5 * diameter
+            - (1.5 * diameter / c**2 - slope / c) * s**2
+            + (diameter / c**3 - slope / c**2) * s**3
+        )
         inside = (x >= tail) & (x <= nose)
         return np.where(inside, np.minimum(front, np.maximum(back, 0.0)), 0.0)
 
@@ -197,7 +240,9 @@ def _myring(read: Quantities, *, tail: float, nose: float, diameter: float) -> t
 def _surface(name: str, read: Quantities, hull: Hull) -> Surface:
     layout = str(read.plain("layout", ""))
     if layout not in LAYOUTS:
-        raise CampaignError("unknown layout of surfaces", field=read.where("layout"), value=layout, allowed=LAYOUTS)
+        raise CampaignError(
+            "unknown layout of surfaces", field=read.where("layout"), value=layout, allowed=LAYOUTS
+        )
     rear, front = read.number("x_rear", "m"), read.number("x_front", "m")
     surface = Surface(
         name=name,
@@ -213,7 +258,10 @@ def _surface(name: str, read: Quantities, hull: Hull) -> Surface:
     )
     if front <= rear:
         raise CampaignError(
-            "the front of a surface is not ahead of its rear", field=read.where("x_front"), value=front, allowed=f"above {rear:g} m"
+            "the front of a surface is not ahead of its rear",
+            field=read.where("x_front"),
+            value=front,
+            allowed=f"above {rear:g} m",
         )
     if rear < hull.tail_x_m or front > hull.nose_x_m:
         raise CampaignError(
@@ -237,6 +285,9 @@ def _surface(name: str, read: Quantities, hull: Hull) -> Surface:
             "the surface does not touch the hull",
             field=read.where("span"),
             value=surface.span_m,
-            allowed=f"at least {surface.tip_height_m - 0.5 * hull.diameter_m:g} m, so that its root reaches the hull",
+            allowed=(
+                f"at least {surface.tip_height_m - 0.5 * hull.diameter_m:g} m, so that its root"
+                " reaches the hull"
+            ),
         )
     return surface

@@ -6,24 +6,40 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
-MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {73.0 + motor: motor for motor in range(9, 13)}
+MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {
+    73.0 + motor: motor for motor in range(9, 13)
+}
 """ArduPilot's SERVOc_FUNCTION: 33 to 40 are motors 1 to 8, 82 to 85 motors 9 to 12."""
 
 
-def with_logged_directions(vehicle: Vehicle, parameters: Mapping[str, float]) -> tuple[Vehicle, str]:
-    """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters (ArduSub), if the log has one for every thruster.
+def with_logged_directions(
+    vehicle: Vehicle, parameters: Mapping[str, float]
+) -> tuple[Vehicle, str]:
+    """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters
+    (ArduSub), if the log has one for every thruster.
 
-    Motor n is the one that SERVOc_FUNCTION assigns to the thruster's output c; without that parameter n = c.
-    Second item: a sentence that says where the directions come from, empty for a vehicle without thrusters.
+    Motor n is the one that SERVOc_FUNCTION assigns to the thruster's output c; without
+    that parameter n = c. Second item: a sentence that says where the directions come
+    from, empty for a vehicle without thrusters.
     """
     if vehicle.thrusters is None:
         return vehicle, ""
-    motors = [MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION", 0.0), output) for output in vehicle.thrusters.outputs]
+    motors = [
+        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION", 0.0), output)
+        for output in vehicle.thrusters.outputs
+    ]
     logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
     known = [float(value) for value in logged if value in (1.0, -1.0)]
     if len(known) < len(logged):
-        return vehicle, "Motor directions are those of the vehicle file; the log does not hold them all."
+        return (
+            vehicle,
+            "Motor directions are those of the vehicle file; the log does not hold them all.",
+        )
     thrusters = replace(vehicle.thrusters, direction=np.array(known))
-    return replace(vehicle, thrusters=thrusters), "Motor directions are those of the log's parameters MOT_n_DIRECTION."
+    return (
+        replace(vehicle, thrusters=thrusters),
+        "Motor directions are those of the log's parameters MOT_n_DIRECTION.",
+    )

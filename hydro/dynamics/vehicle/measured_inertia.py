@@ -12,10 +12,13 @@ AXES = ("I_x", "I_y", "I_z")
 
 
 def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]) -> dict[str, Any]:
-    """The vehicle document with the axes that document `inertia` holds (schema `inertia`), in kg m^2.
+    """The vehicle document with the axes that document `inertia` holds (schema
+    `inertia`), in kg m^2.
 
-    Measured is about the centre of gravity; the vehicle's matrix is about the body origin, so m (|r_G|^2 - r_G,i^2) is added. Products of
-    inertia, and axes that were not swung, stay. Raises `CampaignError` for a number that is missing or has a wrong unit or shape.
+    Measured is about the centre of gravity; the vehicle's matrix is about the body
+    origin, so m (|r_G|^2 - r_G,i^2) is added. Products of inertia, and axes that were
+    not swung, stay. Raises `CampaignError` for a number that is missing or has a wrong
+    unit or shape.
     """
     body = Quantities(vehicle).part("rigid_body")
     arm = body.array("centre_of_gravity", "m", shape=(3,))
@@ -24,7 +27,9 @@ def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]
     measured = [name for name in AXES if name in read]
     for index, name in enumerate(AXES):
         if name in measured:
-            matrix[index][index] = read.number(name, "kg*m^2") + body.number("mass", "kg") * float(arm @ arm - arm[index] ** 2)
+            matrix[index][index] = read.number(name, "kg*m^2") + body.number("mass", "kg") * float(
+                arm @ arm - arm[index] ** 2
+            )
     out = copy.deepcopy(dict(vehicle))
     old = out["rigid_body"]["inertia"]
     source = f"{', '.join(measured)}: {inertia['source']}"

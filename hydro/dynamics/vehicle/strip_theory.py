@@ -1,7 +1,9 @@
-"""Added mass and drag of a slender vehicle by strip theory: Al Makdah 2016 (2.66)-(2.89) after Newman, Blevins and Prestero.
+"""Added mass and drag of a slender vehicle by strip theory: Al Makdah 2016
+(2.66)-(2.89) after Newman, Blevins and Prestero.
 
-`corrected` False is the thesis as printed, its slips included; True applies the errata. Both use the heights of fins and wings above the
-hull's axis for b of (2.74), (2.79) and the hull radius for a: only that reproduces Table 2.9.
+`corrected` False is the thesis as printed, its slips included; True applies the errata.
+Both use the heights of fins and wings above the hull's axis for b of (2.74), (2.79) and
+the hull radius for a: only that reproduces Table 2.9.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.quantities import Quantities
@@ -23,8 +26,12 @@ SKIN_FRICTION = 3.397e-3
 THESIS = "Al Makdah 2016"
 
 
-def strip_theory(geometry: Geometry, *, water_density: float, corrected: bool = True) -> tuple[Coefficient, ...]:
-    """All coefficients that the geometry gives: added mass, drag, body lift, lift and control of the surfaces. Density [kg/m^3]."""
+def strip_theory(
+    geometry: Geometry, *, water_density: float, corrected: bool = True
+) -> tuple[Coefficient, ...]:
+    """All coefficients that the geometry gives: added mass, drag, body lift, lift and
+    control of the surfaces. Density [kg/m^3].
+    """
     return (
         *added_mass(geometry, water_density=water_density, corrected=corrected),
         *drag(geometry, water_density=water_density, corrected=corrected),
@@ -33,25 +40,35 @@ def strip_theory(geometry: Geometry, *, water_density: float, corrected: bool = 
     )
 
 
-def strip_theory_of(document: Mapping[str, Any], *, corrected: bool = True) -> tuple[Coefficient, ...]:
-    """Strip theory of a vehicle document with `geometry`. Errors as `geometry_from_document`."""
+def strip_theory_of(
+    document: Mapping[str, Any], *, corrected: bool = True
+) -> tuple[Coefficient, ...]:
+    """Strip theory of a vehicle document with `geometry`. Errors as
+    `geometry_from_document`.
+    """
     density = Quantities(document).part("environment").number("water_density", "kg/m^3")
-    return strip_theory(geometry_from_document(document), water_density=density, corrected=corrected)
+    return strip_theory(
+        geometry_from_document(document), water_density=density, corrected=corrected
+    )
 
 
 def finned_circle(a: Array, b: float) -> Array:
-    """Added mass per length over rho of a circle of radius a with two fins to height b, moving across them (2.74), Table 2.7 [m^2].
+    """Added mass per length over rho of a circle of radius a with two fins to height b,
+    moving across them (2.74), Table 2.7 [m^2].
 
-    pi [a^2 + (b^2 - a^2)^2 / b^2]; a flat plate pi b^2 for a -> 0, a circle pi a^2 for b -> a.
+    pi [a^2 + (b^2 - a^2)^2 / b^2]; a flat plate pi b^2 for a -> 0, a circle pi a^2 for
+    b -> a.
     """
     return np.asarray(np.pi * (a**2 + (b**2 - a**2) ** 2 / b**2))
 
 
 def finned_circle_roll(a: Array, b: float) -> Array:
-    """Added moment of inertia in roll per length over rho of a circle of radius a with two opposite fins to height b (Table 2.7) [m^4].
+    """Added moment of inertia in roll per length over rho of a circle of radius a with
+    two opposite fins to height b (Table 2.7) [m^4].
 
-    a^4 (csc^4(alpha) [2 alpha^2 - alpha sin 4 alpha + 1/2 sin^2 2 alpha] / pi - pi / 2), sin alpha = 2 a b / (a^2 + b^2),
-    pi / 2 < alpha < pi (2.65); pi b^4 / 8 for a -> 0, which is also returned below a = b / 1000, where the form loses its digits.
+    a^4 (csc^4(alpha) [2 alpha^2 - alpha sin 4 alpha + 1/2 sin^2 2 alpha] / pi - pi /
+    2), sin alpha = 2 a b / (a^2 + b^2), pi / 2 < alpha < pi (2.65); pi b^4 / 8 for a ->
+    0, which is also returned below a = b / 1000, where the form loses its digits.
     """
     a = np.asarray(a, dtype=np.float64)
     plate = np.full(a.shape, np.pi / 8.0 * b**4)
@@ -65,40 +82,92 @@ def finned_circle_roll(a: Array, b: float) -> Array:
 
 
 def _section(geometry: Geometry, *, heave: bool) -> Callable[[Array], Array]:
-    """m_22(x) or m_33(x) over rho [m^2]: circles, finned where a pair stands across the motion."""
+    """m_22(x) or m_33(x) over rho [m^2]: circles, finned where a pair stands across the
+    motion.
+    """
 
     def area(x: Array) -> Array:
         a = geometry.hull.radius_m(x)
         out = np.pi * a**2
         for item in geometry.surfaces:
             if item.in_heave if heave else item.in_sway:
-                out = np.where((x > item.rear_x_m) & (x < item.front_x_m), finned_circle(a, item.tip_height_m), out)
+                out = np.where(
+                    (x > item.rear_x_m) & (x < item.front_x_m),
+                    finned_circle(a, item.tip_height_m),
+                    out,
+                )
         return out
 
     return area
 
 
-def added_mass(geometry: Geometry, *, water_density: float, corrected: bool = True) -> tuple[Coefficient, ...]:
-    """The eight derivatives of (2.66)-(2.81) about the body origin, McCarter's sign (M_A <= 0).
+def added_mass(
+    geometry: Geometry, *, water_density: float, corrected: bool = True
+) -> tuple[Coefficient, ...]:
+    """The eight derivatives of (2.66)-(2.81) about the body origin, McCarter's sign
+    (M_A <= 0).
 
-    X_udot is (2.72) with alpha of the prolate spheroid with the hull's axes, which Table 2.8 tabulates. As printed, Z_qdot has the sign of
-    (2.80) and every fin and wing rolls like four blades (2.79); corrected, Z_qdot = +int x m_33 and pairs roll by Table 2.7.
+    X_udot is (2.72) with alpha of the prolate spheroid with the hull's axes, which
+    Table 2.8 tabulates. As printed, Z_qdot has the sign of (2.80) and every fin and
+    wing rolls like four blades (2.79); corrected, Z_qdot = +int x m_33 and pairs roll
+    by Table 2.7.
     """
     rho, hull = water_density, geometry.hull
     sway, heave = _section(geometry, heave=False), _section(geometry, heave=True)
-    axial = float(spheroid_added_mass(0.5 * hull.length_m, 0.5 * hull.diameter_m, water_density=rho)[0, 0])
+    axial = float(
+        spheroid_added_mass(0.5 * hull.length_m, 0.5 * hull.diameter_m, water_density=rho)[0, 0]
+    )
     z_qdot = rho * geometry.integral(lambda x: x * heave(x)) * (1.0 if corrected else -1.0)
     rows = (
-        ("X_udot", axial, r"-\frac{4\alpha\rho\pi}{3}\frac{l}{2}\left(\frac{d}{2}\right)^2", "(2.72)", ""),
+        (
+            "X_udot",
+            axial,
+            r"-\frac{4\alpha\rho\pi}{3}\frac{l}{2}\left(\frac{d}{2}\right)^2",
+            "(2.72)",
+            "",
+        ),
         ("Y_vdot", -rho * geometry.integral(sway), r"-\int m_{22}\,dx", "(2.67), (2.75)", ""),
         ("Z_wdot", -rho * geometry.integral(heave), r"-\int m_{33}\,dx", "(2.68), (2.76)", ""),
-        ("K_pdot", -rho * _roll(geometry, corrected), _ROLL[corrected], "(2.79)" + (", pairs by Table 2.7" if corrected else ""), ""),
-        ("M_qdot", -rho * geometry.integral(lambda x: x * x * heave(x)), r"-\int x^2 m_{33}\,dx", "(2.77)", ""),
-        ("N_rdot", -rho * geometry.integral(lambda x: x * x * sway(x)), r"-\int x^2 m_{22}\,dx", "(2.78)", ""),
-        ("Y_rdot", -rho * geometry.integral(lambda x: x * sway(x)), r"-\int x\,m_{22}\,dx", "(2.81)", ""),
-        ("Z_qdot", z_qdot, ("+" if corrected else "-") + r"\int x\,m_{33}\,dx", "(2.80)" + (", sign corrected" if corrected else ""), ""),
+        (
+            "K_pdot",
+            -rho * _roll(geometry, corrected),
+            _ROLL[corrected],
+            "(2.79)" + (", pairs by Table 2.7" if corrected else ""),
+            "",
+        ),
+        (
+            "M_qdot",
+            -rho * geometry.integral(lambda x: x * x * heave(x)),
+            r"-\int x^2 m_{33}\,dx",
+            "(2.77)",
+            "",
+        ),
+        (
+            "N_rdot",
+            -rho * geometry.integral(lambda x: x * x * sway(x)),
+            r"-\int x^2 m_{22}\,dx",
+            "(2.78)",
+            "",
+        ),
+        (
+            "Y_rdot",
+            -rho * geometry.integral(lambda x: x * sway(x)),
+            r"-\int x\,m_{22}\,dx",
+            "(2.81)",
+            "",
+        ),
+        (
+            "Z_qdot",
+            z_qdot,
+            ("+" if corrected else "-") + r"\int x\,m_{33}\,dx",
+            "(2.80)" + (", sign corrected" if corrected else ""),
+            "",
+        ),
     )
-    return tuple(Coefficient(n, value, unit_of(n), "added_mass", formula, f"{THESIS} {at}", note) for n, value, formula, at, note in rows)
+    return tuple(
+        Coefficient(n, value, unit_of(n), "added_mass", formula, f"{THESIS} {at}", note)
+        for n, value, formula, at, note in rows
+    )
 
 
 _ROLL = {
@@ -108,7 +177,9 @@ _ROLL = {
 
 
 def _roll(geometry: Geometry, corrected: bool) -> float:
-    """Integral of m_44 / rho [m^5] over fins and wings; the hull is smooth and moves no water in roll."""
+    """Integral of m_44 / rho [m^5] over fins and wings; the hull is smooth and moves no
+    water in roll.
+    """
     total = 0.0
     for item in geometry.surfaces:
         b = item.tip_height_m
@@ -118,29 +189,42 @@ def _roll(geometry: Geometry, corrected: bool) -> float:
 
         def blades(x: Array, item: Surface = item) -> Array:
             inside = (x > item.rear_x_m) & (x < item.front_x_m)
-            return np.where(inside, finned_circle_roll(geometry.hull.radius_m(x), item.tip_height_m), 0.0)
+            return np.where(
+                inside, finned_circle_roll(geometry.hull.radius_m(x), item.tip_height_m), 0.0
+            )
 
         total += geometry.integral(blades)
     return total
 
 
-def drag(geometry: Geometry, *, water_density: float, corrected: bool = True) -> tuple[Coefficient, ...]:
+def drag(
+    geometry: Geometry, *, water_density: float, corrected: bool = True
+) -> tuple[Coefficient, ...]:
     """The ten coefficients of (2.82)-(2.89) about the body origin.
 
-    As printed: x^3 without modulus cancels the hull in M_q|q| and N_r|r| (2.86; the signs of Table 2.10 need |x|^3 for fins and wings
-    even so), fins and wings have the wrong sign in M_w|w| and N_v|v| (2.89), roll uses half the tip height, and the axial drag mixes
-    two frontal areas: pi r^2 in (2.83), A_f in (2.82). Corrected: |x|^3, signs of aft fins that stabilise, the mean of hull radius and
-    tip height, one frontal area.
+    As printed: x^3 without modulus cancels the hull in M_q|q| and N_r|r| (2.86; the
+    signs of Table 2.10 need |x|^3 for fins and wings even so), fins and wings have the
+    wrong sign in M_w|w| and N_v|v| (2.89), roll uses half the tip height, and the axial
+    drag mixes two frontal areas: pi r^2 in (2.83), A_f in (2.82). Corrected: |x|^3,
+    signs of aft fins that stabilise, the mean of hull radius and tip height, one
+    frontal area.
     """
     hull = geometry.hull
     gamma = 0.5 * water_density * hull.cross_flow_drag
-    plates = [(item, 0.5 * water_density * item.area_m2 * (0.1 + 0.7 * item.taper)) for item in geometry.surfaces]
+    plates = [
+        (item, 0.5 * water_density * item.area_m2 * (0.1 + 0.7 * item.taper))
+        for item in geometry.surfaces
+    ]
 
     def hull_integral(weight: Callable[[Array], Array]) -> float:
         return gamma * geometry.integral(lambda x: 2.0 * weight(x) * hull.radius_m(x))
 
     def pairs(weight: Callable[[float], float], *, heave: bool) -> float:
-        return sum(2.0 * weight(item.force_x_m) * nu for item, nu in plates if (item.in_heave if heave else item.in_sway))
+        return sum(
+            2.0 * weight(item.force_x_m) * nu
+            for item, nu in plates
+            if (item.in_heave if heave else item.in_sway)
+        )
 
     cube = hull_integral((lambda x: np.abs(x) ** 3) if corrected else (lambda x: x**3))
     square, first = hull_integral(lambda x: x * np.abs(x)), hull_integral(lambda x: x)
@@ -152,9 +236,24 @@ def drag(geometry: Geometry, *, water_density: float, corrected: bool = True) ->
     cross_w, cross_v = pairs(lambda x: x, heave=True), pairs(lambda x: x, heave=False)
     rows = (
         _axial(geometry, water_density, corrected),
-        ("Y_v|v|", -hull_integral(np.ones_like) - pairs(lambda x: 1.0, heave=False), r"-\gamma\int 2r\,dx-2\nu_f", "(2.86)"),
-        ("Z_w|w|", -hull_integral(np.ones_like) - pairs(lambda x: 1.0, heave=True), r"-\gamma\int 2r\,dx-2\nu_f-2\nu_w", "(2.86)"),
-        ("K_p|p|", _roll_drag(geometry, plates, corrected), _ROLL_DRAG, "(2.88)" + (", mean height corrected" if corrected else "")),
+        (
+            "Y_v|v|",
+            -hull_integral(np.ones_like) - pairs(lambda x: 1.0, heave=False),
+            r"-\gamma\int 2r\,dx-2\nu_f",
+            "(2.86)",
+        ),
+        (
+            "Z_w|w|",
+            -hull_integral(np.ones_like) - pairs(lambda x: 1.0, heave=True),
+            r"-\gamma\int 2r\,dx-2\nu_f-2\nu_w",
+            "(2.86)",
+        ),
+        (
+            "K_p|p|",
+            _roll_drag(geometry, plates, corrected),
+            _ROLL_DRAG,
+            "(2.88)" + (", mean height corrected" if corrected else ""),
+        ),
         (
             "M_q|q|",
             -cube - pairs(lambda x: abs(x) ** 3, heave=True),
@@ -167,15 +266,40 @@ def drag(geometry: Geometry, *, water_density: float, corrected: bool = True) ->
             rf"-\gamma\int 2{power}r\,dx-2|x_f|^3\nu_f",
             "(2.86)" + slip,
         ),
-        ("Y_r|r|", -square - pairs(lambda x: x * abs(x), heave=False), r"-\gamma\int 2x|x|r\,dx-2x_f|x_f|\nu_f", "(2.89)"),
-        ("Z_q|q|", square + pairs(lambda x: x * abs(x), heave=True), r"\gamma\int 2x|x|r\,dx+2x_f|x_f|\nu_f+2x_w|x_w|\nu_w", "(2.89)"),
-        ("M_w|w|", first + sign * cross_w, rf"\gamma\int 2xr\,dx{plus}2x_f\nu_f{plus}2x_w\nu_w", "(2.89)" + turned),
-        ("N_v|v|", -first - sign * cross_v, rf"-\gamma\int 2xr\,dx{minus}2x_f\nu_f", "(2.89)" + turned),
+        (
+            "Y_r|r|",
+            -square - pairs(lambda x: x * abs(x), heave=False),
+            r"-\gamma\int 2x|x|r\,dx-2x_f|x_f|\nu_f",
+            "(2.89)",
+        ),
+        (
+            "Z_q|q|",
+            square + pairs(lambda x: x * abs(x), heave=True),
+            r"\gamma\int 2x|x|r\,dx+2x_f|x_f|\nu_f+2x_w|x_w|\nu_w",
+            "(2.89)",
+        ),
+        (
+            "M_w|w|",
+            first + sign * cross_w,
+            rf"\gamma\int 2xr\,dx{plus}2x_f\nu_f{plus}2x_w\nu_w",
+            "(2.89)" + turned,
+        ),
+        (
+            "N_v|v|",
+            -first - sign * cross_v,
+            rf"-\gamma\int 2xr\,dx{minus}2x_f\nu_f",
+            "(2.89)" + turned,
+        ),
     )
-    return tuple(Coefficient(n, value, unit_of(n), "drag", formula, f"{THESIS} {where}") for n, value, formula, where in rows)
+    return tuple(
+        Coefficient(n, value, unit_of(n), "drag", formula, f"{THESIS} {where}")
+        for n, value, formula, where in rows
+    )
 
 
-def _axial(geometry: Geometry, water_density: float, corrected: bool) -> tuple[str, float, str, str]:
+def _axial(
+    geometry: Geometry, water_density: float, corrected: bool
+) -> tuple[str, float, str, str]:
     hull = geometry.hull
     d, length = hull.diameter_m, hull.length_m
     shape = 1.0 + 60.0 * (d / length) ** 3 + 0.0025 * length / d

@@ -1,1 +1,3 @@
-"""The basis of viscous terms, the eight published models, and tables of their coefficients."""
+"""The basis of viscous terms, the eight published models, and tables of their
+coefficients.
+"""

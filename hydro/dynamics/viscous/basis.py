@@ -1,7 +1,8 @@
 """The 132 basis terms of quasi-steady viscous force models: McCarter 2014, Appendix C.
 
-A term is a product of at most three factors out of u v w p q r, their moduli, V = sqrt(v^2 + w^2), V_v = V sign(v), V_w = V sign(w)
-and eta - 1, where eta = u_c(n) / U is the propulsion ratio (`eta_ratio` here, because `eta` is the pose).
+A term is a product of at most three factors out of u v w p q r, their moduli, V =
+sqrt(v^2 + w^2), V_v = V sign(v), V_w = V sign(w) and eta - 1, where eta = u_c(n) / U is
+the propulsion ratio (`eta_ratio` here, because `eta` is the pose).
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
 from auvid.hydro.arrays import VELOCITIES, Array
-from numpy.typing import ArrayLike
 
 MODULI = tuple(f"|{name}|" for name in VELOCITIES)
 PROPULSION = "eta-1"
@@ -23,7 +25,9 @@ FORCE_AXES = ("X", "Y", "Z")
 
 @dataclass(frozen=True)
 class BasisTerm:
-    """One term: its name as in Appendix C, its factors, the group of (C.1)-(C.6) it belongs to, and LaTeX."""
+    """One term: its name as in Appendix C, its factors, the group of (C.1)-(C.6) it
+    belongs to, and LaTeX.
+    """
 
     name: str
     factors: tuple[str, ...]
@@ -34,7 +38,11 @@ class BasisTerm:
 def _term(group: str, *factors: str) -> BasisTerm:
     motion = [factor for factor in factors if factor != PROPULSION]
     name = "*".join(motion)
-    latex = f"{motion[0]}^2" if motion == [motion[0]] * 2 else "".join(re.sub(r"^V([vw])$", r"V_\1", factor) for factor in motion)
+    latex = (
+        f"{motion[0]}^2"
+        if motion == [motion[0]] * 2
+        else "".join(re.sub(r"^V([vw])$", r"V_\1", factor) for factor in motion)
+    )
     if PROPULSION in factors:
         name, latex = f"({name})*({PROPULSION})", rf"{latex}(\eta-1)"
     return BasisTerm(name, factors, group, latex)
@@ -46,7 +54,9 @@ def _declare() -> Iterator[BasisTerm]:
     pairs = list(combinations_with_replacement(VELOCITIES, 2))
     yield from (_term("nu_nu", *pair) for pair in pairs)
     yield from (_term("nu_abs_nu", *pair) for pair in product(VELOCITIES, MODULI))
-    yield from (_term("nu_V", name, cross) for cross in ("V", "Vv", "Vw") for name in VELOCITIES + MODULI)
+    yield from (
+        _term("nu_V", name, cross) for cross in ("V", "Vv", "Vw") for name in VELOCITIES + MODULI
+    )
     yield from (_term("nu_eta", *pair, PROPULSION) for pair in pairs)
     yield from (_term("nu_eta", name, "V", PROPULSION) for name in VELOCITIES)
 
@@ -56,17 +66,30 @@ BASIS_TERMS: Mapping[str, BasisTerm] = {term.name: term for term in _declare()}
 
 
 def coefficient_unit(axis: str, term: str) -> str:
-    """SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m): `N s^2/m^2` for u*u, `N m s^2/(m rad)` for u*r.
+    """SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m): `N s^2/m^2` for
+    u*u, `N m s^2/(m rad)` for u*r.
 
-    A term that is not of the basis is the constant force of the axis and has its unit; eta - 1 has none.
+    A term that is not of the basis is the constant force of the axis and has its unit;
+    eta - 1 has none.
     """
-    factors = [factor.strip("|") for factor in BASIS_TERMS[term].factors if factor != PROPULSION] if term in BASIS_TERMS else []
+    factors = (
+        [factor.strip("|") for factor in BASIS_TERMS[term].factors if factor != PROPULSION]
+        if term in BASIS_TERMS
+        else []
+    )
     turning = sum(factor in VELOCITIES[3:] for factor in factors)
-    below = [_power(name, count) for name, count in (("m", len(factors) - turning), ("rad", turning)) if count]
+    below = [
+        _power(name, count)
+        for name, count in (("m", len(factors) - turning), ("rad", turning))
+        if count
+    ]
     unit = "N" if axis in FORCE_AXES else "N m"
     if not below:
         return unit
-    return f"{unit} {_power('s', len(factors))}/{below[0] if len(below) == 1 else f'({below[0]} {below[1]})'}"
+    return (
+        f"{unit}"
+        f" {_power('s', len(factors))}/{below[0] if len(below) == 1 else f'({below[0]} {below[1]})'}"
+    )
 
 
 def _power(unit: str, count: int) -> str:
@@ -79,14 +102,20 @@ def basis_term_names() -> tuple[str, ...]:
 
 
 def needs_propeller_speed(term: str) -> bool:
-    """Whether the term contains eta, so that a vehicle without a propeller speed does not have it."""
+    """Whether the term contains eta, so that a vehicle without a propeller speed does
+    not have it.
+    """
     return PROPULSION in BASIS_TERMS[term].factors
 
 
-def basis_rows(nu_rows: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None) -> Array:
-    """Values of `terms` (default: all 132), one contiguous row per term: (6, n) -> (n_terms, n).
+def basis_rows(
+    nu_rows: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None
+) -> Array:
+    """Values of `terms` (default: all 132), one contiguous row per term: (6, n) ->
+    (n_terms, n).
 
-    `eta_ratio` (n,) is u_c(n) / U. Raises `DataError` when a term needs it and it is None, `PipelineError` for an unknown term.
+    `eta_ratio` (n,) is u_c(n) / U. Raises `DataError` when a term needs it and it is
+    None, `PipelineError` for an unknown term.
     """
     nu = np.asarray(nu_rows, dtype=np.float64)
     names = basis_term_names() if terms is None else tuple(terms)
@@ -103,11 +132,19 @@ def basis_rows(nu_rows: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Se
     return out
 
 
-def basis(nu: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None) -> Array:
-    """Values of `terms` (default: all 132) with the term last: nu (..., 6), eta_ratio (...) -> (..., n_terms). Errors as `basis_rows`."""
+def basis(
+    nu: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None
+) -> Array:
+    """Values of `terms` (default: all 132) with the term last: nu (..., 6), eta_ratio
+    (...) -> (..., n_terms). Errors as `basis_rows`.
+    """
     nu = np.asarray(nu, dtype=np.float64)
     batch = nu.shape[:-1]
-    ratio = None if eta_ratio is None else np.broadcast_to(np.asarray(eta_ratio, dtype=np.float64), batch).reshape(-1)
+    ratio = (
+        None
+        if eta_ratio is None
+        else np.broadcast_to(np.asarray(eta_ratio, dtype=np.float64), batch).reshape(-1)
+    )
     rows = basis_rows(nu.reshape(-1, 6).T, ratio, terms)
     return rows.T.reshape(*batch, rows.shape[0])
 
@@ -115,8 +152,9 @@ def basis(nu: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str
 def eta_ratio(level_speed: ArrayLike, nu: ArrayLike, minimum_speed: float = 0.05) -> Array:
     """eta = u_c(n) / U (C.12): u_c (...) [m/s], nu (..., 6) -> (...), U = |[u v w]|.
 
-    U is bounded below by `minimum_speed` [m/s]: eta grows without bound at rest, where terms like p^2 (eta - 1) would too. Below that
-    speed the terms are therefore smaller than (C.6) has them; nan speeds stay nan.
+    U is bounded below by `minimum_speed` [m/s]: eta grows without bound at rest, where
+    terms like p^2 (eta - 1) would too. Below that speed the terms are therefore smaller
+    than (C.6) has them; nan speeds stay nan.
     """
     velocity = np.asarray(nu, dtype=np.float64)[..., :3]
     speed = np.sqrt(np.sum(velocity**2, axis=-1))
@@ -127,12 +165,16 @@ def _lookup(name: str) -> BasisTerm:
     try:
         return BASIS_TERMS[name]
     except KeyError:
-        raise PipelineError("unknown basis term", value=name, remedy=nearest(name, BASIS_TERMS)) from None
+        raise PipelineError(
+            "unknown basis term", value=name, remedy=nearest(name, BASIS_TERMS)
+        ) from None
 
 
 def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
     """A function that gives each factor's row, computed when first asked for."""
-    rows: dict[str, Array] = {name: np.ascontiguousarray(nu[index]) for index, name in enumerate(VELOCITIES)}
+    rows: dict[str, Array] = {
+        name: np.ascontiguousarray(nu[index]) for index, name in enumerate(VELOCITIES)
+    }
 
     def factor(name: str) -> Array:
         if name not in rows:

@@ -1,4 +1,6 @@
-"""A hydrodynamic coefficient as a value, and the two ways it is named: `Y_v|v|` in tables, axis Y and term v*|v| in the basis."""
+"""A hydrodynamic coefficient as a value, and the two ways it is named: `Y_v|v|` in
+tables, axis Y and term v*|v| in the basis.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
@@ -16,10 +19,13 @@ FIN_INPUTS = ("deltar", "deltas")
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient: `kind` added_mass, drag, body_lift, surface_lift or control; `formula` in LaTeX; `source` thesis and equation.
+    """One coefficient: `kind` added_mass, drag, body_lift, surface_lift or control;
+    `formula` in LaTeX; `source` thesis and equation.
 
-    Added mass follows McCarter's sign, tau_A = M_A nu_dot with M_A <= 0; the others multiply their basis term on the right-hand side;
-    control coefficients multiply u^2 delta, delta in rad: both fins of a pair together, for K the right one by delta, the left by -delta.
+    Added mass follows McCarter's sign, tau_A = M_A nu_dot with M_A <= 0; the others
+    multiply their basis term on the right-hand side; control coefficients multiply u^2
+    delta, delta in rad: both fins of a pair together, for K the right one by delta, the
+    left by -delta.
     """
 
     name: str
@@ -37,12 +43,15 @@ class Coefficient:
 
     @property
     def term(self) -> str:
-        """The basis term (McCarter C.7), or for other kinds what stands behind the underscore."""
+        """The basis term (McCarter C.7), or for other kinds what stands behind the
+        underscore.
+        """
         return term_of(self.name)
 
 
 def term_of(name: str) -> str:
-    """The basis term of a name: `Y_v|v|` -> v*|v|, `N_ur` -> u*r; an added mass (`M_qdot`) or a control stays as it stands.
+    """The basis term of a name: `Y_v|v|` -> v*|v|, `N_ur` -> u*r; an added mass
+    (`M_qdot`) or a control stays as it stands.
 
     Raises `CampaignError` for a name that is neither.
     """
@@ -53,7 +62,11 @@ def term_of(name: str) -> str:
     term = "*".join(factors)
     if axis not in AXES or "".join(factors) != rest or term not in BASIS_TERMS:
         known = [f"{item}_{speed}|{speed}|" for item in AXES for speed in VELOCITIES]
-        raise CampaignError("not a hydrodynamic coefficient", field=name, remedy=nearest(name, known) or "Write Y_vdot, Y_v|v|, Y_uv.")
+        raise CampaignError(
+            "not a hydrodynamic coefficient",
+            field=name,
+            remedy=nearest(name, known) or "Write Y_vdot, Y_v|v|, Y_uv.",
+        )
     return term
 
 
@@ -62,7 +75,9 @@ _CONTROLS = tuple(f"uu{delta}" for delta in FIN_INPUTS)
 
 
 def unit_of(name: str) -> str:
-    """SI unit of a coefficient by its name: of the force divided by that of the velocities; radians count as 1."""
+    """SI unit of a coefficient by its name: of the force divided by that of the
+    velocities; radians count as 1.
+    """
     axis, term = AXES.index(name[0]), term_of(name)
     if term in _CONTROLS:
         return "kg/m" if axis < 3 else "kg"
@@ -85,7 +100,9 @@ def added_mass_matrix(coefficients: Iterable[Coefficient]) -> Array:
 
 
 def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
-    """Force per u^2 and rad (6, 3), columns delta_r, delta_s_right, delta_s_left: each stern fin gives half of what its pair gives."""
+    """Force per u^2 and rad (6, 3), columns delta_r, delta_s_right, delta_s_left: each
+    stern fin gives half of what its pair gives.
+    """
     matrix = np.zeros((6, 3))
     for item in coefficients:
         if item.kind != "control":
@@ -94,12 +111,17 @@ def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
         if item.term == _CONTROLS[0]:
             matrix[axis, 0] = item.value
         else:
-            matrix[axis, 1], matrix[axis, 2] = 0.5 * item.value, (-0.5 if item.axis == "K" else 0.5) * item.value
+            matrix[axis, 1], matrix[axis, 2] = (
+                0.5 * item.value,
+                (-0.5 if item.axis == "K" else 0.5) * item.value,
+            )
     return matrix
 
 
 def viscous_terms(coefficients: Iterable[Coefficient]) -> dict[str, dict[str, float]]:
-    """Axis -> term -> coefficient of the viscous force: drag and lift, summed where several parts share a term."""
+    """Axis -> term -> coefficient of the viscous force: drag and lift, summed where
+    several parts share a term.
+    """
     total: dict[str, dict[str, float]] = {}
     for item in coefficients:
         if item.kind in ("drag", "body_lift", "surface_lift"):

@@ -1,6 +1,8 @@
-"""The eight viscous force models of McCarter 2014, chapter 3, tau_nu = K xi(nu) (3.12), each written down by its own rule.
+"""The eight viscous force models of McCarter 2014, chapter 3, tau_nu = K xi(nu) (3.12),
+each written down by its own rule.
 
-Terms of an axis stand in the order of Appendix C. Where chapter 3 and Appendix D differ (Coe), the model is the one that was fitted.
+Terms of an axis stand in the order of Appendix C. Where chapter 3 and Appendix D differ
+(Coe), the model is the one that was fitted.
 """
 
 from __future__ import annotations
@@ -11,10 +13,11 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import PipelineError, nearest
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import basis, basis_term_names, needs_propeller_speed
-from numpy.typing import ArrayLike
 
 Coefficients = Mapping[str, Mapping[str, float]]
 """Axis -> term -> coefficient in SI."""
@@ -25,7 +28,9 @@ _ETA = "({})*(eta-1)"
 
 @dataclass(frozen=True)
 class ViscousModel:
-    """The form of a model: for each axis X Y Z K M N the basis terms it contains (none for an axis without force)."""
+    """The form of a model: for each axis X Y Z K M N the basis terms it contains (none
+    for an axis without force).
+    """
 
     name: str
     title: str
@@ -44,7 +49,9 @@ class ViscousModel:
 
 
 class VehicleModel(Protocol):
-    """A viscous model with numbers: tau_nu = regressor(nu, eta_ratio) times coefficients, axis by axis."""
+    """A viscous model with numbers: tau_nu = regressor(nu, eta_ratio) times
+    coefficients, axis by axis.
+    """
 
     @property
     def name(self) -> str: ...
@@ -65,7 +72,10 @@ def _model(name: str, title: str, source: str, terms: Mapping[str, Iterable[str]
 
 def _products(text: str) -> list[str]:
     """`uv w|w|` -> u*v, w*|w|; a single name stays."""
-    return [f"{word[0]}*{word[1:]}" if len(word) > 1 and word[0] != "|" else word for word in text.split()]
+    return [
+        f"{word[0]}*{word[1:]}" if len(word) > 1 and word[0] != "|" else word
+        for word in text.split()
+    ]
 
 
 def _gertler_hagen() -> ViscousModel:
@@ -87,12 +97,21 @@ def _gertler_hagen() -> ViscousModel:
 def _prestero() -> ViscousModel:
     steer = _products("uv ur wp pq v|v| r|r|")
     dive = _products("uw uq vp pr w|w| q|q|")
-    terms = {"X": _products("vr wq qq rr u|u|"), "Y": steer, "Z": dive, "K": ["p*|p|"], "M": dive, "N": steer}
+    terms = {
+        "X": _products("vr wq qq rr u|u|"),
+        "Y": steer,
+        "Z": dive,
+        "K": ["p*|p|"],
+        "M": dive,
+        "N": steer,
+    }
     return _model("prestero", "Prestero", "McCarter 2014 (3.20)-(3.25)", terms)
 
 
 def _pitch_yaw() -> ViscousModel:
-    """Separate models of the vertical plane (u, w, q) and the horizontal plane (u, v, r); surge takes part in both, roll in none."""
+    """Separate models of the vertical plane (u, w, q) and the horizontal plane (u, v,
+    r); surge takes part in both, roll in none.
+    """
 
     def plane(lateral: str, rate: str) -> list[str]:
         a, b = lateral, rate
@@ -109,26 +128,40 @@ def _pitch_yaw() -> ViscousModel:
 
 
 def _linear() -> ViscousModel:
-    return _model("linear", "Linear", "McCarter 2014 (3.32)-(3.33)", dict.fromkeys(AXES, VELOCITIES))
+    return _model(
+        "linear", "Linear", "McCarter 2014 (3.32)-(3.33)", dict.fromkeys(AXES, VELOCITIES)
+    )
 
 
 def _mcfarland() -> ViscousModel:
     kronecker = [f"{left}*|{right}|" for left in VELOCITIES for right in VELOCITIES]
-    return _model("mcfarland", "McFarland & Whitcomb", "McCarter 2014 (3.34), corrected: K (nu kron |nu|)", dict.fromkeys(AXES, kronecker))
+    return _model(
+        "mcfarland",
+        "McFarland & Whitcomb",
+        "McCarter 2014 (3.34), corrected: K (nu kron |nu|)",
+        dict.fromkeys(AXES, kronecker),
+    )
 
 
 def _uncoupled() -> ViscousModel:
-    terms = {axis: [x, f"|{x}|", f"{x}*{x}", f"{x}*|{x}|"] for axis, x in zip(AXES, VELOCITIES, strict=True)}
+    terms = {
+        axis: [x, f"|{x}|", f"{x}*{x}", f"{x}*|{x}|"]
+        for axis, x in zip(AXES, VELOCITIES, strict=True)
+    }
     return _model("uncoupled", "Uncoupled", "McCarter 2014 (3.35)-(3.40)", terms)
 
 
 def _fossen() -> ViscousModel:
     terms = {axis: [x, f"{x}*|{x}|"] for axis, x in zip(AXES, VELOCITIES, strict=True)}
-    return _model("fossen", "Fossen", "McCarter 2014 (3.41), corrected: diag(b) diag(|nu|) nu", terms)
+    return _model(
+        "fossen", "Fossen", "McCarter 2014 (3.41), corrected: diag(b) diag(|nu|) nu", terms
+    )
 
 
 def _coe() -> ViscousModel:
-    """(3.43)-(3.44) without X, Z, M of u|u|, which equals u^2 in ahead motion: the model that was fitted (D.6, E.8)."""
+    """(3.43)-(3.44) without X, Z, M of u|u|, which equals u^2 in ahead motion: the
+    model that was fitted (D.6, E.8).
+    """
     squares = [f"{x}*{x}" for x in VELOCITIES]
     upright = [*squares, "w*|w|", "q*|q|"]
     side = [f"{x}*|{x}|" for x in "vpr"]
@@ -152,31 +185,46 @@ def model_named(name: str) -> ViscousModel:
     """The model of this name. Raises `PipelineError` that names the nearest one."""
     names = [model.name for model in MODELS]
     if name not in names:
-        raise PipelineError("unknown viscous model", value=name, allowed=names, remedy=nearest(name, names))
+        raise PipelineError(
+            "unknown viscous model", value=name, allowed=names, remedy=nearest(name, names)
+        )
     return MODELS[names.index(name)]
 
 
 def without_propeller_terms(model: ViscousModel) -> ViscousModel:
     """The model without the terms in eta, for a vehicle that has no propeller speed."""
-    kept = {axis: tuple(term for term in terms if not needs_propeller_speed(term)) for axis, terms in model.terms.items()}
+    kept = {
+        axis: tuple(term for term in terms if not needs_propeller_speed(term))
+        for axis, terms in model.terms.items()
+    }
     return replace(model, terms=kept)
 
 
 def coefficient_matrix(coefficients: Coefficients, terms: tuple[str, ...]) -> Array:
-    """K (6, n_terms) of (3.12) for the columns `terms`; a term or axis without a coefficient is 0."""
-    return np.array([[coefficients.get(axis, {}).get(term, 0.0) for term in terms] for axis in AXES], dtype=np.float64).reshape(
-        6, len(terms)
-    )
+    """K (6, n_terms) of (3.12) for the columns `terms`; a term or axis without a
+    coefficient is 0.
+    """
+    return np.array(
+        [[coefficients.get(axis, {}).get(term, 0.0) for term in terms] for axis in AXES],
+        dtype=np.float64,
+    ).reshape(6, len(terms))
 
 
 def model_force(
-    model_terms: Mapping[str, tuple[str, ...]], coefficients: Coefficients, nu: ArrayLike, eta_ratio: ArrayLike | None = None
+    model_terms: Mapping[str, tuple[str, ...]],
+    coefficients: Coefficients,
+    nu: ArrayLike,
+    eta_ratio: ArrayLike | None = None,
 ) -> Array:
     """tau_nu = K xi(nu) (3.12): nu (..., 6), eta_ratio (...) -> (..., 6) [N, N m].
 
-    Only the coefficients of `model_terms` count; a missing coefficient is 0. Raises `DataError` when a term needs the missing eta_ratio.
+    Only the coefficients of `model_terms` count; a missing coefficient is 0. Raises
+    `DataError` when a term needs the missing eta_ratio.
     """
-    chosen = {axis: {term: coefficients.get(axis, {}).get(term, 0.0) for term in terms} for axis, terms in model_terms.items()}
+    chosen = {
+        axis: {term: coefficients.get(axis, {}).get(term, 0.0) for term in terms}
+        for axis, terms in model_terms.items()
+    }
     terms = _ordered({term for axis in chosen.values() for term in axis})
     return np.asarray(basis(nu, eta_ratio, terms) @ coefficient_matrix(chosen, terms).T)
 

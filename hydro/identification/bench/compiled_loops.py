@@ -1,7 +1,8 @@
-"""Compiled loops of the bench methods: first-order filters, the recursive estimator and the simulated single degree of freedom.
+"""Compiled loops of the bench methods: first-order filters, the recursive estimator and
+the simulated single degree of freedom.
 
-Nothing is decided here; `recursive` and `output_error` say what the arguments mean. Import this module only where an estimate is made:
-numba takes a second.
+Nothing is decided here; `recursive` and `output_error` say what the arguments mean.
+Import this module only where an estimate is made: numba takes a second.
 """
 
 from __future__ import annotations
@@ -11,14 +12,19 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
+
 from auvid.hydro.arrays import Array
 
 F = TypeVar("F", bound=Callable[..., Any])
 SMALL = 1e-2
-"""Below this a h, the weight of the first-order hold comes from its series (its closed form loses digits)."""
+"""Below this a h, the weight of the first-order hold comes from its series (its closed
+form loses digits).
+"""
 STATES, TERMS = 2, 5
 DIVERGED = 1e6
-"""A simulated rate beyond this [m/s, rad/s] stays there: the fit sees a large, finite error."""
+"""A simulated rate beyond this [m/s, rad/s] stays there: the fit sees a large, finite
+error.
+"""
 
 
 def _compiled(function: F) -> F:
@@ -29,7 +35,8 @@ def _compiled(function: F) -> F:
 
 @_compiled
 def filter_first_order(step: Array, rate: float, left: Array, right: Array, start: Array) -> Array:
-    """f (n, k) of f_dot = -a f + g, exact for g linear over each step (n-1,) [s]; f(0) = start (k,).
+    """f (n, k) of f_dot = -a f + g, exact for g linear over each step (n-1,) [s]; f(0)
+    = start (k,).
 
     g goes from left (n-1, k) to right (n-1, k).
     """
@@ -42,7 +49,9 @@ def filter_first_order(step: Array, rate: float, left: Array, right: Array, star
         mean = -np.expm1(-x) / x
         late = x / 2 - x * x / 6 + x**3 / 24 - x**4 / 120 if x < SMALL else 1.0 - mean
         for j in range(k):
-            out[i + 1, j] = decay * out[i, j] + step[i] * ((mean - late / x) * left[i, j] + late / x * right[i, j])
+            out[i + 1, j] = decay * out[i, j] + step[i] * (
+                (mean - late / x) * left[i, j] + late / x * right[i, j]
+            )
     return out
 
 
@@ -59,10 +68,13 @@ def recursive_estimate(
     history: Array,
     spread: Array,
 ) -> Array:
-    """Square-root form of the recursive estimator: regressor (n, k), output (n,), information weight `step` (n,), forgetting `keep` (n,).
+    """Square-root form of the recursive estimator: regressor (n, k), output (n,),
+    information weight `step` (n,), forgetting `keep` (n,).
 
-    `theta` (k,) and `root` (k, k), Gamma = root root', start the recursion and hold its end; `history` (n, k) takes the estimates and
-    `spread` (n, k) the diagonal of Gamma. `lowest` and `highest` bound the trace of Gamma. Returns the errors before each update (n,).
+    `theta` (k,) and `root` (k, k), Gamma = root root', start the recursion and hold its
+    end; `history` (n, k) takes the estimates and `spread` (n, k) the diagonal of Gamma.
+    `lowest` and `highest` bound the trace of Gamma. Returns the errors before each
+    update (n,).
     """
     n, k = regressor.shape
     bounded = lowest > 0.0 or highest < np.inf
@@ -107,7 +119,9 @@ def recursive_estimate(
 
 @_compiled
 def _slope(y: Array, force: float, c: Array, out: Array) -> None:
-    """Right-hand side of x_dot = c0 x + c1 x|x| + c2 F + c3 sin s + c4, s_dot = x, and of its sensitivities to c, x(0), s(0)."""
+    """Right-hand side of x_dot = c0 x + c1 x|x| + c2 F + c3 sin s + c4, s_dot = x, and
+    of its sensitivities to c, x(0), s(0).
+    """
     x, s = y[0], y[1]
     terms = (x, x * abs(x), force, np.sin(s), 1.0)
     out[1] = x
@@ -125,10 +139,14 @@ def _slope(y: Array, force: float, c: Array, out: Array) -> None:
 
 
 @_compiled
-def simulate_single(step: Array, left: Array, right: Array, c: Array, start: Array, longest: float) -> Array:
-    """States and sensitivities (n, 16) at the n nodes of a grid, by RK4 in equal parts of each step (n-1,), none longer than `longest` [s].
+def simulate_single(
+    step: Array, left: Array, right: Array, c: Array, start: Array, longest: float
+) -> Array:
+    """States and sensitivities (n, 16) at the n nodes of a grid, by RK4 in equal parts
+    of each step (n-1,), none longer than `longest` [s].
 
-    The force is linear from left (n-1,) to right (n-1,) over each step. Columns: x, s, then d(x, s) by c0 .. c4, x(0), s(0).
+    The force is linear from left (n-1,) to right (n-1,) over each step. Columns: x, s,
+    then d(x, s) by c0 .. c4, x(0), s(0).
     """
     n = step.size
     width = STATES * (1 + TERMS + STATES)

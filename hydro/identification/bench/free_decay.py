@@ -1,10 +1,13 @@
-"""Added mass and damping from the free decay of a pendulum in water: Alberti 2015, chapter VI, (66)-(71) corrected.
+"""Added mass and damping from the free decay of a pendulum in water: Alberti 2015,
+chapter VI, (66)-(71) corrected.
 
     I theta_ddot = -G sin theta + D_1 theta_dot + D_2 theta_dot |theta_dot|
 
-I [kg m^2] and G [N m] are the inertia and the restoring moment of all that hangs on the pivot. The motion tells the three ratios
-k = G/I, D_1/I and D_2/I, and nothing more: I itself comes from a G that was weighed. Point-mass form (66): everything at the arm L, so that
-I = (m - X_udot) L^2 and G = (m g - B) L. Physical pendulum: every part at its own arm, its buoyancy at its own.
+I [kg m^2] and G [N m] are the inertia and the restoring moment of all that hangs on the
+pivot. The motion tells the three ratios k = G/I, D_1/I and D_2/I, and nothing more: I
+itself comes from a G that was weighed. Point-mass form (66): everything at the arm L,
+so that I = (m - X_udot) L^2 and G = (m g - B) L. Physical pendulum: every part at its
+own arm, its buoyancy at its own.
 """
 
 from __future__ import annotations
@@ -13,9 +16,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.bench.output_error import Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
+from auvid.hydro.identification.bench.output_error import (
+    Model,
+    Nuisance,
+    OutputErrorFit,
+    SingleRun,
+    fit_output_error,
+    simulate_run,
+)
 from auvid.hydro.identification.bench.persistence_of_excitation import Excitation, excitation
 from auvid.hydro.identification.bench.recursive_least_squares import (
     RecursiveEstimate,
@@ -31,14 +42,18 @@ FILTER_SHARE = 0.5
 """Rate of the regression filter as a share of the swing's angular frequency."""
 PRIOR_SPREAD = 1e6
 PLAUSIBLE = 0.7, 1.6
-"""k of a regression over the square of the swing's frequency: damping and large swings lower the frequency, up to this."""
+"""k of a regression over the square of the swing's frequency: damping and large swings
+lower the frequency, up to this.
+"""
 HELD_OUT = 0.4
 """Last share of the swings, by which the damping model is chosen."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Something that hangs on the pivot: mass and displaced mass [kg] at their arms [m], inertia about its own centre [kg m^2]."""
+    """Something that hangs on the pivot: mass and displaced mass [kg] at their arms
+    [m], inertia about its own centre [kg m^2].
+    """
 
     mass: float
     arm: float
@@ -49,7 +64,9 @@ class Part:
 
 @dataclass(frozen=True)
 class Hanging:
-    """What hangs without its added mass: `inertia` [kg m^2] about the pivot and restoring moment `stiffness` [N m] at 90 degrees."""
+    """What hangs without its added mass: `inertia` [kg m^2] about the pivot and
+    restoring moment `stiffness` [N m] at 90 degrees.
+    """
 
     inertia: float
     stiffness: float
@@ -57,9 +74,11 @@ class Hanging:
 
 @dataclass(frozen=True)
 class Decay:
-    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it starts from, and its small-swing frequency [rad/s].
+    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it
+    starts from, and its small-swing frequency [rad/s].
 
-    `known`: D_1/G and D_2/G of the pendulum without the vehicle, which the damping models leave in place: they are those of the vehicle.
+    `known`: D_1/G and D_2/G of the pendulum without the vehicle, which the damping
+    models leave in place: they are those of the vehicle.
     """
 
     run: SingleRun
@@ -70,9 +89,11 @@ class Decay:
 
 @dataclass(frozen=True)
 class Ratios:
-    """k = G/I [1/s^2], D_1/I [1/s] and D_2/I of one method and damping model, covariance (3, 3), 0 for a term that is left out.
+    """k = G/I [1/s^2], D_1/I [1/s] and D_2/I of one method and damping model,
+    covariance (3, 3), 0 for a term that is left out.
 
-    `rmse_rad`: simulated minus measured angle over the recording; `held_out_rad`: over the last swings, with ratios from the first.
+    `rmse_rad`: simulated minus measured angle over the recording; `held_out_rad`: over
+    the last swings, with ratios from the first.
     """
 
     values: Array
@@ -83,10 +104,12 @@ class Ratios:
 
 @dataclass(frozen=True)
 class DecayEstimate:
-    """Ratios of a decay by damping model: output error (the estimate), recursive and batch least squares, and what was simulated.
+    """Ratios of a decay by damping model: output error (the estimate), recursive and
+    batch least squares, and what was simulated.
 
     `simulated` and `measured` hold theta (n,) on the grid of the run, the measured one
-    without the sensor's fitted constant; `chosen` is the damping model with the smallest error on the held-out swings.
+    without the sensor's fitted constant; `chosen` is the damping model with the
+    smallest error on the held-out swings.
     """
 
     output_error: Mapping[str, Ratios]
@@ -101,7 +124,9 @@ class DecayEstimate:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Added mass [kg], linear [kg/s] and quadratic [kg/m] damping at the arm L, all <= 0 in physics, with covariance (3, 3)."""
+    """Added mass [kg], linear [kg/s] and quadratic [kg/m] damping at the arm L, all <=
+    0 in physics, with covariance (3, 3).
+    """
 
     values: Array
     covariance: Array
@@ -113,11 +138,15 @@ class Derivatives:
 
 
 def hanging(parts: Sequence[Part], gravity: float, *, arm: float | None = None) -> Hanging:
-    """Inertia and restoring moment of parts; arm: everything at this arm (point-mass form). Raises `DataError` where buoyancy wins."""
+    """Inertia and restoring moment of parts; arm: everything at this arm (point-mass
+    form). Raises `DataError` where buoyancy wins.
+    """
     if arm is not None:
         parts = [Part(part.mass, arm, part.displaced_mass, arm) for part in parts]
     inertia = sum(part.mass * part.arm**2 + part.inertia for part in parts)
-    stiffness = gravity * sum(part.mass * part.arm - part.displaced_mass * part.displaced_arm for part in parts)
+    stiffness = gravity * sum(
+        part.mass * part.arm - part.displaced_mass * part.displaced_arm for part in parts
+    )
     if stiffness <= 0.0:
         raise DataError(
             "the pendulum does not hang: the moment of buoyancy is above that of weight",
@@ -128,7 +157,9 @@ def hanging(parts: Sequence[Part], gravity: float, *, arm: float | None = None) 
 
 
 def estimate_decay(decay: Decay) -> DecayEstimate:
-    """All damping models by all three methods. Raises `DataError` as `fit_output_error` does."""
+    """All damping models by all three methods. Raises `DataError` as `fit_output_error`
+    does.
+    """
     run = decay.run
     theta, theta_dot, times = _signals(decay)
     rough = _static(decay, theta, theta_dot, times)
@@ -145,9 +176,12 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
     guesses: dict[str, Array] = {}
     for name, terms in DAMPING.items():
         used = _used(terms)
-        guesses[name] = recursive_least_squares(_columns(rough, used), prior_spread=PRIOR_SPREAD).theta[-1, :-1]
+        guesses[name] = recursive_least_squares(
+            _columns(rough, used), prior_spread=PRIOR_SPREAD
+        ).theta[-1, :-1]
         fits[name] = _fit(decay, run, guesses[name], used)
-    # The regressions shown are those without the constants and drifts of the sensors: an integrated gyro drifts far.
+    # The regressions shown are those without the constants and drifts of the sensors:
+    # an integrated gyro drifts far.
     form = _static(decay, *_signals(decay, fits[BOTH]))
     for name, terms in DAMPING.items():
         used, fitted = _used(terms), fits[name]
@@ -158,30 +192,59 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
         simulated[name] = simulate_run(run, fitted.coefficients, fitted.start)[1]
         measured[name] = measured_angle(run, fitted)
         held = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
-        values, covariance = _totals(fitted.parameters, fitted.covariance, used, decay.known, logarithm=True)
-        output[name] = Ratios(values, covariance, _rms(simulated[name] - measured[name]), _rms(held[late]))
+        values, covariance = _totals(
+            fitted.parameters, fitted.covariance, used, decay.known, logarithm=True
+        )
+        output[name] = Ratios(
+            values, covariance, _rms(simulated[name] - measured[name]), _rms(held[late])
+        )
         batched, gamma = batch_least_squares(part, prior_spread=PRIOR_SPREAD)
-        for found, theta_hat, spread in ((recursive, recursion.theta[-1], recursion.gamma), (batch, batched, gamma)):
-            found[name] = _by_regression(decay, fitted.start, measured[name], part, theta_hat, spread, used)
-    chosen = choose_damping({name: item.held_out_rad for name, item in output.items()}, *clear_of_zero(output[BOTH], decay.known))
+        for found, theta_hat, spread in (
+            (recursive, recursion.theta[-1], recursion.gamma),
+            (batch, batched, gamma),
+        ):
+            found[name] = _by_regression(
+                decay, fitted.start, measured[name], part, theta_hat, spread, used
+            )
+    chosen = choose_damping(
+        {name: item.held_out_rad for name, item in output.items()},
+        *clear_of_zero(output[BOTH], decay.known),
+    )
     return DecayEstimate(
-        output, recursive, batch, history, simulated, measured[chosen], excitation(form.t_s, form.regressor[:, :3]), chosen
+        output,
+        recursive,
+        batch,
+        history,
+        simulated,
+        measured[chosen],
+        excitation(form.t_s, form.regressor[:, :3]),
+        chosen,
     )
 
 
 def clear_of_zero(both: Ratios, known: tuple[float, float]) -> tuple[Array, Array]:
-    """D_1/I and D_2/I (2,) beyond what is known, and their standard errors (2,), of the damping model with both."""
-    return both.values[1:] - both.values[0] * np.asarray(known), np.sqrt(np.maximum(np.diag(both.covariance)[1:], 0.0))
+    """D_1/I and D_2/I (2,) beyond what is known, and their standard errors (2,), of the
+    damping model with both.
+    """
+    return both.values[1:] - both.values[0] * np.asarray(known), np.sqrt(
+        np.maximum(np.diag(both.covariance)[1:], 0.0)
+    )
 
 
-def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None) -> Derivatives:
-    """Added mass and damping at the arm from ratios and what was weighed: X_udot = -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3.
+def derivatives(
+    ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None
+) -> Derivatives:
+    """Added mass and damping at the arm from ratios and what was weighed: X_udot =
+    -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3.
 
-    empty: those of the pendulum without the vehicle, which are taken off, with their covariance (where `Decay.known` was theirs).
+    empty: those of the pendulum without the vehicle, which are taken off, with their
+    covariance (where `Decay.known` was theirs).
     """
     k, one, two = ratios.values
     inertia = hung.stiffness / k
-    values = np.array([-(inertia - hung.inertia) / arm**2, one * inertia / arm**2, two * inertia / arm**3])
+    values = np.array(
+        [-(inertia - hung.inertia) / arm**2, one * inertia / arm**2, two * inertia / arm**3]
+    )
     by = np.array(
         [
             [inertia / k / arm**2, 0.0, 0.0],
@@ -196,30 +259,47 @@ def derivatives(ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives
 
 
 def judge(decay: Decay, ratios: Ratios) -> float:
-    """RMS [rad] of simulated minus measured angle of another decay with given ratios; only its start and its sensors are fitted."""
+    """RMS [rad] of simulated minus measured angle of another decay with given ratios;
+    only its start and its sensors are fitted.
+    """
     k, one, two = ratios.values
     coefficients = np.array([one, two, 0.0, -k, 0.0])
     run = decay.run
     gyro, attitude = bool(run.rate.size), bool(run.position.size)
-    nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
-    fitted = fit_output_error(run, lambda _: (coefficients, np.zeros((5, 0))), np.zeros(0), start=decay.start, nuisance=nuisance)
+    nuisance = Nuisance(
+        rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True
+    )
+    fitted = fit_output_error(
+        run,
+        lambda _: (coefficients, np.zeros((5, 0))),
+        np.zeros(0),
+        start=decay.start,
+        nuisance=nuisance,
+    )
     return _rms(simulate_run(run, coefficients, fitted.start)[1] - measured_angle(run, fitted))
 
 
-def measured_angle(run: SingleRun, fitted: OutputErrorFit | None = None, *, start: float = 0.0) -> Array:
-    """Angle (n,) [rad] on the grid: of the position samples where there are any, else the integrated rate.
+def measured_angle(
+    run: SingleRun, fitted: OutputErrorFit | None = None, *, start: float = 0.0
+) -> Array:
+    """Angle (n,) [rad] on the grid: of the position samples where there are any, else
+    the integrated rate.
 
-    With a fit, the constants and the drift of the sensors that it found are taken off, and the rate is integrated from its s(0); else from
-    `start`.
+    With a fit, the constants and the drift of the sensors that it found are taken off,
+    and the rate is integrated from its s(0); else from `start`.
     """
     bias = np.zeros(3) if fitted is None else fitted.bias
     if run.position.size:
-        return np.asarray(np.interp(run.grid_s, run.grid_s[run.position_at], run.position - bias[2]))
+        return np.asarray(
+            np.interp(run.grid_s, run.grid_s[run.position_at], run.position - bias[2])
+        )
     time = run.grid_s[run.rate_at]
     rate = run.rate - bias[0] - bias[1] * (time - run.grid_s[0])
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
     first = start if fitted is None else float(fitted.start[1])
-    return np.asarray(np.interp(run.grid_s, time, first + np.concatenate([[0.0], np.cumsum(steps)])))
+    return np.asarray(
+        np.interp(run.grid_s, time, first + np.concatenate([[0.0], np.cumsum(steps)]))
+    )
 
 
 def _used(terms: tuple[bool, bool]) -> list[int]:
@@ -228,20 +308,28 @@ def _used(terms: tuple[bool, bool]) -> list[int]:
 
 
 def _static(decay: Decay, theta: Array, theta_dot: Array, times: Array) -> StaticRegression:
-    """The regression with all columns: restoring moment with what is known of damping, both dampings, the constant of the angle's zero."""
+    """The regression with all columns: restoring moment with what is known of damping,
+    both dampings, the constant of the angle's zero.
+    """
     one, two = theta_dot, theta_dot * np.abs(theta_dot)
-    columns = np.column_stack([decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)])
+    columns = np.column_stack(
+        [decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)]
+    )
     return static_form(times, theta_dot, columns, rate=FILTER_SHARE * decay.frequency)
 
 
 def _columns(form: StaticRegression, used: Sequence[int]) -> StaticRegression:
-    return StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, [*used, 3]]), form.rate)
+    return StaticRegression(
+        form.t_s, form.z, np.ascontiguousarray(form.regressor[:, [*used, 3]]), form.rate
+    )
 
 
 def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array, Array, Array]:
-    """theta, theta_dot and their times: at the samples of the rate, or of the angle with a rate from its smoothing spline.
+    """theta, theta_dot and their times: at the samples of the rate, or of the angle
+    with a rate from its smoothing spline.
 
-    fitted: constants and drifts of the sensors are those that it found; else a constant of the gyro is guessed.
+    fitted: constants and drifts of the sensors are those that it found; else a constant
+    of the gyro is guessed.
     """
     from auvid.hydro.identification.signals.splines import smoothing_spline
 
@@ -252,14 +340,20 @@ def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array,
             rate = run.rate - fitted.bias[0] - fitted.bias[1] * (time - run.grid_s[0])
             return np.interp(time, run.grid_s, measured_angle(run, fitted)), rate, time
         plain = replace(run, rate=run.rate - _constant_rate(run))
-        return np.interp(time, run.grid_s, measured_angle(plain, start=float(decay.start[1]))), plain.rate, time
+        return (
+            np.interp(time, run.grid_s, measured_angle(plain, start=float(decay.start[1]))),
+            plain.rate,
+            time,
+        )
     time = run.grid_s[run.position_at]
     spline = smoothing_spline(time, run.position)
     return spline.evaluate(time), spline.evaluate(time, 1), time
 
 
 def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
-    """Parameters (log k, then what the damping models add to the known ratios) -> coefficients of `SingleRun` and their derivatives."""
+    """Parameters (log k, then what the damping models add to the known ratios) ->
+    coefficients of `SingleRun` and their derivatives.
+    """
 
     def of(p: Array) -> tuple[Array, Array]:
         coefficients, by = np.zeros(5), np.zeros((5, len(p)))
@@ -275,35 +369,60 @@ def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
 
 
 def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> OutputErrorFit:
-    """Output error from a regression; where its k is far from what the swing's period says, also from period and fading."""
+    """Output error from a regression; where its k is far from what the swing's period
+    says, also from period and fading.
+    """
     plausible = PLAUSIBLE[0] < theta[0] / decay.frequency**2 < PLAUSIBLE[1]
-    guesses = [theta] if plausible else [_from_fading(decay, used), *([theta] if theta[0] > 0.0 else [])]
+    guesses = (
+        [theta] if plausible else [_from_fading(decay, used), *([theta] if theta[0] > 0.0 else [])]
+    )
     gyro, attitude = bool(run.rate.size), bool(run.position.size)
-    nuisance = Nuisance(rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True)
+    nuisance = Nuisance(
+        rate_bias=gyro, rate_drift=gyro, position_bias=attitude, start_position=True
+    )
     tried = []
     for guess in guesses:
         first = np.concatenate([[np.log(guess[0])], np.minimum(guess[1:], 0.0)])
-        tried.append(fit_output_error(run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance))
+        tried.append(
+            fit_output_error(
+                run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance
+            )
+        )
     return min(tried, key=lambda item: _rms(item.rate_error) if gyro else _rms(item.position_error))
 
 
 def _from_fading(decay: Decay, used: Sequence[int]) -> Array:
-    """k, D_1/I, D_2/I as used, from the period and from how the swing grows smaller between the halves of its recording."""
+    """k, D_1/I, D_2/I as used, from the period and from how the swing grows smaller
+    between the halves of its recording.
+    """
     _, rate, times = _signals(decay)
     half, span = rate.size // 2, times[-1] - times[0]
     size = [max(float(np.std(part)), np.finfo(float).tiny) for part in (rate[:half], rate[half:])]
     fading = max(2.0 * np.log(size[0] / size[1]) / span, 0.0)
     # A swing of amplitude a loses as much by D_2 as by D_1 = 8 a / (3 pi) D_2.
-    guess = np.array([decay.frequency**2, -2.0 * fading, -2.0 * fading * 3.0 * np.pi / (8.0 * np.sqrt(2.0) * size[0])])
+    guess = np.array(
+        [
+            decay.frequency**2,
+            -2.0 * fading,
+            -2.0 * fading * 3.0 * np.pi / (8.0 * np.sqrt(2.0) * size[0]),
+        ]
+    )
     if len(used) == 3:
         guess[2] = 0.0
     return guess[list(used)]
 
 
 def _totals(
-    parameters: Array, covariance: Array, used: Sequence[int], known: tuple[float, float], *, logarithm: bool
+    parameters: Array,
+    covariance: Array,
+    used: Sequence[int],
+    known: tuple[float, float],
+    *,
+    logarithm: bool,
 ) -> tuple[Array, Array]:
-    """k, D_1/I, D_2/I (3,) and covariance from parameters: k (or its logarithm) and what is added to the known ratios."""
+    """k, D_1/I, D_2/I (3,) and covariance from parameters: k (or its logarithm) and
+    what is added to the known ratios.
+    """
     values, by = np.zeros(3), np.zeros((3, len(used)))
     k = float(np.exp(parameters[0])) if logarithm else float(parameters[0])
     values[:] = k, k * known[0], k * known[1]
@@ -315,26 +434,42 @@ def _totals(
 
 
 def _constant_rate(run: SingleRun) -> float:
-    """Constant of the gyro [rad/s]: its mean less the turn between first and last angle, or else its mean over the last half."""
+    """Constant of the gyro [rad/s]: its mean less the turn between first and last
+    angle, or else its mean over the last half.
+    """
     if not run.position.size:
         return float(np.mean(run.rate[run.rate.size // 2 :]))
     time = run.grid_s[run.rate_at]
     turned = np.diff(np.interp(time[[0, -1]], run.grid_s[run.position_at], run.position))[0]
-    return float((np.sum(0.5 * (run.rate[1:] + run.rate[:-1]) * np.diff(time)) - turned) / (time[-1] - time[0]))
+    return float(
+        (np.sum(0.5 * (run.rate[1:] + run.rate[:-1]) * np.diff(time)) - turned)
+        / (time[-1] - time[0])
+    )
 
 
 def _by_regression(
-    decay: Decay, start: Array, measured: Array, form: StaticRegression, theta: Array, gamma: Array, used: Sequence[int]
+    decay: Decay,
+    start: Array,
+    measured: Array,
+    form: StaticRegression,
+    theta: Array,
+    gamma: Array,
+    used: Sequence[int],
 ) -> Ratios:
-    """Ratios of a regression with white standard errors, and the error of their simulation from the fitted start.
+    """Ratios of a regression with white standard errors, and the error of their
+    simulation from the fitted start.
 
     The last column of the regression, the constant of the angle's zero, is no ratio.
     """
     residual = form.z - form.regressor @ theta
     step = float(np.median(np.diff(form.t_s)))
-    spread = gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
+    spread = (
+        gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
+    )
     values, covariance = _totals(theta[:-1], spread, used, decay.known, logarithm=False)
-    angle = simulate_run(decay.run, np.array([values[1], values[2], 0.0, -values[0], 0.0]), start)[1]
+    angle = simulate_run(decay.run, np.array([values[1], values[2], 0.0, -values[0], 0.0]), start)[
+        1
+    ]
     return Ratios(values, covariance, _rms(angle - measured))
 
 

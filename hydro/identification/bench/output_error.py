@@ -1,10 +1,13 @@
-"""Output error for one degree of freedom: the coefficients whose simulated run is nearest to what was measured.
+"""Output error for one degree of freedom: the coefficients whose simulated run is
+nearest to what was measured.
 
     x_dot = c0 x + c1 x|x| + c2 F(t) + c3 sin s + c4,   s_dot = x
 
-covers the single channels of Alberti 2015 (61)-(65) (x a body velocity, s its angle or depth) and the free decay (70) (x = theta_dot, s =
-theta). Measured noise never enters a regressor here, so that the estimate has no errors-in-variables bias; for white noise on x and s it is
-the maximum-likelihood estimate. It needs a starting point: the recursive estimate.
+covers the single channels of Alberti 2015 (61)-(65) (x a body velocity, s its angle or
+depth) and the free decay (70) (x = theta_dot, s = theta). Measured noise never enters a
+regressor here, so that the estimate has no errors-in-variables bias; for white noise on
+x and s it is the maximum-likelihood estimate. It needs a starting point: the recursive
+estimate.
 """
 
 from __future__ import annotations
@@ -13,16 +16,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
-from auvid.hydro.identification.regression.standard_errors import stationary_covariance
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.standard_errors import stationary_covariance
+
 LONGEST_STEP_S = 0.02
-"""Longest step of the simulation: RK4's error is below 1e-8 of the state for time constants from 0.3 s on."""
+"""Longest step of the simulation: RK4's error is below 1e-8 of the state for time
+constants from 0.3 s on.
+"""
 TOLERANCE, MOST_STEPS = 1e-12, 120
-"""A run that determines its parameters settles within 20 steps; one that does not would wander on, and its errors say so."""
+"""A run that determines its parameters settles within 20 steps; one that does not would
+wander on, and its errors say so.
+"""
 DIVERGED = 1e6
 """Error of a run that diverged, in parts of its sensor's noise."""
 Index = NDArray[np.intp]
@@ -34,8 +42,9 @@ Model = Callable[[Array], tuple[Array, Array]]
 class SingleRun:
     """What was measured in one degree of freedom, on a common grid.
 
-    `grid_s` (n,); the force over each step, linear from `force_left` (n-1,) to `force_right` (n-1,); `rate` (a,) of x at the nodes
-    `rate_at` (a,) and `position` (b,) of s at `position_at` (b,); either may be empty.
+    `grid_s` (n,); the force over each step, linear from `force_left` (n-1,) to
+    `force_right` (n-1,); `rate` (a,) of x at the nodes `rate_at` (a,) and `position`
+    (b,) of s at `position_at` (b,); either may be empty.
     """
 
     grid_s: Array
@@ -63,7 +72,9 @@ class SingleRun:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What else is fitted: x(0), s(0) where s matters; a constant and a drift of the rate sensor, a constant of the position sensor."""
+    """What else is fitted: x(0), s(0) where s matters; a constant and a drift of the
+    rate sensor, a constant of the position sensor.
+    """
 
     rate_bias: bool = False
     rate_drift: bool = False
@@ -73,10 +84,13 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class OutputErrorFit:
-    """The fit: `parameters` (p,) and their `covariance` (p, p), coloured residuals allowed for; `coefficients` (5,).
+    """The fit: `parameters` (p,) and their `covariance` (p, p), coloured residuals
+    allowed for; `coefficients` (5,).
 
-    `start` (2,): x(0), s(0); `bias` (3,): constant [unit of x] and drift [unit of x per s] of the rate sensor, constant of the position
-    sensor; `rate_error` and `position_error`: simulated minus measured at the samples; `correlation` (p, p) of the parameters.
+    `start` (2,): x(0), s(0); `bias` (3,): constant [unit of x] and drift [unit of x per
+    s] of the rate sensor, constant of the position sensor; `rate_error` and
+    `position_error`: simulated minus measured at the samples; `correlation` (p, p) of
+    the parameters.
     """
 
     parameters: Array
@@ -100,17 +114,36 @@ class OutputErrorFit:
 
 
 def fit_output_error(
-    run: SingleRun, model: Model, first: Array, *, start: Array, nuisance: Nuisance | None = None, longest_step_s: float = LONGEST_STEP_S
+    run: SingleRun,
+    model: Model,
+    first: Array,
+    *,
+    start: Array,
+    nuisance: Nuisance | None = None,
+    longest_step_s: float = LONGEST_STEP_S,
 ) -> OutputErrorFit:
-    """Fit the parameters of `model` from `first` (p,), with x(0), s(0) from `start` (2,).
+    """Fit the parameters of `model` from `first` (p,), with x(0), s(0) from `start`
+    (2,).
 
-    Rates and positions are weighted by the standard deviation of their own errors, from a first fit with equal shares. Raises `DataError`
-    when there are fewer samples than unknowns, or when the fit does not settle.
+    Rates and positions are weighted by the standard deviation of their own errors, from
+    a first fit with equal shares. Raises `DataError` when there are fewer samples than
+    unknowns, or when the fit does not settle.
     """
     fitted = _Fit(run, model, len(first), nuisance or Nuisance(), longest_step_s)
-    unknown = np.concatenate([first, start[:1], start[1:] if fitted.nuisance.start_position else [], np.zeros(fitted.biases)])
+    unknown = np.concatenate(
+        [
+            first,
+            start[:1],
+            start[1:] if fitted.nuisance.start_position else [],
+            np.zeros(fitted.biases),
+        ]
+    )
     if len(run.rate) + len(run.position) <= len(unknown):
-        raise DataError("fewer samples than unknowns", value=len(run.rate) + len(run.position), remedy="Record longer or faster.")
+        raise DataError(
+            "fewer samples than unknowns",
+            value=len(run.rate) + len(run.position),
+            remedy="Record longer or faster.",
+        )
     fixed = np.array([0.0, start[1]])
     sigma = np.array([_size(run.rate), _size(run.position)])
     for _ in range(2 if len(run.rate) and len(run.position) else 1):
@@ -120,11 +153,17 @@ def fit_output_error(
     return fitted.result(unknown, fixed, sigma)
 
 
-def simulate_run(run: SingleRun, coefficients: Array, start: Array, *, longest_step_s: float = LONGEST_STEP_S) -> tuple[Array, Array]:
-    """x (n,) and s (n,) on the grid of a run for given coefficients (5,) from x(0), s(0) (2,)."""
+def simulate_run(
+    run: SingleRun, coefficients: Array, start: Array, *, longest_step_s: float = LONGEST_STEP_S
+) -> tuple[Array, Array]:
+    """x (n,) and s (n,) on the grid of a run for given coefficients (5,) from x(0),
+    s(0) (2,).
+    """
     from auvid.hydro.identification.bench.compiled_loops import simulate_single
 
-    states = simulate_single(np.diff(run.grid_s), run.force_left, run.force_right, coefficients, start, longest_step_s)
+    states = simulate_single(
+        np.diff(run.grid_s), run.force_left, run.force_right, coefficients, start, longest_step_s
+    )
     return states[:, 0], states[:, 1]
 
 
@@ -162,11 +201,26 @@ class _Fit:
         run = self.run
         parameters, start, bias = self._parts(unknown, fixed)
         coefficients, by_parameter = self.model(parameters)
-        states = simulate_single(np.diff(run.grid_s), run.force_left, run.force_right, coefficients, start, self.longest_step_s)
+        states = simulate_single(
+            np.diff(run.grid_s),
+            run.force_left,
+            run.force_right,
+            coefficients,
+            start,
+            self.longest_step_s,
+        )
         starts = 2 if self.nuisance.start_position else 1
         time = run.grid_s[run.rate_at] - run.grid_s[0]
-        by_bias = np.column_stack([np.ones_like(time), time, np.zeros_like(time)])[:, list(self._kept)]
-        rate_by = np.hstack([states[run.rate_at, 2:12:2] @ by_parameter, states[run.rate_at][:, [12, 14][:starts]], by_bias])
+        by_bias = np.column_stack([np.ones_like(time), time, np.zeros_like(time)])[
+            :, list(self._kept)
+        ]
+        rate_by = np.hstack(
+            [
+                states[run.rate_at, 2:12:2] @ by_parameter,
+                states[run.rate_at][:, [12, 14][:starts]],
+                by_bias,
+            ]
+        )
         position_by = np.hstack(
             [
                 states[run.position_at, 3:13:2] @ by_parameter,
@@ -181,12 +235,19 @@ class _Fit:
         last: dict[bytes, tuple[Array, Array]] = {}
 
         def both(values: Array) -> tuple[Array, Array]:
-            """Error and Jacobian, which one simulation gives: the solver asks for them one after the other."""
+            """Error and Jacobian, which one simulation gives: the solver asks for them
+            one after the other.
+            """
             where = values.tobytes()
             if where not in last:
-                with np.errstate(invalid="ignore", over="ignore"):  # a step of the search too far: the run diverges, and is turned down
+                with np.errstate(
+                    invalid="ignore", over="ignore"
+                ):  # a step of the search too far: the run diverges, and is turned down
                     rate, position, rate_by, position_by = self.errors(values, fixed)
-                    found = np.concatenate([rate / sigma[0], position / sigma[1]]), np.vstack([rate_by / sigma[0], position_by / sigma[1]])
+                    found = (
+                        np.concatenate([rate / sigma[0], position / sigma[1]]),
+                        np.vstack([rate_by / sigma[0], position_by / sigma[1]]),
+                    )
                 last.clear()
                 last[where] = (np.nan_to_num(found[0], nan=DIVERGED), np.nan_to_num(found[1]))
             return last[where]
@@ -198,17 +259,30 @@ class _Fit:
             return both(values)[1]
 
         found = least_squares(
-            error, unknown, jac=jacobian, method="lm", x_scale="jac", ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=MOST_STEPS
+            error,
+            unknown,
+            jac=jacobian,
+            method="lm",
+            x_scale="jac",
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=TOLERANCE,
+            max_nfev=MOST_STEPS,
         )
         if not (np.isfinite(found.x).all() and np.isfinite(found.cost)):
             raise DataError(
-                "the output-error fit does not settle", remedy="Shorten the run to where one channel moves; see the recursive estimate."
+                "the output-error fit does not settle",
+                remedy="Shorten the run to where one channel moves; see the recursive estimate.",
             )
         return np.asarray(found.x, dtype=np.float64)
 
     def result(self, unknown: Array, fixed: Array, sigma: Array) -> OutputErrorFit:
         rate, position, rate_by, position_by = self.errors(unknown, fixed)
-        parts = [(by / s, e / s) for by, e, s in ((rate_by, rate, sigma[0]), (position_by, position, sigma[1])) if e.size]
+        parts = [
+            (by / s, e / s)
+            for by, e, s in ((rate_by, rate, sigma[0]), (position_by, position, sigma[1]))
+            if e.size
+        ]
         stacked = np.vstack([by for by, _ in parts])
         scale = np.linalg.norm(stacked, axis=0)
         scale[scale == 0.0] = 1.0

@@ -1,4 +1,6 @@
-"""Persistence of excitation: the matrix C_n of Alberti 2015 (51)-(52) over time, and what its smallest eigenvalue says in words."""
+"""Persistence of excitation: the matrix C_n of Alberti 2015 (51)-(52) over time, and
+what its smallest eigenvalue says in words.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +8,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from auvid.hydro.arrays import Array
 from numpy.typing import ArrayLike
+
+from auvid.hydro.arrays import Array
 
 Status = Literal["persistently exciting", "not persistently exciting", "not excited"]
 PERSISTENT: Status = "persistently exciting"
@@ -15,7 +18,9 @@ NOT_PERSISTENT: Status = "not persistently exciting"
 NOT_EXCITED: Status = "not excited"
 WINDOWS = 10
 FEWEST_WINDOWS = 2.0
-"""Windows of ten over which the information must be spread. A single step gives 1.0 to 1.2, varying steps 2.5 to 8 (measured)."""
+"""Windows of ten over which the information must be spread. A single step gives 1.0 to
+1.2, varying steps 2.5 to 8 (measured).
+"""
 COLLINEAR = 1e-8
 """Smallest eigenvalue of the scaled C_n below which two columns are one."""
 SHOWN = 400
@@ -25,10 +30,12 @@ SHOWN = 400
 class Excitation:
     """C_n over time and the verdict.
 
-    `t_s` (m,); `smallest` (m,): smallest eigenvalue of C_n(t) = 1/t integral of Phi' Phi with every column scaled to unit RMS over the run
-    (1 for orthogonal columns, 0 for dependent ones); `matrix` (k, k): C_n at the end, scaled; `weakest` (k,): its eigenvector of the
-    smallest eigenvalue; `rms` (k,): RMS of each column; `spread`: over how many of ten equal windows its information is spread
-    (participation ratio: 1 for a single window, 10 for all alike).
+    `t_s` (m,); `smallest` (m,): smallest eigenvalue of C_n(t) = 1/t integral of Phi'
+    Phi with every column scaled to unit RMS over the run (1 for orthogonal columns, 0
+    for dependent ones); `matrix` (k, k): C_n at the end, scaled; `weakest` (k,): its
+    eigenvector of the smallest eigenvalue; `rms` (k,): RMS of each column; `spread`:
+    over how many of ten equal windows its information is spread (participation ratio: 1
+    for a single window, 10 for all alike).
     """
 
     t_s: Array
@@ -42,14 +49,21 @@ class Excitation:
     def words(self, names: tuple[str, ...]) -> str:
         """The verdict as a sentence; `names` are those of the columns."""
         if self.status == NOT_EXCITED:
-            still = ", ".join(name for name, size in zip(names, self.rms, strict=True) if size == 0.0) or "every regressor"
+            still = (
+                ", ".join(name for name, size in zip(names, self.rms, strict=True) if size == 0.0)
+                or "every regressor"
+            )
             return f"Not excited: {still} stayed at zero or below the sensor's noise."
         main = [name for name, part in zip(names, self.weakest, strict=True) if abs(part) > 0.3]
-        figures = f"smallest eigenvalue of C_n {self.smallest[-1]:.2g}, information spread over {self.spread:.1f} of {WINDOWS} windows"
+        figures = (
+            f"smallest eigenvalue of C_n {self.smallest[-1]:.2g}, information spread over"
+            f" {self.spread:.1f} of {WINDOWS} windows"
+        )
         if self.status == NOT_PERSISTENT:
             return (
-                f"Not persistently exciting: what tells {' from '.join(main)} apart comes from a small part of the run ({figures}); "
-                "more of the same run would not help, other inputs would."
+                f"Not persistently exciting: what tells {' from '.join(main)} apart comes from a"
+                f" small part of the run ({figures}); more of the same run would not help, other"
+                " inputs would."
             )
         return f"Persistently exciting ({figures})."
 
@@ -57,9 +71,11 @@ class Excitation:
 def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) -> Excitation:
     """C_n and verdict for a regressor (n, k) at times t_s (n,) [s].
 
-    The limit in (52) is over infinite time. For a finite run the question is whether C_n goes on growing: where does the information in its
-    weakest direction come from? If from fewer than two of ten windows, a longer run would drive the smallest eigenvalue to zero.
-    floor (k,): RMS of a column below which it counts as not excited.
+    The limit in (52) is over infinite time. For a finite run the question is whether
+    C_n goes on growing: where does the information in its weakest direction come from?
+    If from fewer than two of ten windows, a longer run would drive the smallest
+    eigenvalue to zero. floor (k,): RMS of a column below which it counts as not
+    excited.
     """
     t, phi = np.asarray(t_s, dtype=np.float64), np.asarray(regressor, dtype=np.float64)
     step = np.diff(t, prepend=t[0])
@@ -71,7 +87,9 @@ def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) 
     smallest = np.linalg.eigvalsh(grown[shown] / (t[shown] - t[0])[:, None, None])[:, 0]
     values, vectors = np.linalg.eigh(grown[-1] / span)
     weakest = vectors[:, 0]
-    edges = np.searchsorted(t, t[0] + span * np.linspace(0.0, 1.0, WINDOWS + 1)[1:], side="right") - 1
+    edges = (
+        np.searchsorted(t, t[0] + span * np.linspace(0.0, 1.0, WINDOWS + 1)[1:], side="right") - 1
+    )
     share = np.diff(np.einsum("i,mij,j->m", weakest, grown[edges], weakest), prepend=0.0)
     spread = float(share.sum() ** 2 / np.sum(share**2)) if np.any(share > 0) else 0.0
     status: Status = PERSISTENT

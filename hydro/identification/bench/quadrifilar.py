@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 
@@ -28,9 +29,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class QuadrifilarGeometry:
-    """A tray on four lines: R_1 at the ceiling, R_2 at the tray, lines of length h [m], mass of tray and wires [kg].
+    """A tray on four lines: R_1 at the ceiling, R_2 at the tray, lines of length h [m],
+    mass of tray and wires [kg].
 
-    `length_sd` [m] and `mass_sd` [kg] are the standard errors of each measured length and each weighed mass.
+    `length_sd` [m] and `mass_sd` [kg] are the standard errors of each measured length
+    and each weighed mass.
     """
 
     radius_ceiling: float
@@ -43,12 +46,16 @@ class QuadrifilarGeometry:
 
     @property
     def drop(self) -> float:
-        """Height of the ceiling's circle above the tray at rest [m]: h itself where R_1 = R_2, as in (54)."""
+        """Height of the ceiling's circle above the tray at rest [m]: h itself where R_1
+        = R_2, as in (54).
+        """
         return float(np.sqrt(self.line**2 - (self.radius_ceiling - self.radius_tray) ** 2))
 
 
 def equivalent_inertia(geometry: QuadrifilarGeometry, mass: float, period_s: float) -> float:
-    """I_eq = m g R_1 R_2 T^2 / (4 pi^2 h) (56) of all that swings: mass [kg], period of small swings [s] -> kg m^2."""
+    """I_eq = m g R_1 R_2 T^2 / (4 pi^2 h) (56) of all that swings: mass [kg], period of
+    small swings [s] -> kg m^2.
+    """
     product = geometry.radius_ceiling * geometry.radius_tray
     return mass * geometry.gravity * product * period_s**2 / (4.0 * np.pi**2 * geometry.drop)
 
@@ -56,15 +63,19 @@ def equivalent_inertia(geometry: QuadrifilarGeometry, mass: float, period_s: flo
 def swing_period(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> float:
     """T = 2 pi sqrt(I_eq h / (m g R_1 R_2)) (54)-(55) [s]."""
     product = geometry.radius_ceiling * geometry.radius_tray
-    return float(2.0 * np.pi * np.sqrt(inertia * geometry.drop / (mass * geometry.gravity * product)))
+    return float(
+        2.0 * np.pi * np.sqrt(inertia * geometry.drop / (mass * geometry.gravity * product))
+    )
 
 
 def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> float:
-    """c in w = w_0 (1 - c A^2) [1/rad^2] for swings of amplitude A: from the energy to fourth order.
+    """c in w = w_0 (1 - c A^2) [1/rad^2] for swings of amplitude A: from the energy to
+    fourth order.
 
-    The tray hangs z = sqrt(h^2 - 2 R_1 R_2 (1 - cos psi)) below the ceiling (h the drop). With q = R_1 R_2 the potential is
-    m g q / h (psi^2 / 2 + b psi^4), b = q / (8 h^2) - 1/24, and the kinetic energy I/2 (1 + e psi^2) psi_dot^2, e = m q^2 / (h^2 I), so
-    that c = -3/2 (b - e/6). It is 1/16 for long lines, the simple pendulum's.
+    The tray hangs z = sqrt(h^2 - 2 R_1 R_2 (1 - cos psi)) below the ceiling (h the
+    drop). With q = R_1 R_2 the potential is m g q / h (psi^2 / 2 + b psi^4), b = q / (8
+    h^2) - 1/24, and the kinetic energy I/2 (1 + e psi^2) psi_dot^2, e = m q^2 / (h^2
+    I), so that c = -3/2 (b - e/6). It is 1/16 for long lines, the simple pendulum's.
     """
     product = geometry.radius_ceiling * geometry.radius_tray
     bend = product / (8.0 * geometry.drop**2) - 1.0 / 24.0
@@ -73,29 +84,44 @@ def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> flo
 
 
 def slowing(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> tuple[float, float]:
-    """(c, e) in w = w_0 (1 - c a^2 - e a^4) [1/rad^2, 1/rad^4], a the amplitude of the rate's first harmonic over w_0.
+    """(c, e) in w = w_0 (1 - c a^2 - e a^4) [1/rad^2, 1/rad^4], a the amplitude of the
+    rate's first harmonic over w_0.
 
-    c is that of `softening`; e from the exact swing at 45 degrees, so that what is left out there is of the order of 1e-5 of the period.
+    c is that of `softening`; e from the exact swing at 45 degrees, so that what is left
+    out there is of the order of 1e-5 of the period.
     """
     first = softening(geometry, mass, inertia)
     share, rate = _large_swing(geometry, mass, inertia, LARGE_RAD)
     return first, (1.0 - share - first * rate**2) / rate**4
 
 
-def small_swing_period(geometry: QuadrifilarGeometry, mass: float, period_s: float, amplitude_rad: float) -> float:
+def small_swing_period(
+    geometry: QuadrifilarGeometry, mass: float, period_s: float, amplitude_rad: float
+) -> float:
     """Period of small swings [s] from one that was timed at an amplitude."""
     if amplitude_rad == 0.0:
         return period_s
     small = period_s
-    for _ in range(3):  # how much a large swing is slowed depends a little on the inertia that comes out
-        small = period_s * _large_swing(geometry, mass, equivalent_inertia(geometry, mass, small), amplitude_rad)[0]
+    for _ in range(
+        3
+    ):  # how much a large swing is slowed depends a little on the inertia that comes out
+        small = (
+            period_s
+            * _large_swing(
+                geometry, mass, equivalent_inertia(geometry, mass, small), amplitude_rad
+            )[0]
+        )
     return small
 
 
-def _large_swing(geometry: QuadrifilarGeometry, mass: float, inertia: float, amplitude: float) -> tuple[float, float]:
-    """w / w_0 and a of a swing without damping, from its energy: I (1 + m/I (dz/dpsi)^2) psi_dot^2 / 2 = m g (z(psi) - z(A)).
+def _large_swing(
+    geometry: QuadrifilarGeometry, mass: float, inertia: float, amplitude: float
+) -> tuple[float, float]:
+    """w / w_0 and a of a swing without damping, from its energy: I (1 + m/I
+    (dz/dpsi)^2) psi_dot^2 / 2 = m g (z(psi) - z(A)).
 
-    Quarter swing by the midpoint rule in u, psi = A sin u, which converges exponentially.
+    Quarter swing by the midpoint rule in u, psi = A sin u, which converges
+    exponentially.
     """
     u = 0.5 * np.pi * (np.arange(NODES) + 0.5) / NODES
     product, psi = geometry.radius_ceiling * geometry.radius_tray, amplitude * np.sin(u)
@@ -104,7 +130,13 @@ def _large_swing(geometry: QuadrifilarGeometry, mass: float, inertia: float, amp
         return np.asarray(np.sqrt(geometry.drop**2 - 2.0 * product * (1.0 - np.cos(angle))))
 
     slope = product * np.sin(psi) / hang(psi)
-    lifted = 4.0 * product * np.sin(0.5 * (amplitude + psi)) * np.sin(0.5 * (amplitude - psi)) / (hang(psi) + hang(np.array(amplitude)))
+    lifted = (
+        4.0
+        * product
+        * np.sin(0.5 * (amplitude + psi))
+        * np.sin(0.5 * (amplitude - psi))
+        / (hang(psi) + hang(np.array(amplitude)))
+    )
     rate = np.sqrt(2.0 * mass * geometry.gravity * lifted / (inertia + mass * slope**2))
     step = 0.5 * np.pi / NODES * amplitude * np.cos(u) / rate
     time = np.cumsum(step) - 0.5 * step
@@ -114,26 +146,41 @@ def _large_swing(geometry: QuadrifilarGeometry, mass: float, inertia: float, amp
     return float(w / small), float(harmonic / small)
 
 
-def object_inertia(geometry: QuadrifilarGeometry, mass: float, loaded: Estimate, empty: Estimate) -> Estimate:
-    """I_O = I_eq - I_P (57) of an object of this mass [kg], from the periods [s] of the loaded and the empty tray.
+def object_inertia(
+    geometry: QuadrifilarGeometry, mass: float, loaded: Estimate, empty: Estimate
+) -> Estimate:
+    """I_O = I_eq - I_P (57) of an object of this mass [kg], from the periods [s] of the
+    loaded and the empty tray.
 
-    The standard error carries those of both periods, of all lengths (common to both swings) and of the masses.
-    Raises `DataError` when the difference is not positive.
+    The standard error carries those of both periods, of all lengths (common to both
+    swings) and of the masses. Raises `DataError` when the difference is not positive.
     """
 
     def inertia(x: Array) -> float:
         changed = QuadrifilarGeometry(x[0], x[1], x[2], x[3], geometry.gravity)
-        return equivalent_inertia(changed, x[3] + x[4], x[5]) - equivalent_inertia(changed, x[3], x[6])
+        return equivalent_inertia(changed, x[3] + x[4], x[5]) - equivalent_inertia(
+            changed, x[3], x[6]
+        )
 
     lengths = [geometry.radius_ceiling, geometry.radius_tray, geometry.line]
     at = np.array([*lengths, geometry.tray_mass, mass, loaded.value, empty.value])
-    sd = np.array([geometry.length_sd] * 3 + [geometry.mass_sd] * 2 + [loaded.standard_error, empty.standard_error])
+    sd = np.array(
+        [geometry.length_sd] * 3
+        + [geometry.mass_sd] * 2
+        + [loaded.standard_error, empty.standard_error]
+    )
     value = inertia(at)
     if value <= 0.0:
         raise DataError(
             "the moment of inertia is negative after the tray's is taken off",
-            value=f"{value:.4g} kg m^2 from periods {loaded.value:.4g} s loaded and {empty.value:.4g} s empty",
-            remedy="Check the masses, that the radii are radii (not diameters), and that the recordings are not exchanged.",
+            value=(
+                f"{value:.4g} kg m^2 from periods {loaded.value:.4g} s loaded and {empty.value:.4g}"
+                " s empty"
+            ),
+            remedy=(
+                "Check the masses, that the radii are radii (not diameters), and that the"
+                " recordings are not exchanged."
+            ),
         )
     return Estimate(value, float(np.linalg.norm(_gradient(inertia, at) * sd)))
 
@@ -142,15 +189,27 @@ def tray_inertia(geometry: QuadrifilarGeometry, empty: Estimate) -> Estimate:
     """I_P of the tray with its wires, (56)."""
 
     def inertia(x: Array) -> float:
-        return equivalent_inertia(QuadrifilarGeometry(x[0], x[1], x[2], x[3], geometry.gravity), x[3], x[4])
+        return equivalent_inertia(
+            QuadrifilarGeometry(x[0], x[1], x[2], x[3], geometry.gravity), x[3], x[4]
+        )
 
-    at = np.array([geometry.radius_ceiling, geometry.radius_tray, geometry.line, geometry.tray_mass, empty.value])
+    at = np.array(
+        [
+            geometry.radius_ceiling,
+            geometry.radius_tray,
+            geometry.line,
+            geometry.tray_mass,
+            empty.value,
+        ]
+    )
     sd = np.array([geometry.length_sd] * 3 + [geometry.mass_sd, empty.standard_error])
     return Estimate(inertia(at), float(np.linalg.norm(_gradient(inertia, at) * sd)))
 
 
 def hollow_cylinder(mass: float, length: float, outer_radius: float, inner_radius: float) -> float:
-    """I_y = I_z = m (L^2 / 12 + (R^2 + r^2) / 4) (58) [kg m^2] about the centre; R and r are radii (errata A14)."""
+    """I_y = I_z = m (L^2 / 12 + (R^2 + r^2) / 4) (58) [kg m^2] about the centre; R and
+    r are radii (errata A14).
+    """
     return mass * (length**2 / 12.0 + (outer_radius**2 + inner_radius**2) / 4.0)
 
 
@@ -160,7 +219,9 @@ def counted_period(oscillations: int, duration_s: float, duration_sd_s: float) -
 
 
 def combined(estimates: Sequence[Estimate]) -> Estimate:
-    """Mean of repeated figures weighted by 1 / variance; its standard error is widened when they scatter by more than they should."""
+    """Mean of repeated figures weighted by 1 / variance; its standard error is widened
+    when they scatter by more than they should.
+    """
     values = np.array([item.value for item in estimates])
     errors = np.array([item.standard_error for item in estimates])
     if values.size == 1:

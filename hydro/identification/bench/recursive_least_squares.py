@@ -1,11 +1,14 @@
 """Recursive least squares for one degree of freedom: Alberti 2015, chapter III.
 
-The dynamic system x_dot = f_0 + Phi Theta (42) becomes the static one z = Phi_0 + Phi_f Theta (48) by the stable filter (43)-(50), so that
-no measurement is differentiated. The estimator (39), (41) is solved exactly for signals that are held between samples: over a step h
+The dynamic system x_dot = f_0 + Phi Theta (42) becomes the static one z = Phi_0 + Phi_f
+Theta (48) by the stable filter (43)-(50), so that no measurement is differentiated. The
+estimator (39), (41) is solved exactly for signals that are held between samples: over a
+step h
 
     Gamma_next^-1 = Gamma^-1 + h Phi' Phi,   Theta_next = Theta + Gamma_next Phi' h (z - Phi Theta),
 
-which is the covariance form with measurement weight h; it is carried as a square root of Gamma, so that Gamma stays positive.
+which is the covariance form with measurement weight h; it is carried as a square root
+of Gamma, so that Gamma stays positive.
 """
 
 from __future__ import annotations
@@ -13,14 +16,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
 class StaticRegression:
-    """The static form (48)-(49): `z` (n,) = `regressor` (n, k) Theta at times `t_s` (n,), after the filter of rate `rate` [1/s]."""
+    """The static form (48)-(49): `z` (n,) = `regressor` (n, k) Theta at times `t_s`
+    (n,), after the filter of rate `rate` [1/s].
+    """
 
     t_s: Array
     z: Array
@@ -30,9 +36,11 @@ class StaticRegression:
 
 @dataclass(frozen=True)
 class RecursiveEstimate:
-    """Estimates over time: `theta` (n, k) and the diagonal of Gamma `spread` (n, k) at times `t_s` (n,); `gamma` (k, k) at the end.
+    """Estimates over time: `theta` (n, k) and the diagonal of Gamma `spread` (n, k) at
+    times `t_s` (n,); `gamma` (k, k) at the end.
 
-    `error` (n,): z - Phi Theta before each update; `residual` (n,): the same with the last Theta.
+    `error` (n,): z - Phi Theta before each update; `residual` (n,): the same with the
+    last Theta.
     """
 
     t_s: Array
@@ -53,13 +61,16 @@ def static_form(
     regressor_after: ArrayLike | None = None,
     samples: ArrayLike | None = None,
 ) -> StaticRegression:
-    """Filtered static form of x_dot = f_0 + Phi Theta on the grid t_s (n,) [s], which need not be uniform: (44), (45), (49), (50).
+    """Filtered static form of x_dot = f_0 + Phi Theta on the grid t_s (n,) [s], which
+    need not be uniform: (44), (45), (49), (50).
 
-    x (n,): the state; regressor (n, k): Phi at the nodes; known (n,): f_0. All are taken as linear between nodes (first-order hold), for
-    which the filter is exact. A column that jumps at the nodes (a force that is held) gets its value after each node, up to the next, in
-    `regressor_after` (n-1, k) at both ends of the step; nan there means linear. samples: nodes to return, default all but the first.
-    Error of the hold: about (h / time constant)^2 / 12 of x. Raises `DataError` for a rate that is not positive or a clock that does not
-    increase.
+    x (n,): the state; regressor (n, k): Phi at the nodes; known (n,): f_0. All are
+    taken as linear between nodes (first-order hold), for which the filter is exact. A
+    column that jumps at the nodes (a force that is held) gets its value after each
+    node, up to the next, in `regressor_after` (n-1, k) at both ends of the step; nan
+    there means linear. samples: nodes to return, default all but the first. Error of
+    the hold: about (h / time constant)^2 / 12 of x. Raises `DataError` for a rate that
+    is not positive or a clock that does not increase.
     """
     from auvid.hydro.identification.bench.compiled_loops import filter_first_order
 
@@ -67,7 +78,11 @@ def static_form(
     phi = np.asarray(regressor, dtype=np.float64)
     step = np.diff(t)
     if not (rate > 0 and t.size > 1 and step.min() > 0):
-        raise DataError("the regression filter needs a positive rate and times that increase", field="filter_rate_rad_s", value=rate)
+        raise DataError(
+            "the regression filter needs a positive rate and times that increase",
+            field="filter_rate_rad_s",
+            value=rate,
+        )
     left, right = phi[:-1].copy(), phi[1:].copy()
     if regressor_after is not None:
         held = np.asarray(regressor_after, dtype=np.float64)
@@ -75,10 +90,14 @@ def static_form(
     f0 = np.zeros_like(state) if known is None else np.asarray(known, dtype=np.float64)
     extra = np.column_stack([rate * state, f0])
     start = np.concatenate([np.zeros(phi.shape[1]), [state[0], 0.0]])
-    filtered = filter_first_order(step, float(rate), np.hstack([left, extra[:-1]]), np.hstack([right, extra[1:]]), start)
+    filtered = filter_first_order(
+        step, float(rate), np.hstack([left, extra[:-1]]), np.hstack([right, extra[1:]]), start
+    )
     keep = np.arange(1, t.size) if samples is None else np.asarray(samples, dtype=np.intp)
     z = state - filtered[:, -2] - filtered[:, -1]
-    return StaticRegression(t[keep], z[keep], np.ascontiguousarray(filtered[keep, :-2]), float(rate))
+    return StaticRegression(
+        t[keep], z[keep], np.ascontiguousarray(filtered[keep, :-2]), float(rate)
+    )
 
 
 def recursive_least_squares(
@@ -92,31 +111,54 @@ def recursive_least_squares(
 ) -> RecursiveEstimate:
     """The estimator (39), (41) over a static form of n samples and k coefficients.
 
-    prior_spread: Gamma(0), a number gamma_0 for gamma_0 I or its diagonal (k,); start (k,): Theta(0), default 0; memory_s: time constant of
-    exponential forgetting, None for none. Limits of the trace of Gamma: forgetting stops at `highest_trace`, and Gamma is scaled up to
-    `lowest_trace`, which keeps the estimator alive. Without forgetting and limits the end equals batch least squares with the same prior.
-    Raises `DataError` for a prior that is not positive.
+    prior_spread: Gamma(0), a number gamma_0 for gamma_0 I or its diagonal (k,); start
+    (k,): Theta(0), default 0; memory_s: time constant of exponential forgetting, None
+    for none. Limits of the trace of Gamma: forgetting stops at `highest_trace`, and
+    Gamma is scaled up to `lowest_trace`, which keeps the estimator alive. Without
+    forgetting and limits the end equals batch least squares with the same prior. Raises
+    `DataError` for a prior that is not positive.
     """
     from auvid.hydro.identification.bench.compiled_loops import recursive_estimate
 
     n, k = form.regressor.shape
     diagonal = np.broadcast_to(np.asarray(prior_spread, dtype=np.float64), (k,))
     if not (np.all(diagonal > 0) and np.all(np.isfinite(diagonal))):
-        raise DataError("the initial covariance must be positive", field="prior_spread", value=diagonal.tolist())
+        raise DataError(
+            "the initial covariance must be positive", field="prior_spread", value=diagonal.tolist()
+        )
     step = _weights(form.t_s)
     keep = np.ones(n) if memory_s is None else np.exp(-step / memory_s)
     theta = np.zeros(k) if start is None else np.array(start, dtype=np.float64)
     root = np.diag(np.sqrt(diagonal))
     history, spread = np.empty((n, k)), np.empty((n, k))
-    error = recursive_estimate(form.regressor, form.z, step, keep, theta, root, float(lowest_trace), float(highest_trace), history, spread)
-    return RecursiveEstimate(form.t_s, history, spread, root @ root.T, error, form.z - form.regressor @ theta)
+    error = recursive_estimate(
+        form.regressor,
+        form.z,
+        step,
+        keep,
+        theta,
+        root,
+        float(lowest_trace),
+        float(highest_trace),
+        history,
+        spread,
+    )
+    return RecursiveEstimate(
+        form.t_s, history, spread, root @ root.T, error, form.z - form.regressor @ theta
+    )
 
 
-def batch_least_squares(form: StaticRegression, *, prior_spread: ArrayLike = 1e6, start: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Theta (k,) and Gamma (k, k) of (30) with the prior of `recursive_least_squares` and weights h: by QR, in one piece."""
+def batch_least_squares(
+    form: StaticRegression, *, prior_spread: ArrayLike = 1e6, start: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """Theta (k,) and Gamma (k, k) of (30) with the prior of `recursive_least_squares`
+    and weights h: by QR, in one piece.
+    """
     k = form.regressor.shape[1]
     weight = np.sqrt(_weights(form.t_s))
-    prior = np.diag(1.0 / np.sqrt(np.broadcast_to(np.asarray(prior_spread, dtype=np.float64), (k,))))
+    prior = np.diag(
+        1.0 / np.sqrt(np.broadcast_to(np.asarray(prior_spread, dtype=np.float64), (k,)))
+    )
     first = np.zeros(k) if start is None else np.asarray(start, dtype=np.float64)
     rows = np.vstack([prior, form.regressor * weight[:, None]])
     right = np.concatenate([prior @ first, form.z * weight])

@@ -1,10 +1,13 @@
-"""Added mass and damping of one degree of freedom from a run in which that channel alone is driven: Alberti 2015 (60)-(65).
+"""Added mass and damping of one degree of freedom from a run in which that channel
+alone is driven: Alberti 2015 (60)-(65).
 
     M x_dot = D_1 x + D_2 x|x| + F - R sin s + C,   s_dot = x,   M = m - X_udot (and so on by channel)
 
-x is the channel's body velocity, s its angle (or depth), F what drives it, R the restoring moment at 90 degrees (roll, pitch), C a constant
-force. Two estimates: recursive least squares of the filtered static form (61)-(63), Theta = [D_1, D_2, 1, C]/M, which shows how the figures
-settle; and output error, started from it, which is free of the bias that noise in the regressors brings, and gives the figures to take.
+x is the channel's body velocity, s its angle (or depth), F what drives it, R the
+restoring moment at 90 degrees (roll, pitch), C a constant force. Two estimates:
+recursive least squares of the filtered static form (61)-(63), Theta = [D_1, D_2, 1,
+C]/M, which shows how the figures settle; and output error, started from it, which is
+free of the bias that noise in the regressors brings, and gives the figures to take.
 """
 
 from __future__ import annotations
@@ -13,10 +16,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.identification.bench.output_error import Index, Model, Nuisance, OutputErrorFit, SingleRun, fit_output_error, simulate_run
-from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, Excitation, excitation
+from auvid.hydro.identification.bench.output_error import (
+    Index,
+    Model,
+    Nuisance,
+    OutputErrorFit,
+    SingleRun,
+    fit_output_error,
+    simulate_run,
+)
+from auvid.hydro.identification.bench.persistence_of_excitation import (
+    PERSISTENT,
+    Excitation,
+    excitation,
+)
 from auvid.hydro.identification.bench.recursive_least_squares import (
     RecursiveEstimate,
     StaticRegression,
@@ -25,28 +42,43 @@ from auvid.hydro.identification.bench.recursive_least_squares import (
 )
 from auvid.hydro.identification.bench.thrust_lag import Lag, find_lag, lagged
 from auvid.hydro.identification.regression.standard_errors import stationary_covariance
-from numpy.typing import ArrayLike
 
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-DAMPING: Mapping[str, tuple[bool, bool]] = {"linear": (True, False), "quadratic": (False, True), "linear and quadratic": (True, True)}
-"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the quadratic term."""
+DAMPING: Mapping[str, tuple[bool, bool]] = {
+    "linear": (True, False),
+    "quadratic": (False, True),
+    "linear and quadratic": (True, True),
+}
+"""Damping models of Tables 9, 12, 14, 15: whether they have the linear and the
+quadratic term.
+"""
 SIMPLER_WITHIN = 1.05
 CLEAR_TERM = 4.0
-"""A damping model with fewer terms is taken when its held-out error is within 5 % of the best, unless the term that it leaves out is that
-many standard errors from zero: the one that stays would bear it, outside its interval."""
+"""A damping model with fewer terms is taken when its held-out error is within 5 % of
+the best, unless the term that it leaves out is that many standard errors from zero: the
+one that stays would bear it, outside its interval.
+"""
 WRONG_SIGN = "wrong sign"
-"""Verdict on an added mass or damping that is clearly positive, which no body in water has."""
+"""Verdict on an added mass or damping that is clearly positive, which no body in water
+has.
+"""
 SOUND_WITHIN = 1.5
-"""A damping model that fits the run itself worse than the best by more than this is not chosen, whatever it predicts."""
+"""A damping model that fits the run itself worse than the best by more than this is not
+chosen, whatever it predicts.
+"""
 HELD_OUT = 1.0 / 3.0
-"""Last part of a run, by which the damping model is chosen: it is predicted with figures from the first."""
+"""Last part of a run, by which the damping model is chosen: it is predicted with
+figures from the first.
+"""
 BOTH = "linear and quadratic"
 PARAMETERS = ("M", "D_1", "D_2", "C")
 
 
 @dataclass(frozen=True)
 class Symbols:
-    """Names and units of a channel: what resists acceleration, its added part, linear and quadratic damping, and what drives it."""
+    """Names and units of a channel: what resists acceleration, its added part, linear
+    and quadratic damping, and what drives it.
+    """
 
     mass: str
     added: str
@@ -56,22 +88,29 @@ class Symbols:
 
 
 def symbols(channel: str) -> Symbols:
-    """SNAME names of a channel: surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot, N_r, N_r|r|; units: mass, linear, quadratic, force."""
+    """SNAME names of a channel: surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot,
+    N_r, N_r|r|; units: mass, linear, quadratic, force.
+    """
     index = CHANNELS.index(channel)
     axis, velocity = AXES[index], VELOCITIES[index]
     units = ("kg", "kg/s", "kg/m", "N") if index < 3 else ("kg*m^2", "kg*m^2/s", "kg*m^2", "N*m")
     mass = "m" if index < 3 else f"I_{'xyz'[index - 3]}"
-    return Symbols(mass, f"{axis}_{velocity}dot", f"{axis}_{velocity}", f"{axis}_{velocity}|{velocity}|", units)
+    return Symbols(
+        mass, f"{axis}_{velocity}dot", f"{axis}_{velocity}", f"{axis}_{velocity}|{velocity}|", units
+    )
 
 
 @dataclass(frozen=True)
 class ChannelRun:
-    """One run: `run` (x and s with the force F), restoring moment R [N m], whether a constant force and a rate bias are fitted.
+    """One run: `run` (x and s with the force F), restoring moment R [N m], whether a
+    constant force and a rate bias are fitted.
 
-    `velocity` (n,) is x on the grid of the run for the regression: the measured one, or the slope of the measured position.
-    `samples`: nodes of the grid that are samples. `noise`: RMS of x below which the channel counts as not excited. `lag`: whether the force
-    is that of a command, which thrusters may follow late; `current`: whether a constant of the velocity is fitted. Both only where the run
-    is persistently exciting: a single step does not tell them from mass and damping.
+    `velocity` (n,) is x on the grid of the run for the regression: the measured one, or
+    the slope of the measured position. `samples`: nodes of the grid that are samples.
+    `noise`: RMS of x below which the channel counts as not excited. `lag`: whether the
+    force is that of a command, which thrusters may follow late; `current`: whether a
+    constant of the velocity is fitted. Both only where the run is persistently
+    exciting: a single step does not tell them from mass and damping.
     """
 
     run: SingleRun
@@ -87,12 +126,14 @@ class ChannelRun:
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C with `covariance` (4, 4); 0 for what is left out.
+    """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C
+    with `covariance` (4, 4); 0 for what is left out.
 
-    `rmse` of x (of s where only that is measured) over the run; `held_out`: over its last third with figures from the first two;
-    `simulated` (n,): that signal on the grid, with the constant of the sensor. `resolved`: False where the run answers its force faster
-    than it was sampled: M is not determined; it is then held where its time constant is half a sample, and D_1, D_2, C are those of the
-    steady speeds.
+    `rmse` of x (of s where only that is measured) over the run; `held_out`: over its
+    last third with figures from the first two; `simulated` (n,): that signal on the
+    grid, with the constant of the sensor. `resolved`: False where the run answers its
+    force faster than it was sampled: M is not determined; it is then held where its
+    time constant is half a sample, and D_1, D_2, C are those of the steady speeds.
     """
 
     values: Array
@@ -115,17 +156,23 @@ class ChannelFit:
         return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
 
     def normalised(self) -> tuple[Array, Array]:
-        """Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3): all that commands without a unit of force can tell."""
+        """Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3): all that commands
+        without a unit of force can tell.
+        """
         m, one, two, _ = self.values
-        by = np.array([[-one / m**2, 1.0 / m, 0.0], [-two / m**2, 0.0, 1.0 / m], [-1.0 / m**2, 0.0, 0.0]])
+        by = np.array(
+            [[-one / m**2, 1.0 / m, 0.0], [-two / m**2, 0.0, 1.0 / m], [-1.0 / m**2, 0.0, 0.0]]
+        )
         return np.array([one / m, two / m, 1.0 / m]), by @ self.covariance[:3, :3] @ by.T
 
 
 @dataclass(frozen=True)
 class RecursiveFit:
-    """Theta of one damping model over time, and the M, D_1, D_2, C that it comes to: `values` (n, 4), `spread` (n, 4) standard errors.
+    """Theta of one damping model over time, and the M, D_1, D_2, C that it comes to:
+    `values` (n, 4), `spread` (n, 4) standard errors.
 
-    Standard errors are those of white noise of the size of the residual times the ratio that the colour of the residual has at the end.
+    Standard errors are those of white noise of the size of the residual times the ratio
+    that the colour of the residual has at the end.
     """
 
     estimate: RecursiveEstimate
@@ -135,9 +182,11 @@ class RecursiveFit:
 
 @dataclass(frozen=True)
 class ChannelEstimate:
-    """All damping models of a run, the chosen one, and persistence of excitation of the static form with all columns.
+    """All damping models of a run, the chosen one, and persistence of excitation of the
+    static form with all columns.
 
-    `lag` of the force behind its command, None where none is found; `data`: the run as it was fitted, with that lag.
+    `lag` of the force behind its command, None where none is found; `data`: the run as
+    it was fitted, with that lag.
     """
 
     fits: Mapping[str, ChannelFit]
@@ -149,9 +198,11 @@ class ChannelEstimate:
 
 
 def choose_damping(held_out: Mapping[str, float], terms: ArrayLike, errors: ArrayLike) -> str:
-    """Damping model by the error on what was not fitted; the simpler of nearly equal ones.
+    """Damping model by the error on what was not fitted; the simpler of nearly equal
+    ones.
 
-    terms (2,) and errors (2,): linear and quadratic damping of the model with both, and their standard errors.
+    terms (2,) and errors (2,): linear and quadratic damping of the model with both, and
+    their standard errors.
     """
     best = min(held_out.values())
     near = [name for name, error in held_out.items() if error <= SIMPLER_WITHIN * best]
@@ -168,13 +219,21 @@ def estimate_channel(
     memory_s: float | None = None,
     limits: tuple[float, float] = (0.0, np.inf),
 ) -> ChannelEstimate:
-    """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s and limits are those of `static_form` and
-    `recursive_least_squares`. Raises `DataError` when the channel is not excited.
+    """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s
+    and limits are those of `static_form` and `recursive_least_squares`. Raises
+    `DataError` when the channel is not excited.
     """
     reason = unexcited(data)
     if reason:
-        remedy = "Choose a leg in which this channel is driven, or mend the channel that the manifest names."
-        raise DataError(f"the channel was never excited: {reason}", allowed=f"RMS above {data.noise:g}", remedy=remedy)
+        remedy = (
+            "Choose a leg in which this channel is driven, or mend the channel that the manifest"
+            " names."
+        )
+        raise DataError(
+            f"the channel was never excited: {reason}",
+            allowed=f"RMS above {data.noise:g}",
+            remedy=remedy,
+        )
     end = float(data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0]))
 
     def regressions(run: ChannelRun) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
@@ -182,9 +241,15 @@ def estimate_channel(
         found, excited = {}, {}
         for name in DAMPING:
             columns = _columns(name, run)
-            part = StaticRegression(form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate)
+            part = StaticRegression(
+                form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate
+            )
             estimate = recursive_least_squares(
-                part, prior_spread=prior_spread, memory_s=memory_s, lowest_trace=limits[0], highest_trace=limits[1]
+                part,
+                prior_spread=prior_spread,
+                memory_s=memory_s,
+                lowest_trace=limits[0],
+                highest_trace=limits[1],
             )
             found[name] = _recursive_fit(part, estimate, columns)
             excited[name] = excitation(part.t_s, part.regressor)
@@ -198,7 +263,9 @@ def estimate_channel(
     fits = {name: _output_error(data, name, recursive[name].values[-1], end) for name in DAMPING}
     lag = _lag(data, fits[BOTH])
     if lag is not None:
-        late = [_with_lag(data, value) for value in (lag.value_s, lag.value_s + lag.standard_error_s)]
+        late = [
+            _with_lag(data, value) for value in (lag.value_s, lag.value_s + lag.standard_error_s)
+        ]
         for name, fit in fits.items():
             one, other = (_output_error(item, name, fit.values, end) for item in late)
             moved = other.values - one.values
@@ -206,10 +273,16 @@ def estimate_channel(
         data = late[0]
     bias = float(fits[BOTH].fit.bias[0])
     if lag is not None or bias != 0.0:
-        taken = float(np.mean(data.run.rate - data.velocity[data.run.rate_at])) if data.run.rate.size else 0.0
+        taken = (
+            float(np.mean(data.run.rate - data.velocity[data.run.rate_at]))
+            if data.run.rate.size
+            else 0.0
+        )
         recursive, excited = regressions(replace(data, velocity=data.velocity + taken - bias))
     least = min(item.rmse for item in fits.values())
-    sound = {name: item.held_out for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least}
+    sound = {
+        name: item.held_out for name, item in fits.items() if item.rmse <= SOUND_WITHIN * least
+    }
     chosen = choose_damping(sound, fits[BOTH].values[1:3], fits[BOTH].standard_errors[1:3])
     return ChannelEstimate(fits, recursive, excited, chosen, lag, data)
 
@@ -218,12 +291,17 @@ def _with_lag(data: ChannelRun, lag_s: float) -> ChannelRun:
     run = lagged(data.run, lag_s, from_rest=_from_rest(data))
     grid = data.run.grid_s
     return replace(
-        data, run=run, velocity=np.interp(run.grid_s, grid, data.velocity), samples=np.searchsorted(run.grid_s, grid[data.samples])
+        data,
+        run=run,
+        velocity=np.interp(run.grid_s, grid, data.velocity),
+        samples=np.searchsorted(run.grid_s, grid[data.samples]),
     )
 
 
 def _from_rest(data: ChannelRun) -> bool:
-    """Whether the run begins as its thrusters start: a body at rest has no thrust on it."""
+    """Whether the run begins as its thrusters start: a body at rest has no thrust on
+    it.
+    """
     return bool(abs(data.velocity[0]) <= data.noise)
 
 
@@ -243,11 +321,16 @@ def _lag(data: ChannelRun, fit: ChannelFit) -> Lag | None:
 
 def _nuisance(data: ChannelRun) -> Nuisance:
     run = data.run
-    return Nuisance(rate_bias=data.rate_bias and bool(run.rate.size), start_position=bool(run.position.size) or data.restoring != 0.0)
+    return Nuisance(
+        rate_bias=data.rate_bias and bool(run.rate.size),
+        start_position=bool(run.position.size) or data.restoring != 0.0,
+    )
 
 
 def unexcited(data: ChannelRun) -> str:
-    """Why a run excites nothing: nothing drove the channel, or it hardly moved; empty where it was excited."""
+    """Why a run excites nothing: nothing drove the channel, or it hardly moved; empty
+    where it was excited.
+    """
     if not (np.any(data.run.force_left != 0.0) or np.any(data.run.force_right != 0.0)):
         return "nothing drove it"
     moved = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))
@@ -262,7 +345,11 @@ def _columns(name: str, data: ChannelRun) -> list[int]:
 
 def _static(data: ChannelRun, rate: float) -> StaticRegression:
     run, x = data.run, data.velocity
-    angle = np.interp(run.grid_s, run.grid_s[run.position_at], run.position) if run.position.size else _integral(run.grid_s, x)
+    angle = (
+        np.interp(run.grid_s, run.grid_s[run.position_at], run.position)
+        if run.position.size
+        else _integral(run.grid_s, x)
+    )
     pull = data.restoring * np.sin(angle)
     force = np.append(run.force_left, run.force_right[-1]) - pull
     held = np.full((run.grid_s.size - 1, 4), np.nan)
@@ -277,8 +364,12 @@ def _integral(t: Array, x: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
 
 
-def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns: list[int]) -> RecursiveFit:
-    """M, D_1, D_2, C over time from Theta; their spread by the delta method with the correlation of the end."""
+def _recursive_fit(
+    form: StaticRegression, estimate: RecursiveEstimate, columns: list[int]
+) -> RecursiveFit:
+    """M, D_1, D_2, C over time from Theta; their spread by the delta method with the
+    correlation of the end.
+    """
     theta, place = estimate.theta, {column: index for index, column in enumerate(columns)}
     drive = place[2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -296,7 +387,9 @@ def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns:
     white = np.diag(bread) * float(estimate.residual @ estimate.residual) / max(n - k, 1)
     colour = np.sqrt(np.where(white > 0, coloured / np.where(white > 0, white, 1.0), 1.0))
     size = np.sqrt(sigma2[:, None] * step * estimate.spread) * colour
-    correlation = estimate.gamma / np.sqrt(np.outer(np.diag(estimate.gamma), np.diag(estimate.gamma)))
+    correlation = estimate.gamma / np.sqrt(
+        np.outer(np.diag(estimate.gamma), np.diag(estimate.gamma))
+    )
     spread = np.zeros((n, 4))
     spread[:, 0] = size[:, drive] * mass**2
     for target, column in ((1, 0), (2, 1), (3, 3)):
@@ -308,7 +401,8 @@ def _recursive_fit(form: StaticRegression, estimate: RecursiveEstimate, columns:
 
 
 def _model(name: str, data: ChannelRun, mass: float | None = None) -> Model:
-    """Parameters (log M, then D_1, D_2, C where the damping model has them) -> coefficients of `SingleRun` and their derivatives.
+    """Parameters (log M, then D_1, D_2, C where the damping model has them) ->
+    coefficients of `SingleRun` and their derivatives.
 
     mass: M is held at this value and is no parameter.
     """
@@ -338,14 +432,27 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
     nuisance = _nuisance(data)
     start = np.array([data.velocity[0], run.position[0] if run.position.size else 0.0])
     tried = [
-        fit_output_error(run, model, np.concatenate([[np.log(guess[0])], guess[1:]]), start=start, nuisance=nuisance) for guess in guesses
+        fit_output_error(
+            run,
+            model,
+            np.concatenate([[np.log(guess[0])], guess[1:]]),
+            start=start,
+            nuisance=nuisance,
+        )
+        for guess in guesses
     ]
-    fitted = min(tried, key=lambda item: float(np.sum(item.rate_error**2) + np.sum(item.position_error**2)))
+    fitted = min(
+        tried, key=lambda item: float(np.sum(item.rate_error**2) + np.sum(item.position_error**2))
+    )
     held = _unresolved(data, fitted.coefficients)
     if held is not None:
         used, model = used[1:], _model(name, data, held)
-        fitted = fit_output_error(run, model, _steady_guess(data, [0, *used])[1:], start=start, nuisance=nuisance)
-    early = fit_output_error(run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance)
+        fitted = fit_output_error(
+            run, model, _steady_guess(data, [0, *used])[1:], start=start, nuisance=nuisance
+        )
+    early = fit_output_error(
+        run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance
+    )
     which = 0 if run.rate.size else 1
     at, seen = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
     states = simulate_run(run, early.coefficients, early.start)[which]
@@ -362,16 +469,21 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
     return ChannelFit(
         values=values,
         covariance=covariance,
-        rmse=float(np.sqrt(np.mean((fitted.rate_error if run.rate.size else fitted.position_error) ** 2))),
+        rmse=float(
+            np.sqrt(np.mean((fitted.rate_error if run.rate.size else fitted.position_error) ** 2))
+        ),
         held_out=float(np.sqrt(np.mean(error[late] ** 2))) if late.any() else float("nan"),
-        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which] + (fitted.bias[0] if which == 0 else 0.0),
+        simulated=simulate_run(run, fitted.coefficients, fitted.start)[which]
+        + (fitted.bias[0] if which == 0 else 0.0),
         fit=fitted,
         resolved=held is None,
     )
 
 
 def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
-    """M, then D_1, D_2, C as used, as if every speed were a steady one: force against damping; M such that a change takes five samples."""
+    """M, then D_1, D_2, C as used, as if every speed were a steady one: force against
+    damping; M such that a change takes five samples.
+    """
     x = data.velocity[data.samples]
     force = np.append(data.run.force_left, data.run.force_right[-1])[data.samples]
     columns = np.column_stack([np.ones_like(x), x, x * np.abs(x), np.ones_like(x)])[:, used[1:]]
@@ -379,11 +491,14 @@ def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
     values = np.zeros(4)
     values[used[1:]] = drag
     slope = abs(values[1] + 2.0 * values[2] * float(np.sqrt(np.mean(x**2)))) or 1.0
-    return np.concatenate([[5.0 * slope * float(np.median(np.diff(data.run.grid_s[data.samples])))], drag])
+    return np.concatenate(
+        [[5.0 * slope * float(np.median(np.diff(data.run.grid_s[data.samples])))], drag]
+    )
 
 
 def _unresolved(data: ChannelRun, coefficients: Array) -> float | None:
-    """The M whose time constant is half a sample, where the fitted one is shorter than a sample (a steady run); else None.
+    """The M whose time constant is half a sample, where the fitted one is shorter than
+    a sample (a steady run); else None.
 
     The time constant is that of small changes about the RMS speed, 1 / (c0 + 2 c1 |x|).
     """

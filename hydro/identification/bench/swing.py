@@ -1,6 +1,8 @@
-"""What a recording of a swing holds: the axis it turns about, its angle, its period. Common to the quadrifilar pendulum and the free decay.
+"""What a recording of a swing holds: the axis it turns about, its angle, its period.
+Common to the quadrifilar pendulum and the free decay.
 
-The recorder may be fixed in any position: the axis of the swing is found from the gyro, and the angle is the rotation about it.
+The recorder may be fixed in any position: the axis of the swing is found from the gyro,
+and the angle is the rotation about it.
 """
 
 from __future__ import annotations
@@ -8,33 +10,42 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
-from auvid.hydro.identification.regression.standard_errors import stationary_covariance
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.standard_errors import stationary_covariance
+
 BODY_AXES = ("x", "y", "z")
 RELEASED = 0.2
-"""Share of the largest rate beyond which the swing runs free; before that it is held, or being pushed."""
+"""Share of the largest rate beyond which the swing runs free; before that it is held,
+or being pushed.
+"""
 NEARLY = 0.7
 """Share of the largest rate that the first swing comes to; less is a pull to the side."""
 GONE = 0.05
 """Share of the first amplitude at which a swing is over."""
 FEWEST_SAMPLES_PER_PERIOD = 6.0
 SIMPLE = (1.0 / 16.0, 11.0 / 6.0 / 16.0**2 - 1.0 / 3072.0)
-"""(c, e) in w = w_0 (1 - c a^2 - e a^4) of a simple pendulum, a = (amplitude of the rate) / w_0. In the amplitude A of the angle it is
-1 - A^2/16 + A^4/3072; A^2 = a^2 (1 + 11/6 c a^2), because the rate is that of the slower swing (2 c a^2) and the third harmonic c A^3 / 12
-takes off at the top of the swing."""
+"""(c, e) in w = w_0 (1 - c a^2 - e a^4) of a simple pendulum, a = (amplitude of the
+rate) / w_0. In the amplitude A of the angle it is 1 - A^2/16 + A^4/3072; A^2 = a^2 (1 +
+11/6 c a^2), because the rate is that of the slower swing (2 c a^2) and the third
+harmonic c A^3 / 12 takes off at the top of the swing.
+"""
 SAME_RANGE, FLAT, STEEP = 0.8, 3, 3.0
-"""A clipped axis: its extreme in parts of the largest of all axes, samples on end, steps of resolution by which it came there."""
+"""A clipped axis: its extreme in parts of the largest of all axes, samples on end,
+steps of resolution by which it came there.
+"""
 
 
 @dataclass(frozen=True)
 class SwingAxis:
-    """The axis of a swing in the recorder's frame: unit vector (3,), share of the rotation about it (0 to 1), angle to the nearest axis."""
+    """The axis of a swing in the recorder's frame: unit vector (3,), share of the
+    rotation about it (0 to 1), angle to the nearest axis.
+    """
 
     axis: Array
     share: float
@@ -44,11 +55,13 @@ class SwingAxis:
 
 @dataclass(frozen=True)
 class SwingFit:
-    """A damped swing: period of small, undamped swings with standard error, decay rate [1/s], amplitude of the angle [rad] at first.
+    """A damped swing: period of small, undamped swings with standard error, decay rate
+    [1/s], amplitude of the angle [rad] at first.
 
-    `swings`: how many full swings it made before it fell to a twentieth or the recording ended; `residual`: RMS of what is not explained,
-    as a share of the first amplitude of the signal; `bias`: constant of the signal; `start_s`: where the fit begins.
-    `fitted` (n,): the swing at the samples `t_s` (n,) that were fitted.
+    `swings`: how many full swings it made before it fell to a twentieth or the
+    recording ended; `residual`: RMS of what is not explained, as a share of the first
+    amplitude of the signal; `bias`: constant of the signal; `start_s`: where the fit
+    begins. `fitted` (n,): the swing at the samples `t_s` (n,) that were fitted.
     """
 
     period_s: float
@@ -64,18 +77,23 @@ class SwingFit:
 
 
 def swing_axis(gyro: ArrayLike) -> SwingAxis:
-    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], constant and noise taken off. Raises `DataError` for no rotation."""
+    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], constant and noise
+    taken off. Raises `DataError` for no rotation.
+    """
     rates = np.asarray(gyro, dtype=np.float64)
     centred = rates - np.median(rates, axis=0)
     values, vectors = np.linalg.eigh(centred.T @ centred)
-    # White noise turns about all axes alike; its size shows in the second differences of the stillest one.
+    # White noise turns about all axes alike; its size shows in the second differences
+    # of the stillest one.
     still = np.diff(centred @ vectors[:, 0], 2)
     noise = len(rates) * float(still @ still) / (6.0 * max(still.size, 1))
     values = np.maximum(values - noise, 0.0)
     # Noise alone leaves 2 sqrt(3/n) of itself in the largest of three eigenvalues.
     if values[-1] <= noise * 4.0 * np.sqrt(3.0 / len(rates)):
         raise DataError(
-            "the gyro shows no rotation above its noise", field="gyro", remedy="Check that the recorder was on the pendulum and running."
+            "the gyro shows no rotation above its noise",
+            field="gyro",
+            remedy="Check that the recorder was on the pendulum and running.",
         )
     axis = vectors[:, -1]
     main = int(np.argmax(np.abs(axis)))
@@ -85,16 +103,22 @@ def swing_axis(gyro: ArrayLike) -> SwingAxis:
 
 
 def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
-    """Rotation [rad] about a body axis (3,) against the mean attitude: Euler angles (n, 3) -> (n,), for swings below half a turn."""
+    """Rotation [rad] about a body axis (3,) against the mean attitude: Euler angles (n,
+    3) -> (n,), for swings below half a turn.
+    """
     attitude = Rotation.from_euler("ZYX", np.asarray(euler, dtype=np.float64)[:, ::-1])
-    return np.asarray((attitude.mean().inv() * attitude).as_rotvec() @ np.asarray(axis, dtype=np.float64))
+    return np.asarray(
+        (attitude.mean().inv() * attitude).as_rotvec() @ np.asarray(axis, dtype=np.float64)
+    )
 
 
 def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
     """Samples (n,) at which some axis of a gyro (n, 3) stands at the end of its range.
 
-    An axis is clipped where three or more samples on end are equal to its extreme, that extreme is near the largest of all axes (they have
-    one range), and the signal came there by more than three steps of its resolution: the top of a slow swing in whole counts is no clip.
+    An axis is clipped where three or more samples on end are equal to its extreme, that
+    extreme is near the largest of all axes (they have one range), and the signal came
+    there by more than three steps of its resolution: the top of a slow swing in whole
+    counts is no clip.
     """
     rates = np.asarray(gyro, dtype=np.float64)
     clipped = np.zeros(len(rates), dtype=np.bool_)
@@ -112,10 +136,14 @@ def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
     return clipped
 
 
-def angle_per_rate(t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle: ArrayLike) -> float:
-    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where they agree, whatever their zeros and drifts.
+def angle_per_rate(
+    t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle: ArrayLike
+) -> float:
+    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where
+    they agree, whatever their zeros and drifts.
 
-    By the first three swings: over more of them the noise of the rate adds up. NaN where the angle has too few samples in them.
+    By the first three swings: over more of them the noise of the rate adds up. NaN
+    where the angle has too few samples in them.
     """
     t, x, at = (np.asarray(part, dtype=np.float64) for part in (t_s, rate, angle_t_s))
     strong = np.flatnonzero(np.abs(x - np.median(x)) > 0.3 * np.abs(x - np.median(x)).max())
@@ -129,13 +157,17 @@ def angle_per_rate(t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle:
     turned = CubicSpline(t, x).antiderivative()(at)
     time = (at - at[0]) / (at[-1] - at[0])
     columns = np.column_stack([turned, np.ones_like(time), time, time**2])
-    return float(np.linalg.lstsq(columns, np.asarray(angle, dtype=np.float64)[inside], rcond=None)[0][0])
+    return float(
+        np.linalg.lstsq(columns, np.asarray(angle, dtype=np.float64)[inside], rcond=None)[0][0]
+    )
 
 
 def release_index(rate: ArrayLike) -> int:
-    """First sample of the free swing: from here on a rate (n,) stays beyond a fifth of its largest size until it comes near that.
+    """First sample of the free swing: from here on a rate (n,) stays beyond a fifth of
+    its largest size until it comes near that.
 
-    What came before, a gentle pull to the side and the time in which it was held, is left out.
+    What came before, a gentle pull to the side and the time in which it was held, is
+    left out.
     """
     size = np.abs(np.asarray(rate, dtype=np.float64) - np.median(np.asarray(rate)))
     top = int(np.argmax(size >= NEARLY * size.max()))
@@ -156,15 +188,22 @@ def check_rate(t_s: ArrayLike, period_s: float) -> None:
 
 
 def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
-    """Raises `DataError` when a rate (n,) that swings from t_s[0] on grows to twice of what it had fallen to: pushed or released anew."""
+    """Raises `DataError` when a rate (n,) that swings from t_s[0] on grows to twice of
+    what it had fallen to: pushed or released anew.
+    """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     _, begins = np.unique(((t - t[0]) / period_s).astype(np.intp), return_index=True)
     largest = np.maximum.reduceat(np.abs(x - np.median(x)), begins)
     fallen = np.minimum.accumulate(largest)
-    again = np.flatnonzero((largest[1:] > 2.0 * fallen[:-1]) & (largest[1:] > RELEASED * largest[0])) + 1
+    again = (
+        np.flatnonzero((largest[1:] > 2.0 * fallen[:-1]) & (largest[1:] > RELEASED * largest[0]))
+        + 1
+    )
     if again.size:
         begin = begins[again[0]]
-        grown = begin + int(np.argmax(np.abs(x[begin:] - np.median(x)) > 2.0 * fallen[again[0] - 1]))
+        grown = begin + int(
+            np.argmax(np.abs(x[begin:] - np.median(x)) > 2.0 * fallen[again[0] - 1])
+        )
         raise DataError(
             "the swing grows again: it was pushed, or released a second time",
             value=f"at {t[grown]:.1f} s",
@@ -173,9 +212,11 @@ def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
 
 
 def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
-    """Period [s] of a swing that dies within a few turns: twice the time from the release to the first turning point.
+    """Period [s] of a swing that dies within a few turns: twice the time from the
+    release to the first turning point.
 
-    rate (n,) [rad/s] from the release on. Raises `DataError` when it never comes back with a twentieth of its first rate: overdamped.
+    rate (n,) [rad/s] from the release on. Raises `DataError` when it never comes back
+    with a twentieth of its first rate: overdamped.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     ahead = x * np.sign(x[np.argmax(np.abs(x) >= 0.5 * np.abs(x).max())])
@@ -185,7 +226,10 @@ def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
         raise DataError(
             "the pendulum does not swing back (overdamped, or the recording ends too early)",
             value=f"rate after the first half swing below {100.0 * GONE:g} % of the largest",
-            remedy="Add weight or take a longer arm, so that it swings at least twice; record until it is at rest.",
+            remedy=(
+                "Add weight or take a longer arm, so that it swings at least twice; record until it"
+                " is at rest."
+            ),
         )
     turn = int(np.flatnonzero(ahead[: back[0]] > 0.0)[-1])
     crossing = t[turn] + (t[turn + 1] - t[turn]) * ahead[turn] / (ahead[turn] - ahead[turn + 1])
@@ -193,9 +237,11 @@ def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
 
 
 def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
-    """Period [s] of the strongest line of a signal (n,): Hann window, fourfold zero padding, parabola through the peak.
+    """Period [s] of the strongest line of a signal (n,): Hann window, fourfold zero
+    padding, parabola through the peak.
 
-    Raises `DataError` when the strongest line lies at the lower end of the spectrum: there is no oscillation (overdamped, or a drift).
+    Raises `DataError` when the strongest line lies at the lower end of the spectrum:
+    there is no oscillation (overdamped, or a drift).
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(signal, dtype=np.float64)
     uniform = np.linspace(t[0], t[-1], t.size)
@@ -203,12 +249,19 @@ def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
     values = (values - np.polyval(np.polyfit(uniform, values, 1), uniform)) * np.hanning(t.size)
     power = np.abs(np.fft.rfft(values, 4 * t.size)) ** 2
     peak = int(np.argmax(power[1:-1])) + 1
-    # A Hann window of one and a half periods is the least that shows an oscillation as a line of its own.
+    # A Hann window of one and a half periods is the least that shows an oscillation as
+    # a line of its own.
     if peak < 6:
         raise DataError(
             "the recording shows no oscillation (overdamped, too short, or only a drift)",
-            value=f"strongest line at {4.0 * (t[-1] - t[0]) / max(peak, 1) / 4.0:.3g} s in {t[-1] - t[0]:.3g} s",
-            remedy="Add weight or take a longer arm, so that it swings at least twice; record until it is at rest.",
+            value=(
+                f"strongest line at {4.0 * (t[-1] - t[0]) / max(peak, 1) / 4.0:.3g} s in"
+                f" {t[-1] - t[0]:.3g} s"
+            ),
+            remedy=(
+                "Add weight or take a longer arm, so that it swings at least twice; record until it"
+                " is at rest."
+            ),
         )
     low, mid, high = np.log(power[peak - 1 : peak + 2] + np.finfo(float).tiny)
     shift = 0.5 * (low - high) / (low - 2.0 * mid + high)
@@ -223,19 +276,24 @@ def fit_swing(
     fewest: float = 3.0,
     usable: NDArray[np.bool_] | None = None,
 ) -> SwingFit:
-    """Damped sinusoid in an angular rate (n,) [rad/s] at times (n,) [s], from its release on.
+    """Damped sinusoid in an angular rate (n,) [rad/s] at times (n,) [s], from its
+    release on.
 
-    The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w (1 - c a(t)^2 - e a(t)^4): large swings are slower.
-    a is the amplitude of the rate over w; slowing: c and e, unless it is a simple pendulum.
-    The period is that of small swings without damping, 2 pi / sqrt(w^2 + z^2). Its standard error allows for coloured residuals.
-    usable (n,): samples to fit, for instance those that are not clipped.
-    Raises `DataError` for fewer than `fewest` swings, too slow a recording, one without oscillation, or one of several swings.
+    The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w
+    (1 - c a(t)^2 - e a(t)^4): large swings are slower. a is the amplitude of the rate
+    over w; slowing: c and e, unless it is a simple pendulum. The period is that of
+    small swings without damping, 2 pi / sqrt(w^2 + z^2). Its standard error allows for
+    coloured residuals. usable (n,): samples to fit, for instance those that are not
+    clipped. Raises `DataError` for fewer than `fewest` swings, too slow a recording,
+    one without oscillation, or one of several swings.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     first = release_index(x)
     keep = np.ones(t.size, dtype=np.bool_) if usable is None else np.asarray(usable)
     if t.size - first < 16:
-        raise DataError("too few samples of a swing", value=t.size - first, remedy="Record longer or faster.")
+        raise DataError(
+            "too few samples of a swing", value=t.size - first, remedy="Record longer or faster."
+        )
     period = spectral_period(t[first:], x[first:])
     start = t[first]
     rows = (np.arange(t.size) >= first) & keep
@@ -250,7 +308,9 @@ def fit_swing(
         return time if abs(x) * time[-1] < 1e-9 else np.asarray(-np.expm1(-x * time) / x)
 
     def waves(w: float, z: float, square: float) -> Array:
-        """cos and sin of the phase, decaying, a constant and a drift; `square`: amplitude of the rate over w, squared."""
+        """cos and sin of the phase, decaying, a constant and a drift; `square`:
+        amplitude of the rate over w, squared.
+        """
         loss = slowing[0] * square * shrunk(z, 2) + slowing[1] * square**2 * shrunk(z, 4)
         psi, fade = w * (time - loss), np.exp(-z * time)
         return np.column_stack([fade * np.cos(psi), fade * np.sin(psi), np.ones_like(time), time])

@@ -1,7 +1,9 @@
-"""Thrust that follows its command late: a first-order lag of the force of a single-channel run, found from the run itself.
+"""Thrust that follows its command late: a first-order lag of the force of a
+single-channel run, found from the run itself.
 
-A propeller takes a tenth of a second to a second to come to speed. Left out, the lag is taken for mass: an added mass comes out too large
-by about damping times lag. It is told from mass by the bend with which the velocity sets out after a step.
+A propeller takes a tenth of a second to a second to come to speed. Left out, the lag is
+taken for mass: an added mass comes out too large by about damping times lag. It is told
+from mass by the bend with which the velocity sets out after a step.
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.bench.output_error import SingleRun
-from scipy.optimize import minimize_scalar
 
 TRIED_S = (0.1, 0.3, 0.8)
 SHORTEST_S, LONGEST_S = 0.02, 3.0
@@ -31,9 +34,11 @@ class Lag:
 
 
 def lagged(run: SingleRun, lag_s: float, *, from_rest: bool = False) -> SingleRun:
-    """The run with its force F replaced by that of lag_s * dy/dt + y = F, exact at the nodes of a finer grid.
+    """The run with its force F replaced by that of lag_s * dy/dt + y = F, exact at the
+    nodes of a finer grid.
 
-    y is steady at first, or 0 from rest. Between the nodes the force is linear; five steps per lag keep it within 0.5 % of its jump.
+    y is steady at first, or 0 from rest. Between the nodes the force is linear; five
+    steps per lag keep it within 0.5 % of its jump.
     """
     width = np.diff(run.grid_s)
     parts = np.maximum(np.ceil(width / max(lag_s / STEPS_PER_LAG, FINEST_S)), 1.0).astype(np.intp)
@@ -44,7 +49,8 @@ def lagged(run: SingleRun, lag_s: float, *, from_rest: bool = False) -> SingleRu
     grid = np.append(run.grid_s[step] + share * width[step], run.grid_s[-1])
     grid[np.append(number == 0, True)] = run.grid_s
     left, h = run.force_left[step] + slope[step] * (grid[:-1] - run.grid_s[step]), np.diff(grid)
-    # Over a step of slope s from l: y = l + s (h - lag) + (y_0 - l + s lag) exp(-h / lag).
+    # Over a step of slope s from l: y = l + s (h - lag) + (y_0 - l + s lag) exp(-h /
+    # lag).
     fade = np.exp(-h / lag_s)
     gain = left + slope[step] * (h - lag_s) + (slope[step] * lag_s - left) * fade
     force = [0.0 if from_rest else float(run.force_left[0])]
@@ -52,13 +58,17 @@ def lagged(run: SingleRun, lag_s: float, *, from_rest: bool = False) -> SingleRu
         force.append(keep * force[-1] + add)
     y: Array = np.array(force)
     at = np.searchsorted(grid, run.grid_s)
-    return SingleRun(grid, y[:-1], y[1:], at[run.rate_at], run.rate, at[run.position_at], run.position)
+    return SingleRun(
+        grid, y[:-1], y[1:], at[run.rate_at], run.rate, at[run.position_at], run.position
+    )
 
 
 def find_lag(cost: Callable[[float], float], samples: int) -> Lag | None:
-    """Time constant with the smallest sum of squared errors cost(lag_s); None where none is clearly better than no lag.
+    """Time constant with the smallest sum of squared errors cost(lag_s); None where
+    none is clearly better than no lag.
 
-    samples: how many errors there are. The standard error is that of white noise, with all else fitted anew.
+    samples: how many errors there are. The standard error is that of white noise, with
+    all else fitted anew.
     """
     tiny = np.finfo(float).tiny
     none = cost(0.0) + tiny
@@ -68,7 +78,10 @@ def find_lag(cost: Callable[[float], float], samples: int) -> Lag | None:
         return None
     edges = np.log([SHORTEST_S, *TRIED_S, LONGEST_S])
     result = minimize_scalar(
-        lambda x: cost(float(np.exp(x))), bounds=(edges[best], edges[best + 2]), method="bounded", options={"xatol": 3e-3}
+        lambda x: cost(float(np.exp(x))),
+        bounds=(edges[best], edges[best + 2]),
+        method="bounded",
+        options={"xatol": 3e-3},
     )
     value, least = float(np.exp(result.x)), float(result.fun)
     away = 0.1 * value

@@ -1,1 +1,3 @@
-"""Least squares from triangular factors: intervals, verdicts, priors and error measures."""
+"""Least squares from triangular factors: intervals, verdicts, priors and error
+measures.
+"""

@@ -1,10 +1,14 @@
-"""How far errors of the measured velocities pull least-squares coefficients from their truth, and how much wider that makes intervals.
+"""How far errors of the measured velocities pull least-squares coefficients from their
+truth, and how much wider that makes intervals.
 
-Regressors made of measured velocities carry their errors, which least squares takes for motion without force: coefficients shrink, and
-where velocities go together (sway follows yaw rate in closed loop) the share of one moves to the other. More data do not cure it, and the
-scatter of the residuals does not show it. Source: Fuller 1987, Measurement Error Models, 1.1 and 2.2.
+Regressors made of measured velocities carry their errors, which least squares takes for
+motion without force: coefficients shrink, and where velocities go together (sway
+follows yaw rate in closed loop) the share of one moves to the other. More data do not
+cure it, and the scatter of the residuals does not show it. Source: Fuller 1987,
+Measurement Error Models, 1.1 and 2.2.
 
-Limits: errors of the velocities are small, and independent of one another, of the motion and of the errors of the measured force.
+Limits: errors of the velocities are small, and independent of one another, of the
+motion and of the errors of the measured force.
 """
 
 from __future__ import annotations
@@ -13,12 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.jacobians import basis_jacobian
 from auvid.hydro.identification.regression.least_squares import AxisFit
-from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
 STRIDE = 5
 """Every fifth sample is enough for a mean: velocities are smooth over many samples."""
@@ -29,7 +34,9 @@ AT_ONCE = 1024  # samples whose Jacobians are held at a time
 
 @dataclass(frozen=True)
 class RegressorErrors:
-    """Sum over the samples of the covariance (k, k) that errors of the velocities give the basis terms."""
+    """Sum over the samples of the covariance (k, k) that errors of the velocities give
+    the basis terms.
+    """
 
     terms: tuple[str, ...]
     moment: Array
@@ -40,30 +47,41 @@ class RegressorErrors:
         return cls(tuple(terms), np.zeros((len(terms), len(terms))))
 
     def update(self, nu: ArrayLike, sd: ArrayLike, *, ratio: ArrayLike | None) -> RegressorErrors:
-        """With n more samples: velocities and their standard deviations (n, 6) [m/s, rad/s], propulsion ratio (n,).
+        """With n more samples: velocities and their standard deviations (n, 6) [m/s,
+        rad/s], propulsion ratio (n,).
 
-        sum_t sum_i sd_i^2 (d xi / d nu_i) (d xi / d nu_i)'. Raises `DataError` for shapes that differ or deviations that are none.
+        sum_t sum_i sd_i^2 (d xi / d nu_i) (d xi / d nu_i)'. Raises `DataError` for
+        shapes that differ or deviations that are none.
         """
         velocity, spread = np.asarray(nu, dtype=np.float64), np.asarray(sd, dtype=np.float64)
         if velocity.shape != spread.shape or not (spread >= 0.0).all():
-            raise DataError("one standard deviation per velocity is needed", value=spread.shape, allowed=f"{velocity.shape}, 0 or more")
+            raise DataError(
+                "one standard deviation per velocity is needed",
+                value=spread.shape,
+                allowed=f"{velocity.shape}, 0 or more",
+            )
         eta = None if ratio is None else np.asarray(ratio, dtype=np.float64)
         moment = self.moment.copy()
         for start in range(0, len(velocity), STRIDE * AT_ONCE):
             chosen = slice(start, start + STRIDE * AT_ONCE, STRIDE)
             count = min(STRIDE * AT_ONCE, len(velocity) - start)
-            slope = basis_jacobian(velocity[chosen], self.terms, ratio=None if eta is None else eta[chosen])
+            slope = basis_jacobian(
+                velocity[chosen], self.terms, ratio=None if eta is None else eta[chosen]
+            )
             rows = (slope * spread[chosen, None, :]).transpose(0, 2, 1).reshape(-1, len(self.terms))
             moment += count / len(velocity[chosen]) * (rows.T @ rows)
         return RegressorErrors(self.terms, moment)
 
 
 def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
-    """Expected error (k,) of `fit.solution` in the order of its terms; 0 for terms that carry no number.
+    """Expected error (k,) of `fit.solution` in the order of its terms; 0 for terms that
+    carry no number.
 
-    With S = X'X of the measured regressors and D the `moment`, the expected S K is (S - D) times the truth: the error is -(S - D)^-1 D K.
-    In directions in which errors make up more than half of the motion (`MOST_SHARE`) the inverse is held at its value there, as S - D
-    becomes singular: the error counts as at least as large as what was found. A constant force has no error of its own, but takes its part.
+    With S = X'X of the measured regressors and D the `moment`, the expected S K is (S -
+    D) times the truth: the error is -(S - D)^-1 D K. In directions in which errors make
+    up more than half of the motion (`MOST_SHARE`) the inverse is held at its value
+    there, as S - D becomes singular: the error counts as at least as large as what was
+    found. A constant force has no error of its own, but takes its part.
     """
     kept = list(fit.independent)
     found = np.zeros(len(fit.terms))
@@ -85,5 +103,7 @@ def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
 
 
 def widened(covariance: Array, shift: Array) -> Array:
-    """Covariance (k, k) about the truth and not about the mean of the estimate: with the outer product of the expected error (k,)."""
+    """Covariance (k, k) about the truth and not about the mean of the estimate: with
+    the outer product of the expected error (k,).
+    """
     return np.asarray(covariance + np.outer(shift, shift))

@@ -1,6 +1,7 @@
 """Error measures of a force model: McCarter 2014 (4.22)-(4.27).
 
-The force error is tau_tilde = K xi - tau_bar, predicted minus measured (4.11). The totals mix N and N m, as the thesis has them.
+The force error is tau_tilde = K xi - tau_bar, predicted minus measured (4.11). The
+totals mix N and N m, as the thesis has them.
 """
 
 from __future__ import annotations
@@ -9,18 +10,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, Array
-from numpy.typing import ArrayLike
 
 TOTAL = "total"
 
 
 @dataclass(frozen=True)
 class ErrorMeasures:
-    """SSE (4.22), MAE (4.23), MSE (4.24), RMS (4.25), MAD (4.27) and J0, the RMS of the measured force, over `n` samples.
+    """SSE (4.22), MAE (4.23), MSE (4.24), RMS (4.25), MAD (4.27) and J0, the RMS of the
+    measured force, over `n` samples.
 
-    Units: SSE and MSE in N^2 (or (N m)^2), the others in N (N m). In the total all six axes are counted together.
+    Units: SSE and MSE in N^2 (or (N m)^2), the others in N (N m). In the total all six
+    axes are counted together.
     """
 
     sse: float
@@ -33,21 +37,27 @@ class ErrorMeasures:
 
     @property
     def normalised(self) -> float:
-        """J / J0, the last column of McCarter's Tables 5.1 and 5.2; nan without a measured force."""
+        """J / J0, the last column of McCarter's Tables 5.1 and 5.2; nan without a
+        measured force.
+        """
         return self.rms / self.j0 if self.j0 > 0 else float("nan")
 
 
 def total_errors(measured: ArrayLike, predicted: ArrayLike) -> ErrorMeasures:
-    """The measures over all six axes: forces tau_bar and K xi, each (n, 6). MAD is the sum of the six medians (4.27).
+    """The measures over all six axes: forces tau_bar and K xi, each (n, 6). MAD is the
+    sum of the six medians (4.27).
 
-    Raises `DataError` for an empty series, values that are not finite, or shapes that differ.
+    Raises `DataError` for an empty series, values that are not finite, or shapes that
+    differ.
     """
     force, error = _checked(measured, predicted)
     return _measures(force, error)
 
 
 def axis_errors(measured: ArrayLike, predicted: ArrayLike) -> dict[str, ErrorMeasures]:
-    """The measures of each axis X Y Z K M N by itself; J0 is that axis's own. Arguments and errors as `total_errors`."""
+    """The measures of each axis X Y Z K M N by itself; J0 is that axis's own. Arguments
+    and errors as `total_errors`.
+    """
     force, error = _checked(measured, predicted)
     return {axis: _measures(force[:, [i]], error[:, [i]]) for i, axis in enumerate(AXES)}
 
@@ -61,7 +71,8 @@ def error_table(measured: ArrayLike, predicted: ArrayLike) -> dict[str, ErrorMea
 class ErrorAccumulator:
     """Measured and predicted forces of several segments, to be judged together.
 
-    The medians of MAD need every error, so the parts are kept (96 bytes a sample); the order of the parts does not matter.
+    The medians of MAD need every error, so the parts are kept (96 bytes a sample); the
+    order of the parts does not matter.
     """
 
     parts: tuple[tuple[Array, Array], ...] = field(default=())
@@ -86,7 +97,9 @@ class ErrorAccumulator:
 def _checked(measured: ArrayLike, predicted: ArrayLike) -> tuple[Array, Array]:
     force, model = np.asarray(measured, dtype=np.float64), np.asarray(predicted, dtype=np.float64)
     if force.shape != model.shape or force.ndim != 2 or force.shape[1] != 6:
-        raise DataError("measured and predicted forces must both be (n, 6)", value=(force.shape, model.shape))
+        raise DataError(
+            "measured and predicted forces must both be (n, 6)", value=(force.shape, model.shape)
+        )
     if not len(force):
         raise DataError("no sample to judge a model on")
     if not (np.isfinite(force).all() and np.isfinite(model).all()):

@@ -1,4 +1,6 @@
-"""How much of each velocity a campaign excites, and from which size on a term of the basis counts as excited."""
+"""How much of each velocity a campaign excites, and from which size on a term of the
+basis counts as excited.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +9,35 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, PROPULSION
-from numpy.typing import ArrayLike
 
-THRESHOLDS: Mapping[str, float] = {"u": 0.03, "v": 0.03, "w": 0.03, "p": 0.03, "q": 0.03, "r": 0.03, PROPULSION: 0.05}
-"""RMS [m/s, rad/s, 1] below which motion is hardly told from what a velocity sensor (0.01 m/s) and a gyro with its residual bias leave as
-error: about three times the sensor's noise. A slow ROV's whole drag lies between 0.03 and 0.3 m/s, so surge has no higher one."""
+THRESHOLDS: Mapping[str, float] = {
+    "u": 0.03,
+    "v": 0.03,
+    "w": 0.03,
+    "p": 0.03,
+    "q": 0.03,
+    "r": 0.03,
+    PROPULSION: 0.05,
+}
+"""RMS [m/s, rad/s, 1] below which motion is hardly told from what a velocity sensor
+(0.01 m/s) and a gyro with its residual bias leave as error: about three times the
+sensor's noise. A slow ROV's whole drag lies between 0.03 and 0.3 m/s, so surge has no
+higher one.
+"""
 
 
 @dataclass(frozen=True)
 class VelocityExcitation:
-    """RMS, standard deviation and range of one velocity [m/s or rad/s], and the share of samples beyond `threshold` in absolute value.
+    """RMS, standard deviation and range of one velocity [m/s or rad/s], and the share
+    of samples beyond `threshold` in absolute value.
 
-    `changes_sign`: beyond the threshold on both sides; otherwise x and |x|, x*x and x*|x| cannot be told apart.
+    `changes_sign`: beyond the threshold on both sides; otherwise x and |x|, x*x and
+    x*|x| cannot be told apart.
     """
 
     name: str
@@ -49,10 +65,11 @@ def axis_excitation(
     eta_ratio: ArrayLike | Sequence[ArrayLike] | None = None,
     thresholds: Mapping[str, float] = THRESHOLDS,
 ) -> dict[str, VelocityExcitation]:
-    """Excitation of u v w p q r from body velocities (n, 6), or a list or tuple of such arrays (legs, counted together).
+    """Excitation of u v w p q r from body velocities (n, 6), or a list or tuple of such
+    arrays (legs, counted together).
 
-    eta_ratio: the propulsion ratio u_c(n) / U (n,), in the same form; adds the entry `eta-1`. Raises `DataError` for no samples or values
-    that are not finite.
+    eta_ratio: the propulsion ratio u_c(n) / U (n,), in the same form; adds the entry
+    `eta-1`. Raises `DataError` for no samples or values that are not finite.
     """
     columns = dict(zip(VELOCITIES, _joined(nu, 6).T, strict=True))
     if eta_ratio is not None:
@@ -71,23 +88,37 @@ def axis_excitation(
     }
 
 
-def term_floors(terms: Sequence[str], excitation: Mapping[str, VelocityExcitation]) -> dict[str, float]:
-    """RMS from which on each basis term counts as excited, given the campaign's `axis_excitation`.
+def term_floors(
+    terms: Sequence[str], excitation: Mapping[str, VelocityExcitation]
+) -> dict[str, float]:
+    """RMS from which on each basis term counts as excited, given the campaign's
+    `axis_excitation`.
 
-    A product is excited only if each of its factors is: the floor is the largest of (threshold of one factor) times (RMS of the others). So
-    u*v at 2 m/s is not excited by 0.01 m/s of sway. V counts as the length of (v, w), with the smaller of their thresholds. A name that is
-    no basis term (the constant) has the floor 0.
+    A product is excited only if each of its factors is: the floor is the largest of
+    (threshold of one factor) times (RMS of the others). So u*v at 2 m/s is not excited
+    by 0.01 m/s of sway. V counts as the length of (v, w), with the smaller of their
+    thresholds. A name that is no basis term (the constant) has the floor 0.
     """
     sizes = {name: (item.threshold, item.rms) for name, item in excitation.items()}
     sizes.update({f"|{name}|": sizes[name] for name in VELOCITIES})
     cross = (min(sizes["v"][0], sizes["w"][0]), float(np.hypot(sizes["v"][1], sizes["w"][1])))
     sizes.update({"V": cross, "Vv": cross, "Vw": cross})
     sizes.setdefault(PROPULSION, (THRESHOLDS[PROPULSION], 0.0))
-    return {term: _floor([sizes[name] for name in BASIS_TERMS[term].factors]) if term in BASIS_TERMS else 0.0 for term in terms}
+    return {
+        term: (
+            _floor([sizes[name] for name in BASIS_TERMS[term].factors])
+            if term in BASIS_TERMS
+            else 0.0
+        )
+        for term in terms
+    }
 
 
 def _floor(sizes: list[tuple[float, float]]) -> float:
-    return max(threshold * math.prod(rms for j, (_, rms) in enumerate(sizes) if j != i) for i, (threshold, _) in enumerate(sizes))
+    return max(
+        threshold * math.prod(rms for j, (_, rms) in enumerate(sizes) if j != i)
+        for i, (threshold, _) in enumerate(sizes)
+    )
 
 
 def _joined(parts: ArrayLike | Sequence[ArrayLike], width: int | None) -> Array:

@@ -1,9 +1,12 @@
-"""All linear models of a campaign from one pass: a triangular factor of the basis columns and forces (McCarter 2014, 4.14-4.21).
+"""All linear models of a campaign from one pass: a triangular factor of the basis
+columns and forces (McCarter 2014, 4.14-4.21).
 
-The synthesis model (4.20) is block diagonal by axis, so a model is six least-squares problems on columns of one matrix
-[basis terms, constant, X Y Z K M N]. Only its triangular factor R is kept: R'R is the Gram matrix of those columns, but R comes from QR of
-[R; chunk], so no normal equations are formed. Factors merge, so legs and processes combine exactly, and every model, axis, term subset and
-leave-one-leg-out fold is solved from R alone.
+The synthesis model (4.20) is block diagonal by axis, so a model is six least-squares
+problems on columns of one matrix [basis terms, constant, X Y Z K M N]. Only its
+triangular factor R is kept: R'R is the Gram matrix of those columns, but R comes from
+QR of [R; chunk], so no normal equations are formed. Factors merge, so legs and
+processes combine exactly, and every model, axis, term subset and leave-one-leg-out fold
+is solved from R alone.
 """
 
 from __future__ import annotations
@@ -13,22 +16,27 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from auvid.data_schemas.errors import DataError, PipelineError, nearest
-from auvid.hydro.arrays import AXES, Array
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_solve, lapack, qr, solve_triangular
+
+from auvid.data_schemas.errors import DataError, PipelineError, nearest
+from auvid.hydro.arrays import AXES, Array
 
 CONSTANT = "constant"
 """The column of ones: a constant force on an axis (trim)."""
 RANK_TOLERANCE = 1e-8
-"""A column counts as a combination of others when less than this share of its length stands apart from them."""
+"""A column counts as a combination of others when less than this share of its length
+stands apart from them.
+"""
 CHUNK_SAMPLES = 1024
 BLOCK_COLUMNS = 16
 
 
 @dataclass(frozen=True)
 class TriangularFactor:
-    """R (m, m), upper triangular with non-negative diagonal, of the columns [terms, constant, X Y Z K M N] over `n_samples` samples."""
+    """R (m, m), upper triangular with non-negative diagonal, of the columns [terms,
+    constant, X Y Z K M N] over `n_samples` samples.
+    """
 
     columns: tuple[str, ...]
     R: Array
@@ -36,10 +44,14 @@ class TriangularFactor:
 
     @classmethod
     def empty(cls, terms: Sequence[str]) -> TriangularFactor:
-        """A factor of no samples for these basis terms; the constant and the six forces are added."""
+        """A factor of no samples for these basis terms; the constant and the six forces
+        are added.
+        """
         columns = (*terms, CONSTANT, *AXES)
         if len(set(columns)) != len(columns):
-            raise PipelineError("a basis term occurs twice or has a reserved name", value=sorted(terms))
+            raise PipelineError(
+                "a basis term occurs twice or has a reserved name", value=sorted(terms)
+            )
         return cls(columns, np.zeros((len(columns), len(columns)), order="F"), 0)
 
     @property
@@ -58,15 +70,19 @@ class TriangularFactor:
         return np.asarray(self.column_norms / np.sqrt(max(self.n_samples, 1)))
 
     def update(self, rows: ArrayLike, forces: ArrayLike) -> TriangularFactor:
-        """With n more samples: basis rows (k, n), one per term, and forces tau_bar (n, 6) [N, N m].
+        """With n more samples: basis rows (k, n), one per term, and forces tau_bar (n,
+        6) [N, N m].
 
-        Raises `DataError` when a value is not finite or the shapes do not fit. Nothing is written to.
+        Raises `DataError` when a value is not finite or the shapes do not fit. Nothing
+        is written to.
         """
         basis, force = np.asarray(rows, dtype=np.float64), np.asarray(forces, dtype=np.float64)
         n = force.shape[0]
         if basis.shape != (len(self.terms), n) or force.shape != (n, 6):
             raise DataError(
-                "basis rows and forces do not fit the factor", value=(basis.shape, force.shape), allowed=f"({len(self.terms)}, n), (n, 6)"
+                "basis rows and forces do not fit the factor",
+                value=(basis.shape, force.shape),
+                allowed=f"({len(self.terms)}, n), (n, 6)",
             )
         R = np.array(self.R, order="F")
         for start in range(0, n, CHUNK_SAMPLES):
@@ -79,14 +95,20 @@ class TriangularFactor:
         return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples + n)
 
     def merge(self, other: TriangularFactor) -> TriangularFactor:
-        """The factor of both sets of samples. Exact up to rounding; the same order of merging gives the same bits."""
+        """The factor of both sets of samples. Exact up to rounding; the same order of
+        merging gives the same bits.
+        """
         if self.columns != other.columns:
             raise PipelineError("factors of different columns cannot be merged")
         R = _absorb(np.array(self.R, order="F"), np.array(other.R, order="F"))
-        return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples + other.n_samples)
+        return TriangularFactor(
+            self.columns, _positive_diagonal(R), self.n_samples + other.n_samples
+        )
 
     def with_rows(self, rows: ArrayLike) -> TriangularFactor:
-        """With further equations (r, m) over all columns that are no samples, for example a prior; `n_samples` stays."""
+        """With further equations (r, m) over all columns that are no samples, for
+        example a prior; `n_samples` stays.
+        """
         R = _absorb(np.array(self.R, order="F"), np.array(rows, dtype=np.float64, order="F"))
         return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples)
 
@@ -96,11 +118,18 @@ class TriangularFactor:
         if not len(bad):
             raise DataError("the values are too large to be squared")
         row, sample = (int(i) for i in bad[0])
-        raise DataError("a value is not finite", row=sample, field=self.columns[row], value=float(values[row, sample]))
+        raise DataError(
+            "a value is not finite",
+            row=sample,
+            field=self.columns[row],
+            value=float(values[row, sample]),
+        )
 
 
 def merge_all(factors: Iterable[TriangularFactor]) -> TriangularFactor:
-    """Merge factors in the order given (legs, processes, all folds but one); `DataError` for none."""
+    """Merge factors in the order given (legs, processes, all folds but one);
+    `DataError` for none.
+    """
     parts = list(factors)
     if not parts:
         raise DataError("no training data: there is no factor to merge")
@@ -112,20 +141,27 @@ def merge_all(factors: Iterable[TriangularFactor]) -> TriangularFactor:
 
 @dataclass(frozen=True)
 class Combination:
-    """A weighted sum of coefficients that the data determine: sum weights[term] * coefficient[term] = value +- standard_error."""
+    """A weighted sum of coefficients that the data determine: sum weights[term] *
+    coefficient[term] = value +- standard_error.
+    """
 
     weights: dict[str, float]
     value: float
     standard_error: float
 
     def __str__(self) -> str:
-        parts = [f"{'-' if w < 0 else '+'} {'' if abs(abs(w) - 1) < 1e-6 else f'{abs(w):.4g} '}{term}" for term, w in self.weights.items()]
+        parts = [
+            f"{'-' if w < 0 else '+'} {'' if abs(abs(w) - 1) < 1e-6 else f'{abs(w):.4g} '}{term}"
+            for term, w in self.weights.items()
+        ]
         return f"{' '.join(parts).removeprefix('+ ')}: {self.value:.4g}"
 
 
 @dataclass(frozen=True)
 class InseparableGroup:
-    """Terms whose columns depend on each other in these data, and all that the data say about their coefficients."""
+    """Terms whose columns depend on each other in these data, and all that the data say
+    about their coefficients.
+    """
 
     terms: tuple[str, ...]
     combinations: tuple[Combination, ...]
@@ -133,14 +169,18 @@ class InseparableGroup:
 
 @dataclass(frozen=True)
 class AxisFit:
-    """Least-squares fit of one axis. Arrays (k,) are in the order of `terms` (the constant last, if trimmed).
+    """Least-squares fit of one axis. Arrays (k,) are in the order of `terms` (the
+    constant last, if trimmed).
 
-    coefficients: nan for members of an inseparable group and for terms whose column is zero.
-    solution: numbers that predict the fitted force: as `coefficients`, a group's combinations at its representatives, 0 elsewhere.
-    independent: indices of the terms that carry a number in `solution`; `scaled_triangle` is the factor of their unit-length columns.
-    standard_errors: for white residuals; at a group's representative, of its combination; nan where `solution` is 0 by default.
-    vif: variance inflation, 1 / (share of the column that is its own)^2. rank of k; condition of the scaled independent columns.
-    sse [N^2 or (N m)^2], rms of the residual and j0, the rms of the measured force [N or N m].
+    coefficients: nan for members of an inseparable group and for terms whose column is
+    zero. solution: numbers that predict the fitted force: as `coefficients`, a group's
+    combinations at its representatives, 0 elsewhere. independent: indices of the terms
+    that carry a number in `solution`; `scaled_triangle` is the factor of their
+    unit-length columns. standard_errors: for white residuals; at a group's
+    representative, of its combination; nan where `solution` is 0 by default. vif:
+    variance inflation, 1 / (share of the column that is its own)^2. rank of k;
+    condition of the scaled independent columns. sse [N^2 or (N m)^2], rms of the
+    residual and j0, the rms of the measured force [N or N m].
     """
 
     axis: str
@@ -172,22 +212,33 @@ class AxisFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance (k, k) of `solution` for white residuals; nan rows where nothing is determined."""
+        """Covariance (k, k) of `solution` for white residuals; nan rows where nothing
+        is determined.
+        """
         kept = list(self.independent)
         freedom = self.n_samples - len(kept)
         variance = self.sse / freedom if freedom > 0 else np.nan
         full = np.full((len(self.terms), len(self.terms)), np.nan)
         scale = self.column_norms[kept]
-        full[np.ix_(kept, kept)] = variance * cho_solve((self.scaled_triangle, False), np.eye(len(kept))) / np.outer(scale, scale)
+        full[np.ix_(kept, kept)] = (
+            variance
+            * cho_solve((self.scaled_triangle, False), np.eye(len(kept)))
+            / np.outer(scale, scale)
+        )
         return full
 
 
-def solve_axis(factor: TriangularFactor, axis: str, terms: Sequence[str], *, trim: bool = False) -> AxisFit:
-    """Fit the force on `axis` (X Y Z K M N) with `terms`, plus a constant when `trim`, from the factor alone.
+def solve_axis(
+    factor: TriangularFactor, axis: str, terms: Sequence[str], *, trim: bool = False
+) -> AxisFit:
+    """Fit the force on `axis` (X Y Z K M N) with `terms`, plus a constant when `trim`,
+    from the factor alone.
 
-    Columns are scaled to unit length; the rank is the number of pivots above `RANK_TOLERANCE` of QR with column pivoting. Where columns
-    depend on each other, the earliest terms are taken as representatives, and each group of dependent terms is reported with the
-    combinations that the data determine. Raises `PipelineError` for an unknown axis or term, `DataError` for an empty factor.
+    Columns are scaled to unit length; the rank is the number of pivots above
+    `RANK_TOLERANCE` of QR with column pivoting. Where columns depend on each other, the
+    earliest terms are taken as representatives, and each group of dependent terms is
+    reported with the combinations that the data determine. Raises `PipelineError` for
+    an unknown axis or term, `DataError` for an empty factor.
     """
     wanted = (*terms, CONSTANT) if trim else tuple(terms)
     index = [_column(factor, term) for term in wanted]
@@ -212,12 +263,20 @@ def solve_axis(factor: TriangularFactor, axis: str, terms: Sequence[str], *, tri
     spread = np.sqrt(np.sum(inverse**2, axis=1))
     freedom = factor.n_samples - len(kept)
     standard_errors, vif = np.full(len(wanted), np.nan), np.full(len(wanted), np.nan)
-    standard_errors[kept_terms] = spread * (np.sqrt(sse / freedom) if freedom > 0 else np.nan) / norms[kept_terms]
+    standard_errors[kept_terms] = (
+        spread * (np.sqrt(sse / freedom) if freedom > 0 else np.nan) / norms[kept_terms]
+    )
     vif[kept_terms] = spread**2
     vif[dependent_terms] = np.inf
 
-    unscaled = weights * norms[dependent_terms] / norms[kept_terms][:, None] if dependent else np.zeros((len(kept), 0))
-    groups = _groups(wanted, kept_terms, dependent_terms, unscaled, weights, solution, standard_errors)
+    unscaled = (
+        weights * norms[dependent_terms] / norms[kept_terms][:, None]
+        if dependent
+        else np.zeros((len(kept), 0))
+    )
+    groups = _groups(
+        wanted, kept_terms, dependent_terms, unscaled, weights, solution, standard_errors
+    )
     coefficients = solution.copy()
     zero = tuple(term for term, norm in zip(wanted, norms, strict=True) if norm == 0)
     undetermined = {*zero, *(term for group in groups for term in group.terms)}
@@ -244,15 +303,21 @@ def solve_axis(factor: TriangularFactor, axis: str, terms: Sequence[str], *, tri
 
 
 def _absorb(R: Array, block: Array) -> Array:
-    """Triangular factor of [R; block] by LAPACK's triangular-pentagonal QR; both arguments are Fortran-ordered and used up."""
-    R, _, _, info = lapack.dtpqrt(0, min(BLOCK_COLUMNS, len(R)), R, block, overwrite_a=1, overwrite_b=1)
+    """Triangular factor of [R; block] by LAPACK's triangular-pentagonal QR; both
+    arguments are Fortran-ordered and used up.
+    """
+    R, _, _, info = lapack.dtpqrt(
+        0, min(BLOCK_COLUMNS, len(R)), R, block, overwrite_a=1, overwrite_b=1
+    )
     if info:
         raise RuntimeError(f"dtpqrt refused argument {-info}")
     return R
 
 
 def _positive_diagonal(R: Array) -> Array:
-    """R with the signs of its rows fixed, so that equal data give equal factors; read-only."""
+    """R with the signs of its rows fixed, so that equal data give equal factors;
+    read-only.
+    """
     signs = np.where(np.diag(R) < 0, -1.0, 1.0)
     R = np.asfortranarray(np.triu(R) * signs[:, None])
     R.flags.writeable = False
@@ -262,12 +327,16 @@ def _positive_diagonal(R: Array) -> Array:
 def _column(factor: TriangularFactor, term: str) -> int:
     known = (*factor.terms, CONSTANT)
     if term not in known:
-        raise PipelineError("the factor has no column for this term", value=term, remedy=nearest(term, known))
+        raise PipelineError(
+            "the factor has no column for this term", value=term, remedy=nearest(term, known)
+        )
     return known.index(term)
 
 
 def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:
-    """Independent columns, dependent columns, and weights with scaled[:, dependent] = scaled[:, independent] @ weights."""
+    """Independent columns, dependent columns, and weights with scaled[:, dependent] =
+    scaled[:, independent] @ weights.
+    """
     k = scaled.shape[1]
     if not k:
         return [], [], np.zeros((0, 0))
@@ -282,7 +351,9 @@ def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:
 
 
 def _earliest(scaled: Array, rank: int) -> list[int] | None:
-    """The first columns in their order that are independent of those before them, if they are as many as the rank."""
+    """The first columns in their order that are independent of those before them, if
+    they are as many as the rank.
+    """
     base = np.zeros((scaled.shape[0], 0))
     kept: list[int] = []
     for i, column in enumerate(scaled.T):
@@ -296,9 +367,17 @@ def _earliest(scaled: Array, rank: int) -> list[int] | None:
 
 
 def _groups(
-    terms: Sequence[str], kept: list[int], dependent: list[int], weights: Array, scaled_weights: Array, solution: Array, errors: Array
+    terms: Sequence[str],
+    kept: list[int],
+    dependent: list[int],
+    weights: Array,
+    scaled_weights: Array,
+    solution: Array,
+    errors: Array,
 ) -> tuple[InseparableGroup, ...]:
-    """Connected sets of dependent terms; which sets they are does not depend on the choice of representatives."""
+    """Connected sets of dependent terms; which sets they are does not depend on the
+    choice of representatives.
+    """
     group_of: dict[int, set[int]] = {}
     for column, term in enumerate(dependent):
         members = {term, *(kept[row] for row in np.flatnonzero(scaled_weights[:, column]))}
@@ -311,7 +390,17 @@ def _groups(
         combinations = []
         for row, term in enumerate(kept):
             if term in members:
-                shares = {terms[other]: float(weights[row, col]) for col, other in enumerate(dependent) if scaled_weights[row, col]}
-                combinations.append(Combination({terms[term]: 1.0, **shares}, float(solution[term]), float(errors[term])))
-        found.append(InseparableGroup(tuple(terms[i] for i in sorted(members)), tuple(combinations)))
+                shares = {
+                    terms[other]: float(weights[row, col])
+                    for col, other in enumerate(dependent)
+                    if scaled_weights[row, col]
+                }
+                combinations.append(
+                    Combination(
+                        {terms[term]: 1.0, **shares}, float(solution[term]), float(errors[term])
+                    )
+                )
+        found.append(
+            InseparableGroup(tuple(terms[i] for i in sorted(members)), tuple(combinations))
+        )
     return tuple(sorted(found, key=lambda group: terms.index(group.terms[0])))

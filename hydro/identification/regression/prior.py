@@ -1,7 +1,9 @@
-"""A prior on the coefficients of an axis, for example strip theory: rows appended to the triangular factor of the data.
+"""A prior on the coefficients of an axis, for example strip theory: rows appended to
+the triangular factor of the data.
 
-Posterior mean of K with independent normal priors N(mean, sd^2) and a force error of variance s^2: least squares over the data and one row
-(s / sd) K = (s / sd) mean per coefficient (Gelman et al., Bayesian Data Analysis, 14.8).
+Posterior mean of K with independent normal priors N(mean, sd^2) and a force error of
+variance s^2: least squares over the data and one row (s / sd) K = (s / sd) mean per
+coefficient (Gelman et al., Bayesian Data Analysis, 14.8).
 """
 
 from __future__ import annotations
@@ -10,19 +12,33 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from auvid.hydro.arrays import Array
-from auvid.hydro.identification.regression.least_squares import AxisFit, TriangularFactor, solve_axis
 from scipy.linalg import cho_solve
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import (
+    AxisFit,
+    TriangularFactor,
+    solve_axis,
+)
 
 
 def posterior(
-    factor: TriangularFactor, fit: AxisFit, covariance: Array, means: Mapping[str, float], *, relative_sd: float, trim: bool = False
+    factor: TriangularFactor,
+    fit: AxisFit,
+    covariance: Array,
+    means: Mapping[str, float],
+    *,
+    relative_sd: float,
+    trim: bool = False,
 ) -> tuple[AxisFit, Array]:
-    """The fit of one axis with priors, and the covariance (k, k) of its solution in the order of its terms.
+    """The fit of one axis with priors, and the covariance (k, k) of its solution in the
+    order of its terms.
 
-    `fit` and `covariance`: from the data alone, the latter for coloured residuals; their ratio to the white one says how many independent
-    samples the data are worth, and so how much they weigh against the prior. `means`: term -> mean, those that the model does not have or
-    that are 0 are left out; the standard deviation is `relative_sd` of the mean. `sse`, `rms` and `j0` count the data alone.
+    `fit` and `covariance`: from the data alone, the latter for coloured residuals;
+    their ratio to the white one says how many independent samples the data are worth,
+    and so how much they weigh against the prior. `means`: term -> mean, those that the
+    model does not have or that are 0 are left out; the standard deviation is
+    `relative_sd` of the mean. `sse`, `rms` and `j0` count the data alone.
     """
     chosen = {term: mean for term, mean in means.items() if term in fit.terms and mean != 0.0}
     if not chosen:
@@ -41,15 +57,24 @@ def posterior(
 
 
 def _inflation(fit: AxisFit, covariance: Array) -> float:
-    """How much larger the variances are for coloured than for white residuals, at least 1: the median over the coefficients."""
+    """How much larger the variances are for coloured than for white residuals, at least
+    1: the median over the coefficients.
+    """
     white, coloured = np.diag(fit.covariance), np.diag(covariance)
     known = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
     return max(1.0, float(np.median(coloured[known] / white[known]))) if known.any() else 1.0
 
 
-def _covariance(found: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float) -> Array:
-    """(X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1 with S the moment of the scores that gave `covariance`, white where it gave none."""
-    kept, own = list(found.independent), np.array([i for i in fit.independent if np.isfinite(covariance[i, i])], dtype=int)
+def _covariance(
+    found: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float
+) -> Array:
+    """(X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1 with S the moment of the scores
+    that gave `covariance`, white where it gave none.
+    """
+    kept, own = (
+        list(found.independent),
+        np.array([i for i in fit.independent if np.isfinite(covariance[i, i])], dtype=int),
+    )
     gram, prior = data.T @ data, rows.T @ rows
     middle = noise**2 * gram
     if len(own):

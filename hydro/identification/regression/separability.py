@@ -1,7 +1,10 @@
-"""What the range of motion forbids to tell apart, beyond what rank and variance inflation show.
+"""What the range of motion forbids to tell apart, beyond what rank and variance
+inflation show.
 
-A term that contains a velocity which hardly moves rests on noise and on a few spikes, whatever its t-ratio. Where a velocity keeps one
-direction, x and |x|, x*x and x*|x| differ only in motion below the sensors' noise: their sum is determined, they themselves are not.
+A term that contains a velocity which hardly moves rests on noise and on a few spikes,
+whatever its t-ratio. Where a velocity keeps one direction, x and |x|, x*x and x*|x|
+differ only in motion below the sensors' noise: their sum is determined, they themselves
+are not.
 """
 
 from __future__ import annotations
@@ -11,31 +14,45 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.regression.excitation import VelocityExcitation, term_floors
 from auvid.hydro.identification.regression.least_squares import AxisFit, Combination
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED, WEAK, Verdict, judge
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    INSEPARABLE,
+    NOT_EXCITED,
+    WEAK,
+    Verdict,
+    judge,
+)
 
 ROUNDING_SHARE = 1e-6
-"""A term with less than this share of the measured force is rounding, however small its standard error (data without noise)."""
+"""A term with less than this share of the measured force is rounding, however small its
+standard error (data without noise).
+"""
 
 Motion = Mapping[str, VelocityExcitation]
 
 
 def motion_floors(terms: Sequence[str], motion: Motion) -> dict[str, float]:
-    """`term_floors`, and an infinite floor for every term with a factor that the campaign does not excite.
+    """`term_floors`, and an infinite floor for every term with a factor that the
+    campaign does not excite.
 
-    The RMS of r*r lies above its floor when r is a few short spikes; that does not make r excited.
+    The RMS of r*r lies above its floor when r is a few short spikes; that does not make
+    r excited.
     """
     floors = term_floors(terms, motion)
     return {term: floor if _moves(term, motion) else math.inf for term, floor in floors.items()}
 
 
 def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, float], ...]:
-    """Sets of terms that are one and the same on the side to which a velocity keeps: term -> sign against the others.
+    """Sets of terms that are one and the same on the side to which a velocity keeps:
+    term -> sign against the others.
 
-    A velocity keeps to one side when it is excited, but not beyond its threshold in both directions; |x| is then x or -x, Vv V or -V.
+    A velocity keeps to one side when it is excited, but not beyond its threshold in
+    both directions; |x| is then x or -x, Vv V or -V.
     """
     groups: dict[tuple[str, ...], dict[str, float]] = {}
     for term in terms:
@@ -45,24 +62,45 @@ def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, fl
     return tuple(group for group in groups.values() if len(group) > 1)
 
 
-def judge_with_motion(fit: AxisFit, motion: Motion, *, covariance: Array) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
-    """Verdict on every term, and the combinations that are determined where single coefficients are not (those of the rank included).
+def judge_with_motion(
+    fit: AxisFit, motion: Motion, *, covariance: Array
+) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
+    """Verdict on every term, and the combinations that are determined where single
+    coefficients are not (those of the rank included).
 
-    covariance (k, k): of the solution, in the order of `fit.terms`, best from `hac_fit_covariance`. Inseparability is mutual: a term is
-    inseparable only from terms that are themselves not told from zero or not from it; otherwise it is weak. Dependent columns that rest on
-    nothing but unexcited motion are not excited, and so are their combinations.
+    covariance (k, k): of the solution, in the order of `fit.terms`, best from
+    `hac_fit_covariance`. Inseparability is mutual: a term is inseparable only from
+    terms that are themselves not told from zero or not from it; otherwise it is weak.
+    Dependent columns that rest on nothing but unexcited motion are not excited, and so
+    are their combinations.
     """
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    verdicts = _mutual(judge(fit, floors=motion_floors(fit.terms, motion), standard_errors=errors), fit)
+    verdicts = _mutual(
+        judge(fit, floors=motion_floors(fit.terms, motion), standard_errors=errors), fit
+    )
     for term, verdict in verdicts.items():
         if verdict.status == IDENTIFIED and verdict.share < ROUNDING_SHARE:
             verdicts[term] = replace(verdict, status=WEAK)
-    still = {term for group in fit.groups if not any(_moves(term, motion) for term in group.terms) for term in group.terms}
+    still = {
+        term
+        for group in fit.groups
+        if not any(_moves(term, motion) for term in group.terms)
+        for term in group.terms
+    }
     verdicts |= {term: replace(verdicts[term], status=NOT_EXCITED, partners=()) for term in still}
-    combinations = [item for group in fit.groups for item in group.combinations if not still & item.weights.keys()]
+    combinations = [
+        item
+        for group in fit.groups
+        for item in group.combinations
+        if not still & item.weights.keys()
+    ]
     exact = {term for group in fit.groups for term in group.terms}
     for group in one_sided_groups(fit.terms, motion):
-        members = {term: sign for term, sign in group.items() if verdicts[term].status != NOT_EXCITED and term not in exact}
+        members = {
+            term: sign
+            for term, sign in group.items()
+            if verdicts[term].status != NOT_EXCITED and term not in exact
+        }
         if len(members) < 2:
             continue
         for term in members:
@@ -73,14 +111,21 @@ def judge_with_motion(fit: AxisFit, motion: Motion, *, covariance: Array) -> tup
         weights = np.array([sign * first for sign in members.values()])
         variance = float(weights @ covariance[np.ix_(index, index)] @ weights)
         value = float(weights @ fit.solution[index])
-        combinations.append(Combination(dict(zip(members, weights.tolist(), strict=True)), value, math.sqrt(max(variance, 0.0))))
+        combinations.append(
+            Combination(
+                dict(zip(members, weights.tolist(), strict=True)),
+                value,
+                math.sqrt(max(variance, 0.0)),
+            )
+        )
     return verdicts, tuple(combinations)
 
 
 def breaks_symmetry(axis: str, term: str) -> bool:
     """Whether a hull symmetric about its xz plane cannot have this term.
 
-    Mirrored, v, p, r and Vv turn their sign, and so do Y, K and N; moduli and V do not. A constant force counts as unsigned.
+    Mirrored, v, p, r and Vv turn their sign, and so do Y, K and N; moduli and V do not.
+    A constant force counts as unsigned.
     """
     factors = BASIS_TERMS[term].factors if term in BASIS_TERMS else ()
     odd = sum(factor in ("v", "p", "r", "Vv") for factor in factors) % 2 == 1
@@ -88,7 +133,9 @@ def breaks_symmetry(axis: str, term: str) -> bool:
 
 
 def _moves(term: str, motion: Motion) -> bool:
-    return term not in BASIS_TERMS or all(_excited(factor, motion) for factor in BASIS_TERMS[term].factors)
+    return term not in BASIS_TERMS or all(
+        _excited(factor, motion) for factor in BASIS_TERMS[term].factors
+    )
 
 
 def _excited(factor: str, motion: Motion) -> bool:
@@ -102,7 +149,12 @@ def _on_its_side(term: str, motion: Motion) -> tuple[float, tuple[str, ...]]:
     sign, form = 1.0, []
     for factor in BASIS_TERMS[term].factors:
         name = factor[1] if factor in ("Vv", "Vw") else factor.strip("|")
-        if factor == name or name not in VELOCITIES or motion[name].changes_sign or not motion[name].excited:
+        if (
+            factor == name
+            or name not in VELOCITIES
+            or motion[name].changes_sign
+            or not motion[name].excited
+        ):
             form.append(factor)
             continue
         sign *= 1.0 if motion[name].high >= motion[name].threshold else -1.0
@@ -113,7 +165,11 @@ def _on_its_side(term: str, motion: Motion) -> tuple[float, tuple[str, ...]]:
 def _mutual(verdicts: Mapping[str, Verdict], fit: AxisFit) -> dict[str, Verdict]:
     """The verdicts with near inseparability made mutual; that of the rank is already."""
     exact = {term for group in fit.groups for term in group.terms}
-    near = [term for term, verdict in verdicts.items() if verdict.status == INSEPARABLE and term not in exact]
+    near = [
+        term
+        for term, verdict in verdicts.items()
+        if verdict.status == INSEPARABLE and term not in exact
+    ]
     partners: dict[str, set[str]] = {term: set() for term in near}
     for term in near:
         for other in verdicts[term].partners:
@@ -123,5 +179,7 @@ def _mutual(verdicts: Mapping[str, Verdict], fit: AxisFit) -> dict[str, Verdict]
     settled = dict(verdicts)
     for term, others in partners.items():
         in_order = tuple(other for other in fit.terms if other in others)
-        settled[term] = replace(verdicts[term], status=INSEPARABLE if others else WEAK, partners=in_order)
+        settled[term] = replace(
+            verdicts[term], status=INSEPARABLE if others else WEAK, partners=in_order
+        )
     return settled

@@ -1,7 +1,9 @@
-"""Standard errors that allow for coloured residuals: heteroscedasticity- and autocorrelation-consistent covariance, Bartlett kernel.
+"""Standard errors that allow for coloured residuals: heteroscedasticity- and
+autocorrelation-consistent covariance, Bartlett kernel.
 
-Filtered signals at 50 Hz have residuals that stay correlated over seconds; the white formula then gives standard errors that are several
-times too small. Sources: Newey & West 1987 (estimator), Andrews 1991 (choice of lags).
+Filtered signals at 50 Hz have residuals that stay correlated over seconds; the white
+formula then gives standard errors that are several times too small. Sources: Newey &
+West 1987 (estimator), Andrews 1991 (choice of lags).
 """
 
 from __future__ import annotations
@@ -9,18 +11,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
-from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_solve
 
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+
 
 def long_run_moment(scores: ArrayLike, *, lags: int) -> Array:
-    """S = sum over |j| <= L of (1 - |j| / (L + 1)) sum_t s_t s_t-j' of one unbroken series of scores (n, k) -> (k, k).
+    """S = sum over |j| <= L of (1 - |j| / (L + 1)) sum_t s_t s_t-j' of one unbroken
+    series of scores (n, k) -> (k, k).
 
-    With B the sums of the zero-padded scores over windows of L + 1 samples, S = B'B / (L + 1): one cumulative sum, whatever L.
-    Moments of separate segments add. Positive semidefinite. Raises `DataError` for negative lags.
+    With B the sums of the zero-padded scores over windows of L + 1 samples, S = B'B /
+    (L + 1): one cumulative sum, whatever L. Moments of separate segments add. Positive
+    semidefinite. Raises `DataError` for negative lags.
     """
     s = np.asarray(scores, dtype=np.float64)
     if lags < 0:
@@ -34,10 +39,12 @@ def long_run_moment(scores: ArrayLike, *, lags: int) -> Array:
 
 
 def automatic_lags(scores: ArrayLike) -> int:
-    """Lags of the Bartlett kernel for scores (n, k), by Andrews's rule with a first-order autoregression of each score.
+    """Lags of the Bartlett kernel for scores (n, k), by Andrews's rule with a
+    first-order autoregression of each score.
 
-    L = 1.1447 (alpha n)^(1/3), alpha = sum 4 rho^2 s^4 / ((1-rho)^6 (1+rho)^2) / sum s^4 / (1-rho)^4, every score scaled to equal
-    variance; at most a quarter of the series.
+    L = 1.1447 (alpha n)^(1/3), alpha = sum 4 rho^2 s^4 / ((1-rho)^6 (1+rho)^2) / sum
+    s^4 / (1-rho)^4, every score scaled to equal variance; at most a quarter of the
+    series.
     """
     s = np.asarray(scores, dtype=np.float64)
     s = s - s.mean(axis=0)
@@ -48,17 +55,27 @@ def automatic_lags(scores: ArrayLike) -> int:
         return 0
     rho = np.clip(np.einsum("ij,ij->j", s[1:], s[:-1]) / power, -0.97, 0.9999)
     innovation = (1.0 - rho**2) ** 2
-    alpha = np.sum(innovation * 4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum(innovation / (1 - rho) ** 4)
+    alpha = np.sum(innovation * 4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum(
+        innovation / (1 - rho) ** 4
+    )
     return int(min(np.floor(1.1447 * (alpha * n) ** (1.0 / 3.0)), n // 4))
 
 
-def hac_covariance(scores: ArrayLike | Sequence[Array], bread: ArrayLike, *, lags: int | None = None) -> Array:
-    """Covariance (k, k) of least-squares coefficients: bread S bread, bread = (X'X)^-1 (k, k), times n / (n - k).
+def hac_covariance(
+    scores: ArrayLike | Sequence[Array], bread: ArrayLike, *, lags: int | None = None
+) -> Array:
+    """Covariance (k, k) of least-squares coefficients: bread S bread, bread = (X'X)^-1
+    (k, k), times n / (n - k).
 
-    scores: x_t e_t, design row times residual, (n, k), or a list of such arrays, one per unbroken segment; correlation across segments
-    counts as none. lags None: `automatic_lags` of each segment.
+    scores: x_t e_t, design row times residual, (n, k), or a list of such arrays, one
+    per unbroken segment; correlation across segments counts as none. lags None:
+    `automatic_lags` of each segment.
     """
-    segments = [np.asarray(part, dtype=np.float64) for part in scores] if isinstance(scores, (list, tuple)) else [np.asarray(scores)]
+    segments = (
+        [np.asarray(part, dtype=np.float64) for part in scores]
+        if isinstance(scores, (list, tuple))
+        else [np.asarray(scores)]
+    )
     inverse = np.asarray(bread, dtype=np.float64)
     n = sum(len(part) for part in segments)
     middle = np.zeros_like(inverse)
@@ -67,37 +84,58 @@ def hac_covariance(scores: ArrayLike | Sequence[Array], bread: ArrayLike, *, lag
     return _sandwich(inverse, middle, n)
 
 
-def stationary_covariance(jacobians: Sequence[Array], residuals: Sequence[Array], bread: ArrayLike, *, lags: int | None = None) -> Array:
-    """Covariance (k, k) of a fit whose residuals are coloured but alike all along: bread J' R J bread times n / (n - k).
+def stationary_covariance(
+    jacobians: Sequence[Array],
+    residuals: Sequence[Array],
+    bread: ArrayLike,
+    *,
+    lags: int | None = None,
+) -> Array:
+    """Covariance (k, k) of a fit whose residuals are coloured but alike all along:
+    bread J' R J bread times n / (n - k).
 
-    jacobians (n, k) and residuals (n,), one per unbroken series, scaled to equal weight; bread = (J'J)^-1 of them all. R is the Toeplitz
-    matrix of the residual's autocovariance under Bartlett's taper. Other than `hac_covariance` it stays true where a few samples carry most
-    of the information (the transient of a single step), but not where the noise changes along the run. lags None: `automatic_lags` of
-    each residual.
+    jacobians (n, k) and residuals (n,), one per unbroken series, scaled to equal
+    weight; bread = (J'J)^-1 of them all. R is the Toeplitz matrix of the residual's
+    autocovariance under Bartlett's taper. Other than `hac_covariance` it stays true
+    where a few samples carry most of the information (the transient of a single step),
+    but not where the noise changes along the run. lags None: `automatic_lags` of each
+    residual.
     """
     inverse = np.asarray(bread, dtype=np.float64)
     middle, n = np.zeros_like(inverse), 0
     for rows, error in zip(jacobians, residuals, strict=True):
         most = min(automatic_lags(error[:, None]) if lags is None else lags, max(len(error) - 1, 0))
         for lag in range(most + 1):
-            moment = float(error[: len(error) - lag] @ error[lag:]) / len(error) * (1.0 - lag / (most + 1))
+            moment = (
+                float(error[: len(error) - lag] @ error[lag:])
+                / len(error)
+                * (1.0 - lag / (most + 1))
+            )
             product = rows[: len(rows) - lag].T @ rows[lag:]
             middle += moment * (product if lag == 0 else product + product.T)
         n += len(error)
     return _sandwich(inverse, middle, n)
 
 
-def hac_standard_errors(fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None) -> Array:
-    """Standard errors (k,) of `fit.coefficients` in their order, from one more pass over the data.
+def hac_standard_errors(
+    fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None
+) -> Array:
+    """Standard errors (k,) of `fit.coefficients` in their order, from one more pass
+    over the data.
 
-    segments: for each unbroken segment the basis rows of the fit's terms (k, n) without the constant, and the axis's measured force (n,).
-    nan where the data determine no single number. Raises `DataError` when rows and terms do not agree.
+    segments: for each unbroken segment the basis rows of the fit's terms (k, n) without
+    the constant, and the axis's measured force (n,). nan where the data determine no
+    single number. Raises `DataError` when rows and terms do not agree.
     """
     return np.sqrt(np.diag(hac_fit_covariance(fit, segments, lags=lags)))
 
 
-def hac_fit_covariance(fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None) -> Array:
-    """Covariance (k, k) in the order of `fit.terms`, nan rows where nothing is determined. Arguments as `hac_standard_errors`."""
+def hac_fit_covariance(
+    fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None
+) -> Array:
+    """Covariance (k, k) in the order of `fit.terms`, nan rows where nothing is
+    determined. Arguments as `hac_standard_errors`.
+    """
     kept = list(fit.independent)
     scale = fit.column_norms[kept]
     middle, n = np.zeros((len(kept), len(kept))), 0
@@ -107,7 +145,9 @@ def hac_fit_covariance(fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLi
         if fit.terms and fit.terms[-1] == CONSTANT:
             design = np.vstack([design, np.ones(len(target))])
         if design.shape != (len(fit.terms), len(target)):
-            raise DataError("basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms)))
+            raise DataError(
+                "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
+            )
         residual = target - design[kept].T @ fit.solution[kept]
         scores = (design[kept] / scale[:, None] * residual).T
         middle += long_run_moment(scores, lags=automatic_lags(scores) if lags is None else lags)

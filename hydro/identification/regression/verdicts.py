@@ -1,11 +1,16 @@
-"""One verdict per coefficient: identified, weak, not excited, or inseparable from other terms.
+"""One verdict per coefficient: identified, weak, not excited, or inseparable from other
+terms.
 
 Rules, in this order:
-1. *inseparable*: the term's column depends on those of others within `RANK_TOLERANCE`; only combinations are determined.
-2. *not excited*: the column is zero, or its RMS lies below the floor that the caller gives for it (`excitation.term_floors`).
-3. *identified*: |coefficient| is at least `T_LIMIT` standard errors. Give coloured standard errors; white ones say too much.
-4. Otherwise, when the variance inflation exceeds `VIF_LIMIT`: *inseparable* from the terms that its column nearly depends on: together they
-   may be well determined, apart they are not.
+1. *inseparable*: the term's column depends on those of others within `RANK_TOLERANCE`;
+   only combinations are determined.
+2. *not excited*: the column is zero, or its RMS lies below the floor that the caller
+   gives for it (`excitation.term_floors`).
+3. *identified*: |coefficient| is at least `T_LIMIT` standard errors. Give coloured
+   standard errors; white ones say too much.
+4. Otherwise, when the variance inflation exceeds `VIF_LIMIT`: *inseparable* from the
+   terms that its column nearly depends on: together they may be well determined, apart
+   they are not.
 5. Otherwise *weak*.
 """
 
@@ -15,25 +20,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.regression.least_squares import AxisFit
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.regression.least_squares import AxisFit
 
 IDENTIFIED, WEAK, NOT_EXCITED, INSEPARABLE = "identified", "weak", "not excited", "inseparable"
 T_LIMIT = 2.0
 VIF_LIMIT = 100.0
-"""A column of which less than a tenth is its own: its standard error is ten times what it would be alone."""
+"""A column of which less than a tenth is its own: its standard error is ten times what
+it would be alone.
+"""
 PARTNER_SHARE = 0.3
-"""A term is a partner when its part in explaining the column reaches this share of the largest part."""
+"""A term is a partner when its part in explaining the column reaches this share of the
+largest part.
+"""
 
 
 @dataclass(frozen=True)
 class Verdict:
     """The verdict on one coefficient, with what it rests on.
 
-    status: identified, weak, not excited or inseparable; partners: the terms it is inseparable from.
-    excitation: RMS of the term's column over its floor (inf for no floor); share: RMS of the term's force over that of the measured force.
+    status: identified, weak, not excited or inseparable; partners: the terms it is
+    inseparable from. excitation: RMS of the term's column over its floor (inf for no
+    floor); share: RMS of the term's force over that of the measured force.
     """
 
     term: str
@@ -45,24 +56,44 @@ class Verdict:
     share: float
 
     def __str__(self) -> str:
-        return f"inseparable from {', '.join(self.partners)}" if self.status == INSEPARABLE else self.status
+        return (
+            f"inseparable from {', '.join(self.partners)}"
+            if self.status == INSEPARABLE
+            else self.status
+        )
 
 
-def judge(fit: AxisFit, *, floors: Mapping[str, float] | None = None, standard_errors: ArrayLike | None = None) -> dict[str, Verdict]:
+def judge(
+    fit: AxisFit,
+    *,
+    floors: Mapping[str, float] | None = None,
+    standard_errors: ArrayLike | None = None,
+) -> dict[str, Verdict]:
     """The verdict on every term of a fit, by term.
 
-    floors: RMS from which on a term counts as excited (term -> SI value; missing: 0). standard_errors (k,): in the order of `fit.terms`,
-    best from `hac_standard_errors`; None takes the white ones. Raises `DataError` when their number is wrong.
+    floors: RMS from which on a term counts as excited (term -> SI value; missing: 0).
+    standard_errors (k,): in the order of `fit.terms`, best from `hac_standard_errors`;
+    None takes the white ones. Raises `DataError` when their number is wrong.
     """
-    errors = fit.standard_errors if standard_errors is None else np.asarray(standard_errors, dtype=np.float64)
+    errors = (
+        fit.standard_errors
+        if standard_errors is None
+        else np.asarray(standard_errors, dtype=np.float64)
+    )
     if errors.shape != (len(fit.terms),):
-        raise DataError("one standard error per term is needed", value=errors.shape, allowed=f"({len(fit.terms)},)")
+        raise DataError(
+            "one standard error per term is needed",
+            value=errors.shape,
+            allowed=f"({len(fit.terms)},)",
+        )
     groups = {term: group.terms for group in fit.groups for term in group.terms}
     verdicts = {}
     for index, term in enumerate(fit.terms):
         rms, floor = float(fit.column_rms[index]), float((floors or {}).get(term, 0.0))
         value, error = abs(float(fit.solution[index])), float(errors[index])
-        t_ratio = value / error if error > 0 else (np.inf if value > 0 and error == 0 else float("nan"))
+        t_ratio = (
+            value / error if error > 0 else (np.inf if value > 0 and error == 0 else float("nan"))
+        )
         status, partners = _rule(fit, index, groups, rms < floor or rms == 0, t_ratio)
         verdicts[term] = Verdict(
             term=term,
@@ -76,7 +107,9 @@ def judge(fit: AxisFit, *, floors: Mapping[str, float] | None = None, standard_e
     return verdicts
 
 
-def _rule(fit: AxisFit, index: int, groups: Mapping[str, tuple[str, ...]], unexcited: bool, t_ratio: float) -> tuple[str, tuple[str, ...]]:
+def _rule(
+    fit: AxisFit, index: int, groups: Mapping[str, tuple[str, ...]], unexcited: bool, t_ratio: float
+) -> tuple[str, tuple[str, ...]]:
     term = fit.terms[index]
     if term in groups:
         return INSEPARABLE, tuple(other for other in groups[term] if other != term)
@@ -90,11 +123,15 @@ def _rule(fit: AxisFit, index: int, groups: Mapping[str, tuple[str, ...]], unexc
 
 
 def _partners(fit: AxisFit, index: int) -> tuple[str, ...]:
-    """The terms that carry most of the column's explanation by the others (unit-length columns)."""
+    """The terms that carry most of the column's explanation by the others (unit-length
+    columns).
+    """
     kept = list(fit.independent)
     place = kept.index(index)
     precision = solve_triangular(fit.scaled_triangle, np.eye(len(kept)))
     precision = precision @ precision.T
     weights = np.abs(precision[place] / precision[place, place])
     weights[place] = 0.0
-    return tuple(fit.terms[kept[i]] for i in np.flatnonzero(weights >= PARTNER_SHARE * weights.max()))
+    return tuple(
+        fit.terms[kept[i]] for i in np.flatnonzero(weights >= PARTNER_SHARE * weights.max())
+    )

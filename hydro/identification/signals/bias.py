@@ -1,8 +1,10 @@
-"""Constant sensor biases, one per leg, and velocity from an accelerometer: McCarter 2014 (2.84)-(2.92), corrected.
+"""Constant sensor biases, one per leg, and velocity from an accelerometer: McCarter
+2014 (2.84)-(2.92), corrected.
 
-The corrections: biases stand inside the integrals, angular rates pass through P_omega, and an accelerometer measures the acceleration of a
-point in inertial space, so its body components hold omega x v beside the rate of change of the body velocity.
-Body frame FRD, NED, SI.
+The corrections: biases stand inside the integrals, angular rates pass through P_omega,
+and an accelerometer measures the acceleration of a point in inertial space, so its body
+components hold omega x v beside the rate of change of the body velocity. Body frame
+FRD, NED, SI.
 """
 
 from __future__ import annotations
@@ -10,13 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned
 from auvid.hydro.identification.regression.standard_errors import hac_covariance
 from auvid.hydro.identification.signals.resampling import interpolate_rotation, unwrap_angles
-from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 GRAVITY = 9.80665
 WALK_SAMPLES = 16
@@ -26,11 +29,14 @@ CONVENTIONS = ("specific_force", "inertial", "derivative")
 
 @dataclass(frozen=True)
 class BiasFit:
-    """A constant bias and the initial value of the integrated signal, with standard errors.
+    """A constant bias and the initial value of the integrated signal, with standard
+    errors.
 
-    bias = measured rate minus true rate. All (k,); initial_std is nan where the initial value was given. residual_rms: of measured minus
-    integrated signal, in the unit of the signal. Standard errors allow for coloured residuals and for the random walk that integrated
-    sensor noise makes, whose strength is estimated from the residual; good to a factor of two or so.
+    bias = measured rate minus true rate. All (k,); initial_std is nan where the initial
+    value was given. residual_rms: of measured minus integrated signal, in the unit of
+    the signal. Standard errors allow for coloured residuals and for the random walk
+    that integrated sensor noise makes, whose strength is estimated from the residual;
+    good to a factor of two or so.
     """
 
     bias: Array
@@ -42,8 +48,9 @@ class BiasFit:
 
 @dataclass(frozen=True)
 class VelocityFit:
-    """Velocity (n, 3) [m/s] from the integrated accelerometer, its bias [m/s^2] and initial velocity (body axes), with
-    standard errors."""
+    """Velocity (n, 3) [m/s] from the integrated accelerometer, its bias [m/s^2] and
+    initial velocity (body axes), with standard errors.
+    """
 
     velocity: Array
     bias: Array
@@ -54,29 +61,43 @@ class VelocityFit:
 
 
 def integrate(t_s: ArrayLike, y: ArrayLike, y0: ArrayLike = 0.0) -> Array:
-    """y0 + integral of y (n,) or (n, k) from the first sample on, at the samples: the exact integral of the interpolating cubic spline.
+    """y0 + integral of y (n,) or (n, k) from the first sample on, at the samples: the
+    exact integral of the interpolating cubic spline.
 
-    (2.88), (2.92). Raises `DataError` for fewer than two samples, times that do not increase or values that are not finite.
+    (2.88), (2.92). Raises `DataError` for fewer than two samples, times that do not
+    increase or values that are not finite.
     """
     t, values = _checked(t_s, y)
     path: Array = CubicSpline(t, values).antiderivative()(t)
     return np.asarray(y0, dtype=np.float64) + path
 
 
-def fit_bias_linear(t_s: ArrayLike, rate: ArrayLike, measured: ArrayLike, *, initial: ArrayLike | None = None) -> BiasFit:
-    """Constant bias b and initial value y0 that minimise || measured - (integral (rate - b) dt + y0) ||, column by column.
+def fit_bias_linear(
+    t_s: ArrayLike, rate: ArrayLike, measured: ArrayLike, *, initial: ArrayLike | None = None
+) -> BiasFit:
+    """Constant bias b and initial value y0 that minimise || measured - (integral (rate
+    - b) dt + y0) ||, column by column.
 
-    rate, measured: (n,) or (n, k); nan in `measured` counts as missing. initial: y0 given, as McCarter (2.85) takes it from the
-    measurement; None fits it. Raises `DataError` when less than three values are measured.
+    rate, measured: (n,) or (n, k); nan in `measured` counts as missing. initial: y0
+    given, as McCarter (2.85) takes it from the measurement; None fits it. Raises
+    `DataError` when less than three values are measured.
     """
     t, values = _checked(t_s, rate)
     target = np.asarray(measured, dtype=np.float64).reshape(len(t), -1)
     path = integrate(t, values).reshape(len(t), -1)
-    given = None if initial is None else np.broadcast_to(np.asarray(initial, dtype=np.float64), target.shape[1:])
+    given = (
+        None
+        if initial is None
+        else np.broadcast_to(np.asarray(initial, dtype=np.float64), target.shape[1:])
+    )
     parts = []
     for column in range(target.shape[1]):
         keep = np.isfinite(target[:, column])
-        design = -(t - t[0])[keep, None] if given is not None else np.column_stack([t[0] - t, np.ones_like(t)])[keep]
+        design = (
+            -(t - t[0])[keep, None]
+            if given is not None
+            else np.column_stack([t[0] - t, np.ones_like(t)])[keep]
+        )
         y = target[keep, column] - path[keep, column] - (0.0 if given is None else given[column])
         parts.append(_regress(t[keep], design[:, None, :], y[:, None]))
     bias, std = np.array([p[0][0] for p in parts]), np.array([p[1][0] for p in parts])
@@ -86,17 +107,21 @@ def fit_bias_linear(t_s: ArrayLike, rate: ArrayLike, measured: ArrayLike, *, ini
 
 
 def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
-    """Gyro bias b and initial attitude that minimise || theta - (integral P_omega(theta) (omega - b) dt + theta_0) ||: (2.86)-(2.87).
+    """Gyro bias b and initial attitude that minimise || theta - (integral
+    P_omega(theta) (omega - b) dt + theta_0) ||: (2.86)-(2.87).
 
-    euler (n, 3) [rad], unwrapped here; omega (n, 3) [rad/s]. Linear in b, because P_omega is taken at the measured attitude.
-    Raises `DataError` near vertical pitch, where Euler angles are undefined.
+    euler (n, 3) [rad], unwrapped here; omega (n, 3) [rad/s]. Linear in b, because
+    P_omega is taken at the measured attitude. Raises `DataError` near vertical pitch,
+    where Euler angles are undefined.
     """
     t, rates = _checked(t_s, omega)
     angles = unwrap_angles(euler)
     matrices = euler_rate_matrix(angles)
     if not np.isfinite(matrices).all() or np.abs(np.cos(angles[:, 1])).min() < 0.05:
         raise DataError(
-            "the gyro bias cannot be found from Euler angles near vertical pitch", field="theta_rad", remedy="Take the gyro as it is."
+            "the gyro bias cannot be found from Euler angles near vertical pitch",
+            field="theta_rad",
+            remedy="Take the gyro as it is.",
         )
     path = integrate(t, np.einsum("nij,nj->ni", matrices, rates))
     gain = integrate(t, matrices.reshape(len(t), 9)).reshape(-1, 3, 3)
@@ -105,22 +130,31 @@ def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
     return BiasFit(value[:3], value[3:], std[:3], std[3:], rms)
 
 
-def accelerometer_bias(t_s: ArrayLike, v_dvl: ArrayLike, v_dot: ArrayLike, *, initial: ArrayLike | None = None) -> BiasFit:
-    """Bias of the body velocity's rate v_dot (n, 3) [m/s^2] against DVL velocity (n, 3) [m/s], nan where none: (2.84)-(2.85).
+def accelerometer_bias(
+    t_s: ArrayLike, v_dvl: ArrayLike, v_dot: ArrayLike, *, initial: ArrayLike | None = None
+) -> BiasFit:
+    """Bias of the body velocity's rate v_dot (n, 3) [m/s^2] against DVL velocity (n, 3)
+    [m/s], nan where none: (2.84)-(2.85).
 
-    As the thesis does it: body components are integrated by themselves, which is right when v_dot is the rate of change of body velocity.
-    initial: v(t0) given (thesis: the first DVL velocity); None fits it. For an accelerometer use `fit_velocity`.
+    As the thesis does it: body components are integrated by themselves, which is right
+    when v_dot is the rate of change of body velocity. initial: v(t0) given (thesis: the
+    first DVL velocity); None fits it. For an accelerometer use `fit_velocity`.
     """
     return fit_bias_linear(t_s, v_dot, v_dvl, initial=initial)
 
 
-def fit_velocity(t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dvl: ArrayLike, v_dvl: ArrayLike) -> VelocityFit:
-    """Velocity of the body origin from its inertial acceleration f = v_dot + omega x v (`inertial_acceleration`) and DVL velocity.
+def fit_velocity(
+    t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dvl: ArrayLike, v_dvl: ArrayLike
+) -> VelocityFit:
+    """Velocity of the body origin from its inertial acceleration f = v_dot + omega x v
+    (`inertial_acceleration`) and DVL velocity.
 
-    In NED d(R v)/dt = R (f - b), so v(t) = R'(t) [integral R f dt - (integral R dt) b + R_0 v_0] is linear in the bias b and the initial
-    velocity v_0; both are fitted to the DVL at its own times t_dvl (m,), v_dvl (m, 3) at the body origin (`lever_arm_velocity`), nan where
-    a component is missing. acceleration, euler (n, 3). DVL samples outside t_s do not count.
-    Raises `DataError` when fewer than six DVL values lie inside.
+    In NED d(R v)/dt = R (f - b), so v(t) = R'(t) [integral R f dt - (integral R dt) b +
+    R_0 v_0] is linear in the bias b and the initial velocity v_0; both are fitted to
+    the DVL at its own times t_dvl (m,), v_dvl (m, 3) at the body origin
+    (`lever_arm_velocity`), nan where a component is missing. acceleration, euler (n,
+    3). DVL samples outside t_s do not count. Raises `DataError` when fewer than six DVL
+    values lie inside.
     """
     t, f = _checked(t_s, acceleration)
     R = rotation_body_to_ned(euler)
@@ -131,7 +165,8 @@ def fit_velocity(t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dv
     times, measured = times[inside], measured[inside]
     if np.isfinite(measured).sum() < 6:
         raise DataError(
-            "too few velocity measurements inside the leg to find the accelerometer's bias", value=int(np.isfinite(measured).sum())
+            "too few velocity measurements inside the leg to find the accelerometer's bias",
+            value=int(np.isfinite(measured).sum()),
         )
     to_body = np.swapaxes(rotation_body_to_ned(interpolate_rotation(t, euler, times)), 1, 2)
     gain_there = CubicSpline(t, gain)(times).reshape(-1, 3, 3)
@@ -155,25 +190,35 @@ def inertial_acceleration(
     arm: ArrayLike = (0.0, 0.0, 0.0),
     gravity: float = GRAVITY,
 ) -> Array:
-    """f = v_dot + omega x v of the body origin [m/s^2] from what an accelerometer at `arm` (3,) [m] reports, all series (n, 3).
+    """f = v_dot + omega x v of the body origin [m/s^2] from what an accelerometer at
+    `arm` (3,) [m] reports, all series (n, 3).
 
-    specific_force: a = f + omega_dot x arm + omega x (omega x arm) - R' g e3; inertial: the same with gravity removed;
-    derivative: a = v_dot already at the origin. Raises `PipelineError` for another convention.
+    specific_force: a = f + omega_dot x arm + omega x (omega x arm) - R' g e3; inertial:
+    the same with gravity removed; derivative: a = v_dot already at the origin. Raises
+    `PipelineError` for another convention.
     """
     a, w = np.asarray(accel, dtype=np.float64), np.asarray(omega, dtype=np.float64)
     if convention not in CONVENTIONS:
-        raise PipelineError("unknown accelerometer convention", value=convention, allowed=CONVENTIONS)
+        raise PipelineError(
+            "unknown accelerometer convention", value=convention, allowed=CONVENTIONS
+        )
     if convention == "derivative":
         return a + cross(w, np.asarray(velocity, dtype=np.float64))
     r = np.asarray(arm, dtype=np.float64)
-    f = a - cross(np.asarray(omega_dot, dtype=np.float64), np.broadcast_to(r, a.shape)) - cross(w, cross(w, np.broadcast_to(r, a.shape)))
+    f = (
+        a
+        - cross(np.asarray(omega_dot, dtype=np.float64), np.broadcast_to(r, a.shape))
+        - cross(w, cross(w, np.broadcast_to(r, a.shape)))
+    )
     if convention == "specific_force":
         f = f + gravity * rotation_body_to_ned(euler)[..., 2, :]
     return f
 
 
 def lever_arm_velocity(v_sensor: ArrayLike, omega: ArrayLike, arm: ArrayLike) -> Array:
-    """Velocity of the body origin from that of a sensor at `arm` (3,) [m]: v_sensor - omega x arm, series (n, 3) in body axes."""
+    """Velocity of the body origin from that of a sensor at `arm` (3,) [m]: v_sensor -
+    omega x arm, series (n, 3) in body axes.
+    """
     v, w = np.asarray(v_sensor, dtype=np.float64), np.asarray(omega, dtype=np.float64)
     return v - cross(w, np.broadcast_to(np.asarray(arm, dtype=np.float64), w.shape))
 
@@ -181,14 +226,21 @@ def lever_arm_velocity(v_sensor: ArrayLike, omega: ArrayLike, arm: ArrayLike) ->
 def _checked(t_s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if t.ndim != 1 or len(t) < 2 or len(values) != len(t) or not np.all(np.diff(t) > 0):
-        raise DataError("integration needs two or more samples at strictly increasing times", value=(t.shape, values.shape))
+        raise DataError(
+            "integration needs two or more samples at strictly increasing times",
+            value=(t.shape, values.shape),
+        )
     if not np.isfinite(values).all():
-        raise DataError("a value to integrate is not finite", remedy="Split the signal at its gaps first.")
+        raise DataError(
+            "a value to integrate is not finite", remedy="Split the signal at its gaps first."
+        )
     return t, values
 
 
 def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least squares of y (m, c) on design (m, c, k) at times t (m,): value, standard errors (k,), residual RMS (c,); nan is missing."""
+    """Least squares of y (m, c) on design (m, c, k) at times t (m,): value, standard
+    errors (k,), residual RMS (c,); nan is missing.
+    """
     present = np.isfinite(y)
     k = design.shape[2]
     rows = design[present]
@@ -203,15 +255,24 @@ def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
     covariance = hac_covariance(scores, bread) if len(scores) > k else np.full((k, k), np.nan)
     for channel in range(y.shape[1]):
         keep = present[:, channel]
-        covariance = covariance + bread @ _walk_moment(t[keep], design[keep, channel], residual[keep, channel]) @ bread
+        covariance = (
+            covariance
+            + bread @ _walk_moment(t[keep], design[keep, channel], residual[keep, channel]) @ bread
+        )
     rms = np.sqrt(np.sum(np.nan_to_num(residual) ** 2, axis=0) / np.maximum(present.sum(axis=0), 1))
-    return np.asarray(value, dtype=np.float64), np.asarray(np.sqrt(np.diag(covariance))), np.asarray(rms)
+    return (
+        np.asarray(value, dtype=np.float64),
+        np.asarray(np.sqrt(np.diag(covariance))),
+        np.asarray(rms),
+    )
 
 
 def _walk_moment(t: Array, x: Array, residual: Array) -> Array:
-    """X' S X (k, k) for the random walk in a residual (m,): S_ij = q min(t_i, t_j), with q the growth of its structure function.
+    """X' S X (k, k) for the random walk in a residual (m,): S_ij = q min(t_i, t_j),
+    with q the growth of its structure function.
 
-    Integrated sensor noise is a random walk: as long correlated as the leg, so that no kernel estimate of its covariance sees it.
+    Integrated sensor noise is a random walk: as long correlated as the leg, so that no
+    kernel estimate of its covariance sees it.
     """
     if len(t) < WALK_SAMPLES:
         return np.zeros((x.shape[1], x.shape[1]))

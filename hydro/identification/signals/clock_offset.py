@@ -1,14 +1,17 @@
-"""The offset between the clocks of two records of one motion, by correlating a signal that both hold, with its uncertainty."""
+"""The offset between the clocks of two records of one motion, by correlating a signal
+that both hold, with its uncertainty.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
 
 FEWEST = 50
 FASTEST_HZ = 100.0
@@ -18,8 +21,10 @@ LONGEST_HOLE_STEPS = 3.0
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """What to add to the second clock to get the first [s], its standard deviation [s], the correlation of the signals at this offset, and
-    the overlap [s] over which they were compared."""
+    """What to add to the second clock to get the first [s], its standard deviation [s],
+    the correlation of the signals at this offset, and the overlap [s] over which they
+    were compared.
+    """
 
     offset_s: float
     std_s: float
@@ -27,23 +32,32 @@ class ClockOffset:
     overlap_s: float
 
 
-def clock_offset(t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike, *, min_overlap_s: float = 10.0) -> ClockOffset:
+def clock_offset(
+    t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike, *, min_overlap_s: float = 10.0
+) -> ClockOffset:
     """Offset so that x2 at (t2 + offset) looks like x1 at t1.
 
-    x1 (n,) or (n, k) at increasing times t1_s (n,), x2 (m,) or (m, k) at t2_s (m,), the same k signals in the same unit and sign; rates may
-    differ, samples may be missing (a pause is no signal). Both are interpolated to one uniform clock at the rate of the slower record,
-    doubled, and compared at every offset with at least `min_overlap_s` in common by the correlation coefficient rho over the overlap of n
-    samples. The offset with the largest likelihood of a common signal, -n log(1 - rho^2), is refined by a parabola through rho.
+    x1 (n,) or (n, k) at increasing times t1_s (n,), x2 (m,) or (m, k) at t2_s (m,), the
+    same k signals in the same unit and sign; rates may differ, samples may be missing
+    (a pause is no signal). Both are interpolated to one uniform clock at the rate of
+    the slower record, doubled, and compared at every offset with at least
+    `min_overlap_s` in common by the correlation coefficient rho over the overlap of n
+    samples. The offset with the largest likelihood of a common signal, -n log(1 -
+    rho^2), is refined by a parabola through rho.
 
-    The standard deviation follows from the curvature of the peak: with correlation rho, curvature kappa = -C''/C [1/s^2] and n_e
-    independent samples of the difference of the signals, var = (1 - rho^2) / (rho^2 kappa n_e) (the Cramer-Rao bound of a delay between
-    two noisy copies, Carter 1987, in the time domain). n_e allows for the autocorrelation of the difference. It does not hold what acts on
-    both signals alike, such as the delay of a filter in one of them.
-    Raises `DataError` for records that are too short, constant, or never overlap enough.
+    The standard deviation follows from the curvature of the peak: with correlation rho,
+    curvature kappa = -C''/C [1/s^2] and n_e independent samples of the difference of
+    the signals, var = (1 - rho^2) / (rho^2 kappa n_e) (the Cramer-Rao bound of a delay
+    between two noisy copies, Carter 1987, in the time domain). n_e allows for the
+    autocorrelation of the difference. It does not hold what acts on both signals alike,
+    such as the delay of a filter in one of them. Raises `DataError` for records that
+    are too short, constant, or never overlap enough.
     """
     first, second = _series(t1_s, x1), _series(t2_s, x2)
     if first[1].shape[1] != second[1].shape[1]:
-        raise DataError("the signals differ in number", value=(first[1].shape[1], second[1].shape[1]))
+        raise DataError(
+            "the signals differ in number", value=(first[1].shape[1], second[1].shape[1])
+        )
     slower = max(float(np.median(np.diff(times))) for times, _ in (first, second))
     span = max(times[-1] - times[0] for times, _ in (first, second))
     step = max(0.5 * slower, 1.0 / FASTEST_HZ, 2.0 * span / MOST_SAMPLES)
@@ -51,12 +65,17 @@ def clock_offset(t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike,
     two, mask_two = _uniform(*second, step)
     score, count = _correlation(one, mask_one, two, mask_two)
     score = np.where(count * step >= min_overlap_s, score, -np.inf)
-    # The likelihood of a common signal: a high correlation over a short overlap is worth less than a lower one over a long overlap.
+    # The likelihood of a common signal: a high correlation over a short overlap is
+    # worth less than a lower one over a long overlap.
     likelihood = -count * np.log1p(-np.square(np.clip(score, 0.0, 1.0 - 1e-12)))
     top = int(np.argmax(np.where(np.isfinite(score), likelihood + score, -np.inf)))
     if not np.isfinite(score[top]):
         allowed = f"at least {min_overlap_s:g} s in common"
-        raise DataError("the records do not overlap enough", value=f"{float(count.max()) * step:.1f} s", allowed=allowed)
+        raise DataError(
+            "the records do not overlap enough",
+            value=f"{float(count.max()) * step:.1f} s",
+            allowed=allowed,
+        )
     shift = top - (len(two) - 1)
     neighbours = score[max(top - 1, 0) : top + 2]
     fine, bend = 0.0, -np.inf
@@ -68,7 +87,9 @@ def clock_offset(t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike,
     std = np.inf
     if np.isfinite(bend) and bend < 0.0 and rho > 0.0:
         independent = _independent(one, mask_one, two, mask_two, shift)
-        std = float(np.sqrt(max(1.0 - rho**2, 1e-12) / (rho**2 * (-bend / rho / step**2) * independent)))
+        std = float(
+            np.sqrt(max(1.0 - rho**2, 1e-12) / (rho**2 * (-bend / rho / step**2) * independent))
+        )
     offset = first[0][0] - second[0][0] + (shift + fine) * step
     return ClockOffset(float(offset), std, rho, float(count[top] * step))
 
@@ -81,7 +102,11 @@ def _series(t_s: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     good = np.isfinite(t) & np.isfinite(values).all(axis=1)
     t, values = t[good], values[good]
     if t.size < FEWEST:
-        raise DataError("the record is too short to be aligned", value=f"{t.size} samples", allowed=f"at least {FEWEST}")
+        raise DataError(
+            "the record is too short to be aligned",
+            value=f"{t.size} samples",
+            allowed=f"at least {FEWEST}",
+        )
     if (np.diff(t) <= 0.0).any():
         raise DataError("times must increase strictly", remedy="Clean the clock first.")
     if (np.ptp(values, axis=0) == 0.0).all():
@@ -90,19 +115,26 @@ def _series(t_s: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
 
 
 def _uniform(t: Array, values: Array, step: float) -> tuple[Array, Array]:
-    """Values (m, k) on a uniform clock from the first sample on, and where they stand between samples that belong together (m,)."""
+    """Values (m, k) on a uniform clock from the first sample on, and where they stand
+    between samples that belong together (m,).
+    """
     clock = t[0] + np.arange(int((t[-1] - t[0]) / step) + 1) * step
     right = np.clip(np.searchsorted(t, clock, side="left"), 1, t.size - 1)
     hole = LONGEST_HOLE_STEPS * max(float(np.median(np.diff(t))), step)
     mask = (t[right] - t[right - 1] <= hole).astype(np.float64)
-    return np.stack([np.interp(clock, t, column) for column in values.T], axis=1) * mask[:, None], mask
+    return (
+        np.stack([np.interp(clock, t, column) for column in values.T], axis=1) * mask[:, None],
+        mask,
+    )
 
 
 def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tuple[Array, Array]:
-    """Correlation coefficient over the overlap at every shift of two (m, k) against one (n, k), and the overlap in samples: (n + m - 1,).
+    """Correlation coefficient over the overlap at every shift of two (m, k) against one
+    (n, k), and the overlap in samples: (n + m - 1,).
 
-    Entry i stands for two moved by i - (m - 1) samples. Means and variances are those of the overlap (Padfield 2012, masked
-    normalised cross-correlation), so that the shape of a record's ends does not decide. With several signals their covariances and
+    Entry i stands for two moved by i - (m - 1) samples. Means and variances are those
+    of the overlap (Padfield 2012, masked normalised cross-correlation), so that the
+    shape of a record's ends does not decide. With several signals their covariances and
     variances are added up.
     """
     size = len(one) + len(two) - 1
@@ -120,7 +152,8 @@ def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tu
     safe = np.maximum(count, 1.0)
     covariance, left_energy, right_energy = np.zeros(size), np.zeros(size), np.zeros(size)
     for a, b in zip(one.T, two[::-1].T, strict=True):
-        # Means are taken off first: sums of squares of large numbers would lose the small differences.
+        # Means are taken off first: sums of squares of large numbers would lose the
+        # small differences.
         a = (a - a.sum() / max(mask_one.sum(), 1.0)) * mask_one
         b = (b - b.sum() / max(mask_two.sum(), 1.0)) * mask_two[::-1]
         left, right = spectrum(a), spectrum(b)
@@ -135,8 +168,9 @@ def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tu
 
 
 def _independent(one: Array, mask_one: Array, two: Array, mask_two: Array, shift: int) -> float:
-    """Number of independent samples of the difference of the two records at a shift: n / (1 + 2 sum r_k), r_k its autocorrelation up to
-    where it first falls below zero."""
+    """Number of independent samples of the difference of the two records at a shift: n
+    / (1 + 2 sum r_k), r_k its autocorrelation up to where it first falls below zero.
+    """
     start, end = max(0, shift), min(len(one), shift + len(two))
     a, b = one[start:end], two[start - shift : end - shift]
     good = (mask_one[start:end] * mask_two[start - shift : end - shift]) > 0.0

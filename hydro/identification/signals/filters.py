@@ -1,11 +1,14 @@
-"""One zero-phase low-pass for all channels alike, so that no channel lags or leads another."""
+"""One zero-phase low-pass for all channels alike, so that no channel lags or leads
+another.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from numpy.typing import ArrayLike
 
 EDGE_SHARE = 0.01
 """A disturbance at an end has decayed to this share after the edge zone."""
@@ -13,19 +16,26 @@ CLOCK_TOLERANCE = 0.01
 """Largest deviation of one step from the mean step, as a share of it."""
 
 
-def zero_phase_lowpass(t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, order: int = 4) -> Array:
-    """Butterworth low-pass of order `order`, run forward and backward over values (n,) or (n, k) on the uniform clock t_s (n,) [s].
+def zero_phase_lowpass(
+    t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, order: int = 4
+) -> Array:
+    """Butterworth low-pass of order `order`, run forward and backward over values (n,)
+    or (n, k) on the uniform clock t_s (n,) [s].
 
-    The amplitude is one half at `cutoff_hz` and falls with twice the order beyond; there is no phase. The ends are continued by odd
-    reflection: results within `edge_zone_s` of either end are not to be trusted. Values are not written to.
-    Raises `DataError` (a user's mistake: cutoff at or above half the sample rate, too few samples) and `ValueError` for values that are not
-    finite or a clock that is not uniform.
+    The amplitude is one half at `cutoff_hz` and falls with twice the order beyond;
+    there is no phase. The ends are continued by odd reflection: results within
+    `edge_zone_s` of either end are not to be trusted. Values are not written to. Raises
+    `DataError` (a user's mistake: cutoff at or above half the sample rate, too few
+    samples) and `ValueError` for values that are not finite or a clock that is not
+    uniform.
     """
     t, signal = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if signal.shape[:1] != t.shape or len(t) < 2:
         raise ValueError(f"clock {t.shape} and values {signal.shape} do not belong together")
     if not np.isfinite(signal).all():
-        raise ValueError("the low-pass refuses values that are not finite: split the signal at its gaps first")
+        raise ValueError(
+            "the low-pass refuses values that are not finite: split the signal at its gaps first"
+        )
     step = float(t[-1] - t[0]) / (len(t) - 1)
     if not (step > 0 and np.abs(np.diff(t) - step).max() <= CLOCK_TOLERANCE * step):
         raise ValueError("the low-pass needs a uniform clock: resample first")
@@ -36,19 +46,26 @@ def zero_phase_lowpass(t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, o
             value=cutoff_hz,
             allowed=f"0 to {0.5 / step:.3g} Hz",
         )
-    from scipy.signal import butter, sosfiltfilt  # a second to import, and most commands do not filter
+    from scipy.signal import (
+        butter,
+        sosfiltfilt,
+    )  # a second to import, and most commands do not filter
 
     sections = butter(order, cutoff_hz, fs=1.0 / step, output="sos")
     padding = min(int(np.ceil(2.0 * edge_zone_s(cutoff_hz, order=order) / step)), len(t) - 1)
     if len(t) < 4:
         raise DataError("too few samples for the low-pass", value=len(t))
-    return np.asarray(sosfiltfilt(sections, signal, axis=0, padtype="odd", padlen=padding), dtype=np.float64)
+    return np.asarray(
+        sosfiltfilt(sections, signal, axis=0, padtype="odd", padlen=padding), dtype=np.float64
+    )
 
 
 def edge_zone_s(cutoff_hz: float, *, order: int = 4) -> float:
-    """Width [s] of the zone at either end in which the low-pass follows the continuation more than the data.
+    """Width [s] of the zone at either end in which the low-pass follows the
+    continuation more than the data.
 
-    The slowest pole pair of the Butterworth filter has the real part -2 pi f sin(pi / 2N) (N even); a disturbance decays to 1 % within
-    ln(100) / (2 pi f sin(pi / 2N)): 0.64 s for 3 Hz and order 4.
+    The slowest pole pair of the Butterworth filter has the real part -2 pi f sin(pi /
+    2N) (N even); a disturbance decays to 1 % within ln(100) / (2 pi f sin(pi / 2N)):
+    0.64 s for 3 Hz and order 4.
     """
     return float(-np.log(EDGE_SHARE) / (2.0 * np.pi * cutoff_hz * np.sin(np.pi / (2.0 * order))))

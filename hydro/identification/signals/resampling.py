@@ -1,6 +1,8 @@
-"""From a sensor's own clock to a uniform one, without invention: nothing is extrapolated and long gaps stay gaps (nan).
+"""From a sensor's own clock to a uniform one, without invention: nothing is
+extrapolated and long gaps stay gaps (nan).
 
-Attitude is interpolated as a rotation. Euler angles are [phi, theta, psi] in rad, ZYX, body to NED.
+Attitude is interpolated as a rotation. Euler angles are [phi, theta, psi] in rad, ZYX,
+body to NED.
 """
 
 from __future__ import annotations
@@ -9,16 +11,19 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.splines import lambda_from_cutoff, smoothing_spline
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 
 @dataclass(frozen=True)
 class CleanClock:
-    """Which samples of a clock to keep so that time increases strictly, and how many were refused and why."""
+    """Which samples of a clock to keep so that time increases strictly, and how many
+    were refused and why.
+    """
 
     keep: NDArray[np.bool_]
     repeated: int
@@ -27,9 +32,11 @@ class CleanClock:
 
 @dataclass(frozen=True)
 class SmoothAttitude:
-    """Smoothed attitude at the wanted times: Euler angles (m, 3) [rad], yaw continuous; body rates p q r (m, 3) [rad/s] and their rates.
+    """Smoothed attitude at the wanted times: Euler angles (m, 3) [rad], yaw continuous;
+    body rates p q r (m, 3) [rad/s] and their rates.
 
-    `lambda_` is the smoothing parameter used, `sigma_rad` the standard deviation of the noise about one axis.
+    `lambda_` is the smoothing parameter used, `sigma_rad` the standard deviation of the
+    noise about one axis.
     """
 
     euler: Array
@@ -40,7 +47,9 @@ class SmoothAttitude:
 
 
 def clean_clock(time_us: ArrayLike) -> CleanClock:
-    """Keep a sample when its time is later than every kept one before; count repeated and backward times."""
+    """Keep a sample when its time is later than every kept one before; count repeated
+    and backward times.
+    """
     time = np.asarray(time_us)
     latest = np.maximum.accumulate(time)
     keep = np.ones(len(time), dtype=np.bool_)
@@ -50,7 +59,9 @@ def clean_clock(time_us: ArrayLike) -> CleanClock:
 
 
 def gaps(t_s: ArrayLike, max_gap_s: float) -> list[tuple[int, int]]:
-    """Unbroken segments between gaps: index pairs [start, end) of t_s (n,) in which no step is longer than `max_gap_s` [s]."""
+    """Unbroken segments between gaps: index pairs [start, end) of t_s (n,) in which no
+    step is longer than `max_gap_s` [s].
+    """
     t = np.asarray(t_s, dtype=np.float64)
     if not len(t):
         return []
@@ -64,7 +75,10 @@ def uniform_clock(start_s: float, end_s: float, rate_hz: float) -> Array:
     Raises `DataError` for an empty span or a rate that is not positive.
     """
     if not (rate_hz > 0 and end_s >= start_s):
-        raise DataError("a uniform clock needs a positive rate and an end after its start", value=(start_s, end_s, rate_hz))
+        raise DataError(
+            "a uniform clock needs a positive rate and an end after its start",
+            value=(start_s, end_s, rate_hz),
+        )
     # A thousandth of a step is forgiven so that rounding does not lose the last sample.
     return start_s + np.arange(int(np.floor((end_s - start_s) * rate_hz + 1e-3)) + 1) / rate_hz
 
@@ -75,11 +89,17 @@ def unwrap_angles(angles: ArrayLike) -> Array:
 
 
 def linear(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf) -> Array:
-    """Linear interpolation of y (n,) or (n, k) at t_new (m,); nan outside the samples and inside gaps longer than `max_gap_s`.
+    """Linear interpolation of y (n,) or (n, k) at t_new (m,); nan outside the samples
+    and inside gaps longer than `max_gap_s`.
 
-    t_s must increase strictly (`clean_clock`). A sample exactly at a gap's edge is given. Raises `DataError` otherwise.
+    t_s must increase strictly (`clean_clock`). A sample exactly at a gap's edge is
+    given. Raises `DataError` otherwise.
     """
-    t, values, new = _series(t_s, y), np.asarray(y, dtype=np.float64), np.asarray(t_new, dtype=np.float64)
+    t, values, new = (
+        _series(t_s, y),
+        np.asarray(y, dtype=np.float64),
+        np.asarray(t_new, dtype=np.float64),
+    )
     left, share, inside = _locate(t, new, max_gap_s)
     share = share.reshape((-1,) + (1,) * (values.ndim - 1))
     right = np.minimum(left + 1, len(t) - 1)
@@ -90,19 +110,27 @@ def linear(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float =
 
 
 def hold(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf) -> Array:
-    """The previous sample of y (n,) or (n, k) at t_new (m,), for commands; nan before the first sample, and later than the last one.
+    """The previous sample of y (n,) or (n, k) at t_new (m,), for commands; nan before
+    the first sample, and later than the last one.
 
     A sample is held for at most `max_gap_s` [s]. Errors as `linear`.
     """
-    t, values, new = _series(t_s, y), np.asarray(y, dtype=np.float64), np.asarray(t_new, dtype=np.float64)
+    t, values, new = (
+        _series(t_s, y),
+        np.asarray(y, dtype=np.float64),
+        np.asarray(t_new, dtype=np.float64),
+    )
     left = np.clip(np.searchsorted(t, new, side="right") - 1, 0, len(t) - 1)
     out = values[left].copy()
     out[(new < t[0]) | (new > t[-1]) | (new - t[left] > max_gap_s)] = np.nan
     return out
 
 
-def interpolate_rotation(t_s: ArrayLike, euler: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf) -> Array:
-    """Attitude (n, 3) at t_new (m,) along the shortest rotation between samples: (m, 3), yaw continuous; nan outside and inside gaps.
+def interpolate_rotation(
+    t_s: ArrayLike, euler: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf
+) -> Array:
+    """Attitude (n, 3) at t_new (m,) along the shortest rotation between samples: (m,
+    3), yaw continuous; nan outside and inside gaps.
 
     Neighbouring samples must be less than half a turn apart. Errors as `linear`.
     """
@@ -122,14 +150,23 @@ def interpolate_rotation(t_s: ArrayLike, euler: ArrayLike, t_new: ArrayLike, *, 
 
 
 def smooth_attitude(
-    t_s: ArrayLike, euler: ArrayLike, t_new: ArrayLike, *, lam: float | None = None, cutoff_hz: float | None = None
+    t_s: ArrayLike,
+    euler: ArrayLike,
+    t_new: ArrayLike,
+    *,
+    lam: float | None = None,
+    cutoff_hz: float | None = None,
 ) -> SmoothAttitude:
-    """Smoothed attitude and body rates at t_new (m,) from measured attitude (n, 3); nan outside the samples.
+    """Smoothed attitude and body rates at t_new (m,) from measured attitude (n, 3); nan
+    outside the samples.
 
-    A smoothing spline of the four components of the unit quaternion (signs made continuous), scaled back to unit length, with one lambda
-    for all: given, or from a half-amplitude frequency `cutoff_hz`, or by GCV. This has no singular attitude and does not depend on the
-    choice of axes: turning the inertial or the body frame turns the result. Body rates are exact derivatives of the smoothed rotation.
-    Valid while the attitude turns little within a smoothing period (the smoothed quaternion must not shrink towards zero).
+    A smoothing spline of the four components of the unit quaternion (signs made
+    continuous), scaled back to unit length, with one lambda for all: given, or from a
+    half-amplitude frequency `cutoff_hz`, or by GCV. This has no singular attitude and
+    does not depend on the choice of axes: turning the inertial or the body frame turns
+    the result. Body rates are exact derivatives of the smoothed rotation. Valid while
+    the attitude turns little within a smoothing period (the smoothed quaternion must
+    not shrink towards zero).
     """
     t, new = _series(t_s, euler), np.asarray(t_new, dtype=np.float64)
     angles = np.asarray(euler, dtype=np.float64)
@@ -142,12 +179,16 @@ def smooth_attitude(
     s, s1, s2 = (spline.evaluate(new, order) for order in range(3))
     square = np.sum(s**2, axis=1, keepdims=True)
     omega = 2.0 * _conjugate_times(s, s1) / square
-    omega_dot = 2.0 * _conjugate_times(s, s2) / square - 2.0 * omega * np.sum(s * s1, axis=1, keepdims=True) / square
+    omega_dot = (
+        2.0 * _conjugate_times(s, s2) / square
+        - 2.0 * omega * np.sum(s * s1, axis=1, keepdims=True) / square
+    )
     inside = np.isfinite(square[:, 0])
     out = np.full((len(new), 3), np.nan)
     if inside.any():
         out[inside] = _continuous(_to_euler(Rotation.from_quat(s[inside])), angles[0, 2])
-    # A small turn changes the quaternion by half its angle, spread over three of the four components.
+    # A small turn changes the quaternion by half its angle, spread over three of the
+    # four components.
     sigma = 2.0 * float(np.sqrt(np.sum(spline.sigma**2) / 3.0))
     return SmoothAttitude(out, omega, omega_dot, float(spline.lambda_[0]), sigma)
 
@@ -175,14 +216,25 @@ def _continuous(euler: Array, yaw_start: float) -> Array:
 def _series(t_s: ArrayLike, y: ArrayLike) -> Array:
     t = np.asarray(t_s, dtype=np.float64)
     if t.ndim != 1 or not len(t) or len(np.asarray(y)) != len(t):
-        raise DataError("times and values differ in length, or there are none", value=(t.shape, np.shape(y)))
+        raise DataError(
+            "times and values differ in length, or there are none", value=(t.shape, np.shape(y))
+        )
     if not np.all(np.diff(t) > 0):
-        raise DataError("times must increase strictly", row=int(np.argmin(np.diff(t))) + 1, field="t_s", remedy="Clean the clock first.")
+        raise DataError(
+            "times must increase strictly",
+            row=int(np.argmin(np.diff(t))) + 1,
+            field="t_s",
+            remedy="Clean the clock first.",
+        )
     return t
 
 
-def _locate(t: Array, new: Array, max_gap_s: float) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-    """Left neighbour, share of the way to the right one, and whether the time lies at or between samples that belong together."""
+def _locate(
+    t: Array, new: Array, max_gap_s: float
+) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+    """Left neighbour, share of the way to the right one, and whether the time lies at
+    or between samples that belong together.
+    """
     left = np.clip(np.searchsorted(t, new, side="right") - 1, 0, max(len(t) - 2, 0))
     right = np.minimum(left + 1, len(t) - 1)
     width = np.where(right > left, t[right] - t[left], 1.0)

@@ -1,6 +1,8 @@
-"""Measures of the health of recorded signals: clocks, held and stuck samples, and whether sensors of one motion agree.
+"""Measures of the health of recorded signals: clocks, held and stuck samples, and
+whether sensors of one motion agree.
 
-Nothing here decides: every function returns measured values, the thresholds stand with the checks that use them.
+Nothing here decides: every function returns measured values, the thresholds stand with
+the checks that use them.
 """
 
 from __future__ import annotations
@@ -10,29 +12,40 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+
 MOST_SAMPLES = 4000
-"""Statistics over long records use every n-th sample, so that there are at most about this many."""
+"""Statistics over long records use every n-th sample, so that there are at most about
+this many.
+"""
 RATE_INTERVAL_S, LONGEST_INTERVAL_S = 0.1, 0.5
-"""Attitude is differenced over at least the first (shorter intervals amplify its rounding) and at most the second (turns are lost)."""
+"""Attitude is differenced over at least the first (shorter intervals amplify its
+rounding) and at most the second (turns are lost).
+"""
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
 SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
-"""A jump of the attitude: more than this, and than so many times what 90 % of the intervals disagree by."""
+"""A jump of the attitude: more than this, and than so many times what 90 % of the
+intervals disagree by.
+"""
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
 FEWEST = 20
 USUAL_PERCENT, PAUSE_USUAL = 85.0, 3.0
-"""A step of more than this many times the step that 85 % of them stay below is a pause and does not count for the rate."""
+"""A step of more than this many times the step that 85 % of them stay below is a pause
+and does not count for the rate.
+"""
 
 
 @dataclass(frozen=True)
 class ClockStatistics:
-    """Steps of a clock: rate [Hz] (the mean without pauses; messages that arrive in bursts come no faster for it), median step [s], half
-    the range from the 5th to the 95th percentile [s], the longest [s] and its start [s]."""
+    """Steps of a clock: rate [Hz] (the mean without pauses; messages that arrive in
+    bursts come no faster for it), median step [s], half the range from the 5th to the
+    95th percentile [s], the longest [s] and its start [s].
+    """
 
     rate_hz: float
     step_s: float
@@ -47,7 +60,9 @@ class ClockStatistics:
 
 
 def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
-    """Statistics of the steps of increasing times t_s (n,) [s]; None for fewer than three samples."""
+    """Statistics of the steps of increasing times t_s (n,) [s]; None for fewer than
+    three samples.
+    """
     t = np.asarray(t_s, dtype=np.float64)
     if t.size < 3:
         return None
@@ -55,15 +70,19 @@ def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
     low, median, usual, high = np.percentile(steps, (5.0, 50.0, USUAL_PERCENT, 95.0))
     longest = int(np.argmax(steps))
     rate = 1.0 / float(np.mean(steps[steps <= PAUSE_USUAL * usual]))
-    return ClockStatistics(rate, float(median), float(high - low) / 2.0, float(steps[longest]), float(t[longest]))
+    return ClockStatistics(
+        rate, float(median), float(high - low) / 2.0, float(steps[longest]), float(t[longest])
+    )
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """Samples equal to the one before: their share, and the longest run of equal samples (first index, count).
+    """Samples equal to the one before: their share, and the longest run of equal
+    samples (first index, count).
 
-    `leap` is the median step of a column between values that differ, in parts of its smallest step, the largest of the columns: near 1
-    for a signal that hardly moves by more than its own resolution and therefore repeats without being held.
+    `leap` is the median step of a column between values that differ, in parts of its
+    smallest step, the largest of the columns: near 1 for a signal that hardly moves by
+    more than its own resolution and therefore repeats without being held.
     """
 
     share: float
@@ -73,7 +92,9 @@ class Repeats:
 
 
 def repeats(values: ArrayLike) -> Repeats:
-    """Repeated samples of values (n, k): a sample repeats where all k columns equal those of the sample before."""
+    """Repeated samples of values (n, k): a sample repeats where all k columns equal
+    those of the sample before.
+    """
     array = np.asarray(values, dtype=np.float64)
     if len(array) < 2:
         return Repeats(0.0, 0, len(array), 1.0)
@@ -88,7 +109,9 @@ def repeats(values: ArrayLike) -> Repeats:
 
 
 def flat_top(values: ArrayLike) -> int:
-    """Samples of values (n,) in runs of three or more that stand at the signal's largest or smallest value, as a clipped signal does."""
+    """Samples of values (n,) in runs of three or more that stand at the signal's
+    largest or smallest value, as a clipped signal does.
+    """
     x = np.asarray(values, dtype=np.float64)
     if x.size < 3:
         return 0
@@ -102,24 +125,32 @@ def flat_top(values: ArrayLike) -> int:
 
 @dataclass(frozen=True)
 class AttitudeDifference:
-    """How far two records of one attitude are apart, medians over time [rad]: whole rotation, tilt (roll and pitch together), heading."""
+    """How far two records of one attitude are apart, medians over time [rad]: whole
+    rotation, tilt (roll and pitch together), heading.
+    """
 
     angle: float
     tilt: float
     heading: float
 
 
-def attitude_difference(t_s: ArrayLike, euler: ArrayLike, t_other: ArrayLike, other: ArrayLike) -> AttitudeDifference | None:
-    """Compare euler (n, 3) at t_s (n,) with the samples of `other` (m, 3) at t_other (m,) nearest in time, ZYX angles [rad].
+def attitude_difference(
+    t_s: ArrayLike, euler: ArrayLike, t_other: ArrayLike, other: ArrayLike
+) -> AttitudeDifference | None:
+    """Compare euler (n, 3) at t_s (n,) with the samples of `other` (m, 3) at t_other
+    (m,) nearest in time, ZYX angles [rad].
 
-    Samples more than half the usual step apart in time are left out; None if fewer than 20 remain.
+    Samples more than half the usual step apart in time are left out; None if fewer than
+    20 remain.
     """
     t, second = np.asarray(t_s, dtype=np.float64), np.asarray(t_other, dtype=np.float64)
     first, angles = np.asarray(euler, dtype=np.float64), np.asarray(other, dtype=np.float64)
     if t.size < FEWEST or second.size < FEWEST:
         return None
     near = nearest(t, second)
-    good = np.abs(second[near] - t) <= 0.5 * max(float(np.median(np.diff(t))), float(np.median(np.diff(second))))
+    good = np.abs(second[near] - t) <= 0.5 * max(
+        float(np.median(np.diff(t))), float(np.median(np.diff(second)))
+    )
     good &= np.isfinite(first).all(axis=1) & np.isfinite(angles[near]).all(axis=1)
     if np.count_nonzero(good) < FEWEST:
         return None
@@ -136,7 +167,9 @@ def attitude_difference(t_s: ArrayLike, euler: ArrayLike, t_other: ArrayLike, ot
 
 
 def nearest(wanted: Array, there: Array) -> npt.NDArray[np.intp]:
-    """Indexes (n,) of the times in `there` (m,), increasing, that lie nearest to those `wanted` (n,)."""
+    """Indexes (n,) of the times in `there` (m,), increasing, that lie nearest to those
+    `wanted` (n,).
+    """
     right = np.clip(np.searchsorted(there, wanted), 1, max(there.size - 1, 1))
     right = np.minimum(right, there.size - 1)
     left = np.maximum(right - 1, 0)
@@ -152,11 +185,13 @@ def thinned(indexes: npt.NDArray[np.intp], most: int = MOST_SAMPLES) -> npt.NDAr
 class RateAgreement:
     """Gyro against the rate of the attitude.
 
-    `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro read `lag_s` later; `scale` (3,): gyro per attitude
-    rate of the same axis; `std` (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs [rad/s]; `count` of
-    intervals. A positive lag: the gyro shows a turn
-    after the attitude does. `jumps` intervals in which the attitude turned without the gyro, by `largest_jump` [rad] at most, are left
-    out of the comparison; `jump_at_s` is the time of the largest.
+    `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro
+    read `lag_s` later; `scale` (3,): gyro per attitude rate of the same axis; `std`
+    (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs
+    [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn after the
+    attitude does. `jumps` intervals in which the attitude turned without the gyro, by
+    `largest_jump` [rad] at most, are left out of the comparison; `jump_at_s` is the
+    time of the largest.
     """
 
     correlation: Array
@@ -170,11 +205,14 @@ class RateAgreement:
     jump_at_s: float
 
 
-def attitude_jumps(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> tuple[Array, Array, Array]:
-    """Begin and end [s] of the intervals in which the attitude turned without the gyro, and by how much [rad]: three arrays (k,).
+def attitude_jumps(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Begin and end [s] of the intervals in which the attitude turned without the gyro,
+    and by how much [rad]: three arrays (k,).
 
-    An interval counts if the difference is more than 0.1 rad, five times what 90 % of the intervals disagree by, and what a slow gyro may
-    miss between its samples.
+    An interval counts if the difference is more than 0.1 rad, five times what 90 % of
+    the intervals disagree by, and what a slow gyro may miss between its samples.
     """
     found = _turns(t_s, euler, t_gyro, gyro)
     if found is None:
@@ -183,19 +221,26 @@ def attitude_jumps(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
 
 
-def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> RateAgreement | None:
-    """Compare the mean body rate between attitude samples (n, 3) [rad] with the mean of the gyro (m, 3) [rad/s] over the same interval.
+def rate_agreement(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> RateAgreement | None:
+    """Compare the mean body rate between attitude samples (n, 3) [rad] with the mean of
+    the gyro (m, 3) [rad/s] over the same interval.
 
-    The mean body rate is the rotation vector between the two attitudes over their distance in time, exact for a steady turn and free of
-    the singularity at a pitch of 90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals that far from the ends
-    of the gyro. Jumps are counted over the whole record, as `attitude_jumps` finds them; the rest on every n-th interval of a long one.
+    The mean body rate is the rotation vector between the two attitudes over their
+    distance in time, exact for a steady turn and free of the singularity at a pitch of
+    90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals that
+    far from the ends of the gyro. Jumps are counted over the whole record, as
+    `attitude_jumps` finds them; the rest on every n-th interval of a long one.
     """
     found = _turns(t_s, euler, t_gyro, gyro)
     if found is None:
         return None
     t, rows, expected, mean_rate, unexplained, jumped = found
     worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
-    jump, jump_at = (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
+    jump, jump_at = (
+        (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
+    )
     at = np.asarray(t_gyro, dtype=np.float64)
     inside = (t[rows] >= at[0] + LARGEST_LAG_S) & (t[rows + 1] <= at[-1] - LARGEST_LAG_S)
     if np.count_nonzero(inside) < FEWEST:
@@ -209,23 +254,47 @@ def rate_agreement(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: Ar
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
     # The best of the three axes, so that exchanged axes do not send the search astray.
-    score = [float(np.sum(np.abs(_correlation(centred, mean_rate(rows, lag))).max(axis=1) * energy**2)) for lag in lags]
+    score = [
+        float(np.sum(np.abs(_correlation(centred, mean_rate(rows, lag))).max(axis=1) * energy**2))
+        for lag in lags
+    ]
     lag = _peak(lags, np.asarray(score))
     measured = mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Total least squares in one dimension keeps noise in either record from pulling the ratio down.
+        # Total least squares in one dimension keeps noise in either record from pulling
+        # the ratio down.
         scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
     bias = np.median(measured - expected, axis=0)
     return RateAgreement(
-        _correlation(centred, measured), scale, lag, energy, bias, int(rows.size), int(np.count_nonzero(jumped)), jump, jump_at
+        _correlation(centred, measured),
+        scale,
+        lag,
+        energy,
+        bias,
+        int(rows.size),
+        int(np.count_nonzero(jumped)),
+        jump,
+        jump_at,
     )
 
 
 def _turns(
     t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
-) -> tuple[Array, npt.NDArray[np.intp], Array, Callable[[npt.NDArray[np.intp], float], Array], Array, npt.NDArray[np.bool_]] | None:
-    """Intervals between attitudes: times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which are jumps."""
+) -> (
+    tuple[
+        Array,
+        npt.NDArray[np.intp],
+        Array,
+        Callable[[npt.NDArray[np.intp], float], Array],
+        Array,
+        npt.NDArray[np.bool_],
+    ]
+    | None
+):
+    """Intervals between attitudes: times, rows, mean body rates, that of the gyro at a
+    lag, what differs [rad], which are jumps.
+    """
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
     if t.size < FEWEST or at.size < FEWEST:
@@ -233,8 +302,13 @@ def _turns(
     stride = max(1, int(np.ceil(RATE_INTERVAL_S / np.median(np.diff(t)) - 0.01)))
     t, angles = t[::stride], angles[::stride]
     width = np.diff(t)
-    inside = (t[:-1] >= at[0]) & (t[1:] <= at[-1]) & (width <= LONGEST_INTERVAL_S * max(1.0, stride / 10))
-    # A gyro interval is only as good as the samples in it: none across a pause of the gyro.
+    inside = (
+        (t[:-1] >= at[0])
+        & (t[1:] <= at[-1])
+        & (width <= LONGEST_INTERVAL_S * max(1.0, stride / 10))
+    )
+    # A gyro interval is only as good as the samples in it: none across a pause of the
+    # gyro.
     pauses = np.append(0, np.cumsum(np.diff(at) > LONGEST_INTERVAL_S))
     before, after = np.searchsorted(at, t[:-1]) - 1, np.searchsorted(at, t[1:])
     inside &= pauses[np.clip(before, 0, at.size - 1)] == pauses[np.clip(after, 0, at.size - 1)]
@@ -243,29 +317,44 @@ def _turns(
         return None
     turn = Rotation.from_euler("ZYX", angles[:, ::-1])
     expected = (turn[rows].inv() * turn[rows + 1]).as_rotvec() / width[rows, None]
-    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)])
+    angle = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)]
+    )
 
     def mean_rate(of: npt.NDArray[np.intp], lag: float) -> Array:
-        ends = [np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1) for side in (of, of + 1)]
+        ends = [
+            np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1)
+            for side in (of, of + 1)
+        ]
         return np.asarray((ends[1] - ends[0]) / width[of, None])
 
     unexplained = np.linalg.norm((expected - mean_rate(rows, 0.0)) * width[rows, None], axis=1)
-    # A slow gyro may miss what it turned between its samples: by no more than its change over the interval.
-    missed = np.linalg.norm(rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)], axis=1)
+    # A slow gyro may miss what it turned between its samples: by no more than its
+    # change over the interval.
+    missed = np.linalg.norm(
+        rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)],
+        axis=1,
+    )
     missed *= np.maximum(width[rows], float(np.median(np.diff(at))))
-    jumped = unexplained > np.maximum(max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed)
+    jumped = unexplained > np.maximum(
+        max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed
+    )
     return t, rows, expected, mean_rate, unexplained, jumped
 
 
 def _correlation(first: Array, second: Array) -> Array:
-    """Correlation coefficients (k, l) between the columns of (n, k) and (n, l); 0 for a constant column."""
+    """Correlation coefficients (k, l) between the columns of (n, k) and (n, l); 0 for a
+    constant column.
+    """
     one, two = first - first.mean(axis=0), second - second.mean(axis=0)
     size = np.outer(np.linalg.norm(one, axis=0), np.linalg.norm(two, axis=0))
     return np.asarray(np.divide(one.T @ two, size, out=np.zeros_like(size), where=size > 0.0))
 
 
 def _peak(x: Array, y: Array) -> float:
-    """Place of the largest y (n,) at evenly spaced x (n,), refined by a parabola; the sample itself at an end."""
+    """Place of the largest y (n,) at evenly spaced x (n,), refined by a parabola; the
+    sample itself at an end.
+    """
     top = int(np.argmax(y))
     if top in (0, x.size - 1):
         return float(x[top])
@@ -276,17 +365,26 @@ def _peak(x: Array, y: Array) -> float:
 
 @dataclass(frozen=True)
 class Gravity:
-    """What an accelerometer shows of gravity: median length of its reading, and the median angle [rad] between its reading and the
-    specific force at rest that the attitude implies (straight up; None without an attitude)."""
+    """What an accelerometer shows of gravity: median length of its reading, and the
+    median angle [rad] between its reading and the specific force at rest that the
+    attitude implies (straight up; None without an attitude).
+    """
 
     magnitude: float
     angle: float | None
 
 
-def gravity(t_s: ArrayLike, accel: ArrayLike, t_attitude: ArrayLike | None = None, euler: ArrayLike | None = None) -> Gravity | None:
-    """Gravity in accelerometer samples (n, 3), body axes, at t_s (n,); attitude (m, 3) [rad] at t_attitude (m,) if there is one.
+def gravity(
+    t_s: ArrayLike,
+    accel: ArrayLike,
+    t_attitude: ArrayLike | None = None,
+    euler: ArrayLike | None = None,
+) -> Gravity | None:
+    """Gravity in accelerometer samples (n, 3), body axes, at t_s (n,); attitude (m, 3)
+    [rad] at t_attitude (m,) if there is one.
 
-    A vehicle at rest shows the specific force -g in its down direction: P_v^T [0 0 -g]. None for fewer than 20 finite samples.
+    A vehicle at rest shows the specific force -g in its down direction: P_v^T [0 0 -g].
+    None for fewer than 20 finite samples.
     """
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     rows = thinned(np.flatnonzero(np.isfinite(values).all(axis=1)))
@@ -308,18 +406,26 @@ def gravity(t_s: ArrayLike, accel: ArrayLike, t_attitude: ArrayLike | None = Non
 
 @dataclass(frozen=True)
 class Following:
-    """How one signal follows another: size of the second's variation per that of the first, with the sign of their correlation, and the
-    correlation. Noise in either does not pull the ratio towards zero as it does a slope."""
+    """How one signal follows another: size of the second's variation per that of the
+    first, with the sign of their correlation, and the correlation. Noise in either does
+    not pull the ratio towards zero as it does a slope.
+    """
 
     scale: float
     correlation: float
 
 
 def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) -> Following | None:
-    """Compare y (m,) at t_other (m,) with x (n,) at t_s (n,), interpolated to the times of y within the span of x; None for too few."""
+    """Compare y (m,) at t_other (m,) with x (n,) at t_s (n,), interpolated to the times
+    of y within the span of x; None for too few.
+    """
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(x, dtype=np.float64)
     at, other = np.asarray(t_other, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    rows = thinned(np.flatnonzero((at >= t[0]) & (at <= t[-1]) & np.isfinite(other))) if t.size else np.zeros(0, np.intp)
+    rows = (
+        thinned(np.flatnonzero((at >= t[0]) & (at <= t[-1]) & np.isfinite(other)))
+        if t.size
+        else np.zeros(0, np.intp)
+    )
     if rows.size < FEWEST:
         return None
     first = np.interp(at[rows], t, values)
@@ -330,27 +436,39 @@ def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) ->
     other_energy = float(second @ second)
     size = float(np.sqrt(energy * other_energy))
     correlation = float(first @ second) / size if size else 0.0
-    return Following(float(np.sqrt(other_energy / energy)) * (-1.0 if correlation < 0.0 else 1.0), correlation)
+    return Following(
+        float(np.sqrt(other_energy / energy)) * (-1.0 if correlation < 0.0 else 1.0), correlation
+    )
 
 
 @dataclass(frozen=True)
 class Response:
-    """A motion explained by commands: how much later it follows [s] and the share of its variance explained, adjusted for the number of
-    commands."""
+    """A motion explained by commands: how much later it follows [s] and the share of
+    its variance explained, adjusted for the number of commands.
+    """
 
     lag_s: float
     explained: float
 
 
 def response_lag(
-    t_command: ArrayLike, command: ArrayLike, t_motion: ArrayLike, motion: ArrayLike, *, lags_s: tuple[float, float], rate_hz: float
+    t_command: ArrayLike,
+    command: ArrayLike,
+    t_motion: ArrayLike,
+    motion: ArrayLike,
+    *,
+    lags_s: tuple[float, float],
+    rate_hz: float,
 ) -> Response | None:
-    """By how much motion (m,) lags behind commands (n, k): the lag whose least-squares fit of the motion by all commands is best.
+    """By how much motion (m,) lags behind commands (n, k): the lag whose least-squares
+    fit of the motion by all commands is best.
 
-    Both are interpolated to a uniform clock of `rate_hz` (commands too: held ones would seem half a step of the log early), and a moving
-    mean over 10 s is taken off both, because slow drifts always look alike. Lags between the two of `lags_s` are tried in steps of the
-    clock. The lag holds the delay and the inertia of the vehicle together. At most ten minutes in the middle of the common span are used.
-    None for fewer than 100 samples, less than 20 s, or commands that stand still.
+    Both are interpolated to a uniform clock of `rate_hz` (commands too: held ones would
+    seem half a step of the log early), and a moving mean over 10 s is taken off both,
+    because slow drifts always look alike. Lags between the two of `lags_s` are tried in
+    steps of the clock. The lag holds the delay and the inertia of the vehicle together.
+    At most ten minutes in the middle of the common span are used. None for fewer than
+    100 samples, less than 20 s, or commands that stand still.
     """
     at, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
     t, output = np.asarray(t_motion, dtype=np.float64), np.asarray(motion, dtype=np.float64)
@@ -364,13 +482,17 @@ def response_lag(
     if end - start < 2.0 * DRIFT_S or count < 100:
         return None
     clock = middle - half + np.arange(-late, count - early) / rate_hz
-    given = _without_drift(np.stack([np.interp(clock, at, column) for column in inputs.T], axis=1), width)
+    given = _without_drift(
+        np.stack([np.interp(clock, at, column) for column in inputs.T], axis=1), width
+    )
     response = _without_drift(np.interp(clock[late : late + count], t, output), width)
     total = float(response @ response)
     if total == 0.0:
         return None
     lags = np.arange(early, late + 1)
-    shares = np.array([_explained(given[late - lag : late - lag + count], response, total) for lag in lags])
+    shares = np.array(
+        [_explained(given[late - lag : late - lag + count], response, total) for lag in lags]
+    )
     return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 
 
@@ -381,7 +503,9 @@ def _without_drift(values: Array, width: int) -> Array:
 
 
 def _explained(design: Array, response: Array, total: float) -> float:
-    """Adjusted share of the variance of response (n,) that a linear combination of the columns of design (n, k) explains."""
+    """Adjusted share of the variance of response (n,) that a linear combination of the
+    columns of design (n, k) explains.
+    """
     moment = design.T @ design
     # A little ridge: outputs of a mixer are often linear combinations of each other.
     moment += np.eye(len(moment)) * 1e-9 * max(float(np.trace(moment)), 1e-30)

@@ -1,17 +1,23 @@
-"""Velocity by a linear time-varying Kalman filter and Rauch-Tung-Striebel smoother (filterpy), with accelerometer bias and depth.
+"""Velocity by a linear time-varying Kalman filter and Rauch-Tung-Striebel smoother
+(filterpy), with accelerometer bias and depth.
 
-State (13): depth z, body velocity v (3), inertial acceleration f = v_dot + omega x v (3), its rate j (3), bias b (3). Between samples
+State (13): depth z, body velocity v (3), inertial acceleration f = v_dot + omega x v
+(3), its rate j (3), bias b (3). Between samples
 
     z_dot = (R v)_3,   v_dot = f - omega x v,   f_dot = j,   j_dot = white noise of density q,   b_dot = white noise of density q_b.
 
-With j as white-noise driven state, f is what a cubic smoothing spline with lambda = sigma^2 / q estimates; the defaults of q and of the
-accelerometer's noise come from such a spline by generalised cross-validation. The bias walks slowly: the tilt error of an attitude
-reference leaks gravity into the accelerometer, changes over its correlation time, and cannot be told from a bias within it.
-Measurements at their own times: accelerometer f + b, velocity sensor v (lever arm and mounting taken out), depth z.
+With j as white-noise driven state, f is what a cubic smoothing spline with lambda =
+sigma^2 / q estimates; the defaults of q and of the accelerometer's noise come from such
+a spline by generalised cross-validation. The bias walks slowly: the tilt error of an
+attitude reference leaks gravity into the accelerometer, changes over its correlation
+time, and cannot be told from a bias within it. Measurements at their own times:
+accelerometer f + b, velocity sensor v (lever arm and mounting taken out), depth z.
 
-With a second velocity, through the water, the state has the current c (3) in NED behind it (16): c_dot = white noise, measured is v - R' c.
-Without one, no measurement above holds c: accelerometer, bottom track and depth all speak of motion over ground. Forces do depend on it,
-but there a steady current cannot be told from damping and constant forces, which are what is looked for.
+With a second velocity, through the water, the state has the current c (3) in NED behind
+it (16): c_dot = white noise, measured is v - R' c. Without one, no measurement above
+holds c: accelerometer, bottom track and depth all speak of motion over ground. Forces
+do depend on it, but there a steady current cannot be told from damping and constant
+forces, which are what is looked for.
 """
 
 from __future__ import annotations
@@ -21,11 +27,12 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned, skew
 from auvid.hydro.identification.signals.splines import smoothing_spline
-from numpy.typing import ArrayLike
 
 Z, V, F, J, B, C = 0, slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 SIZE, MEASURED = 13, 7
@@ -36,16 +43,20 @@ FEWEST = 5
 UNSEEN = 1e10
 """Variance of a measurement that is missing at a step: it weighs nothing."""
 FLOOR = {"accel": 1e-4, "velocity": 1e-4, "depth": 1e-4}
-"""Smallest noise that is believed [m/s^2, m/s, m]; noise-free data would make the gains singular."""
+"""Smallest noise that is believed [m/s^2, m/s, m]; noise-free data would make the gains
+singular.
+"""
 
 
 @dataclass(frozen=True)
 class SmootherNoise:
     """Noise of the sensors and of the motion, SI; None is estimated from the data.
 
-    accel, velocity, depth: standard deviations per sample; jerk_density: q (3,) of j [m^2/s^7]; tilt_error_rad, tilt_time_s: size and
-    correlation time of the attitude reference's error in roll and pitch; bias: prior standard deviation of the bias [m/s^2]; water: that of
-    the velocity through the water; current_walk: how much the current walks within a second [m/s], 0 for a constant one.
+    accel, velocity, depth: standard deviations per sample; jerk_density: q (3,) of j
+    [m^2/s^7]; tilt_error_rad, tilt_time_s: size and correlation time of the attitude
+    reference's error in roll and pitch; bias: prior standard deviation of the bias
+    [m/s^2]; water: that of the velocity through the water; current_walk: how much the
+    current walks within a second [m/s], 0 for a constant one.
     """
 
     accel: Array | None = None
@@ -61,13 +72,17 @@ class SmootherNoise:
 
     @property
     def bias_density(self) -> float:
-        """Density q_b [m^2/s^5] of the bias walk that grows to the gravity leak of the tilt error within its correlation time."""
+        """Density q_b [m^2/s^5] of the bias walk that grows to the gravity leak of the
+        tilt error within its correlation time.
+        """
         return (self.gravity * self.tilt_error_rad) ** 2 / self.tilt_time_s
 
 
 @dataclass(frozen=True)
 class SmoothedVelocity:
-    """Body velocity, its rate and the bias at the smoother's steps, each (n, 3), with standard deviations, and the noise used."""
+    """Body velocity, its rate and the bias at the smoother's steps, each (n, 3), with
+    standard deviations, and the noise used.
+    """
 
     t_s: Array
     velocity: Array
@@ -82,17 +97,37 @@ class SmoothedVelocity:
 
 
 def estimated_noise(
-    t_s: Array, accel: Array, t_velocity: Array, velocity: Array, t_depth: Array, depth: Array, noise: SmootherNoise
+    t_s: Array,
+    accel: Array,
+    t_velocity: Array,
+    velocity: Array,
+    t_depth: Array,
+    depth: Array,
+    noise: SmootherNoise,
 ) -> SmootherNoise:
-    """The noise with what is None estimated: sensor noise and jerk density by smoothing splines with GCV (sigma, sigma^2 / lambda)."""
+    """The noise with what is None estimated: sensor noise and jerk density by smoothing
+    splines with GCV (sigma, sigma^2 / lambda).
+    """
     a = smoothing_spline(t_s, accel)
     sigma = np.maximum(a.sigma, FLOOR["accel"])
     return replace(
         noise,
         accel=sigma if noise.accel is None else noise.accel,
-        velocity=np.maximum(smoothing_spline(t_velocity, velocity).sigma, FLOOR["velocity"]) if noise.velocity is None else noise.velocity,
-        depth=float(np.maximum(smoothing_spline(t_depth, depth).sigma, FLOOR["depth"])) if noise.depth is None else noise.depth,
-        jerk_density=sigma**2 / np.maximum(a.lambda_, 1e-12) if noise.jerk_density is None else noise.jerk_density,
+        velocity=(
+            np.maximum(smoothing_spline(t_velocity, velocity).sigma, FLOOR["velocity"])
+            if noise.velocity is None
+            else noise.velocity
+        ),
+        depth=(
+            float(np.maximum(smoothing_spline(t_depth, depth).sigma, FLOOR["depth"]))
+            if noise.depth is None
+            else noise.depth
+        ),
+        jerk_density=(
+            sigma**2 / np.maximum(a.lambda_, 1e-12)
+            if noise.jerk_density is None
+            else noise.jerk_density
+        ),
     )
 
 
@@ -112,37 +147,69 @@ def smooth_velocity(
 ) -> SmoothedVelocity:
     """Smoothed velocity of the body origin at the accelerometer's times t_s (n,) [s].
 
-    accel (n, 3): inertial acceleration with bias, gravity and lever arm taken out (`inertial_acceleration`); euler, omega (n, 3) there.
-    velocity (m, 3) at t_velocity (m,): of the body origin (`lever_arm_velocity`); depth (k,) at t_depth (k,): of the body origin. Each
-    is used at the nearest step, carried there along the acceleration. water (w, 3) at t_water (w,): velocity of the body origin through the
-    water in body axes; with it the current is found too. Raises `DataError` for values that are not finite or too few samples.
+    accel (n, 3): inertial acceleration with bias, gravity and lever arm taken out
+    (`inertial_acceleration`); euler, omega (n, 3) there. velocity (m, 3) at t_velocity
+    (m,): of the body origin (`lever_arm_velocity`); depth (k,) at t_depth (k,): of the
+    body origin. Each is used at the nearest step, carried there along the acceleration.
+    water (w, 3) at t_water (w,): velocity of the body origin through the water in body
+    axes; with it the current is found too. Raises `DataError` for values that are not
+    finite or too few samples.
     """
     t, a = np.asarray(t_s, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     angles, w = np.asarray(euler, dtype=np.float64), np.asarray(omega, dtype=np.float64)
     tv, v = _inside(t, t_velocity, velocity)
     tz, z = _inside(t, t_depth, depth)
-    tw, through = _inside(t, [], np.zeros((0, 3))) if t_water is None or water is None else _inside(t, t_water, water)
+    tw, through = (
+        _inside(t, [], np.zeros((0, 3)))
+        if t_water is None or water is None
+        else _inside(t, t_water, water)
+    )
     if not all(np.isfinite(values).all() for values in (a, angles, w, v, z, through)):
-        raise DataError("a value to smooth is not finite", remedy="Split the leg at its gaps first.")
+        raise DataError(
+            "a value to smooth is not finite", remedy="Split the leg at its gaps first."
+        )
     with_current = t_water is not None
     if min(len(t), len(tv), len(tz), len(tw) if with_current else FEWEST) < FEWEST:
         raise DataError(
-            "too few samples to smooth a velocity", value=(len(t), len(tv), len(tz), len(tw)), allowed="5 or more of each sensor"
+            "too few samples to smooth a velocity",
+            value=(len(t), len(tv), len(tz), len(tw)),
+            allowed="5 or more of each sensor",
         )
     used = estimated_noise(t, a, tv, v, tz, z, noise or SmootherNoise())
     if with_current and used.water is None:
-        used = replace(used, water=np.maximum(smoothing_spline(tw, through).sigma, FLOOR["velocity"]))
+        used = replace(
+            used, water=np.maximum(smoothing_spline(tw, through).sigma, FLOOR["velocity"])
+        )
     size, measured = (SIZE + CURRENT, MEASURED + CURRENT) if with_current else (SIZE, MEASURED)
     transitions, processes = _transitions(t, angles, w, used, size)
-    zs, Rs = _measurements(t, a, w, [(tv, v, used.velocity), (tw, through, used.water)][: 1 + with_current], tz, z, used)
+    zs, Rs = _measurements(
+        t,
+        a,
+        w,
+        [(tv, v, used.velocity), (tw, through, used.water)][: 1 + with_current],
+        tz,
+        z,
+        used,
+    )
     from filterpy.kalman import KalmanFilter  # a second to import, and only this method needs it
 
     kalman = KalmanFilter(dim_x=size, dim_z=measured)
     kalman.x = np.concatenate([z[:1], v[0], a[0], np.zeros(size - 7)])[:, None]
-    kalman.P = np.diag([1.0] + [0.25] * 3 + [1.0] * 3 + [10.0] * 3 + [used.bias**2] * 3 + [CURRENT_PRIOR**2] * (size - SIZE))
+    kalman.P = np.diag(
+        [1.0]
+        + [0.25] * 3
+        + [1.0] * 3
+        + [10.0] * 3
+        + [used.bias**2] * 3
+        + [CURRENT_PRIOR**2] * (size - SIZE)
+    )
     H = _sensitivity(angles, size, measured)
-    means, covariances, _, _ = kalman.batch_filter(zs, Fs=list(transitions), Qs=list(processes), Rs=list(Rs), Hs=list(H))
-    means, covariances, _, _ = kalman.rts_smoother(means, covariances, Fs=list(transitions), Qs=list(processes))
+    means, covariances, _, _ = kalman.batch_filter(
+        zs, Fs=list(transitions), Qs=list(processes), Rs=list(Rs), Hs=list(H)
+    )
+    means, covariances, _, _ = kalman.rts_smoother(
+        means, covariances, Fs=list(transitions), Qs=list(processes)
+    )
     x, variance = means[:, :, 0], np.maximum(np.einsum("nii->ni", covariances), 0.0)
     return SmoothedVelocity(
         t_s=t,
@@ -175,8 +242,12 @@ def _inside(t: Array, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array
     return stamp[keep], value[keep]
 
 
-def _transitions(t: Array, euler: Array, omega: Array, noise: SmootherNoise, size: int) -> tuple[Array, Array]:
-    """Transition matrices (n, size, size) and process noise from step k - 1 to k; the first is the identity without noise."""
+def _transitions(
+    t: Array, euler: Array, omega: Array, noise: SmootherNoise, size: int
+) -> tuple[Array, Array]:
+    """Transition matrices (n, size, size) and process noise from step k - 1 to k; the
+    first is the identity without noise.
+    """
     n, dt = len(t), np.diff(t, prepend=t[0])
     middle = 0.5 * (omega + np.roll(omega, 1, axis=0))
     down = rotation_body_to_ned(euler)[:, 2, :]
@@ -213,12 +284,20 @@ def _transitions(t: Array, euler: Array, omega: Array, noise: SmootherNoise, siz
 
 
 def _measurements(
-    t: Array, accel: Array, omega: Array, velocities: Sequence[tuple[Array, Array, Array | None]], tz: Array, z: Array, noise: SmootherNoise
+    t: Array,
+    accel: Array,
+    omega: Array,
+    velocities: Sequence[tuple[Array, Array, Array | None]],
+    tz: Array,
+    z: Array,
+    noise: SmootherNoise,
 ) -> tuple[Array, Array]:
-    """Measurement columns (n, m, 1) and their covariances (n, m, m); what is missing at a step has the variance `UNSEEN`.
+    """Measurement columns (n, m, 1) and their covariances (n, m, m); what is missing at
+    a step has the variance `UNSEEN`.
 
-    velocities: times, values and noise of the velocity over ground and, where there is one, through the water. v' = f - omega x v holds
-    for both while the current is steady.
+    velocities: times, values and noise of the velocity over ground and, where there is
+    one, through the water. v' = f - omega x v holds for both while the current is
+    steady.
     """
     assert noise.accel is not None
     n, measured = len(t), 4 + 3 * len(velocities)
@@ -228,7 +307,10 @@ def _measurements(
         assert sd is not None
         at = _nearest(t, times)
         rate = accel[at] - cross(omega[at], v)
-        values[at, first : first + 3], variance[at, first : first + 3] = v + (t[at] - times)[:, None] * rate, sd**2
+        values[at, first : first + 3], variance[at, first : first + 3] = (
+            v + (t[at] - times)[:, None] * rate,
+            sd**2,
+        )
     at = _nearest(t, tz)
     values[at, 6], variance[at, 6] = z, cast(float, noise.depth) ** 2
     covariance = np.zeros((n, measured, measured))
@@ -238,4 +320,7 @@ def _measurements(
 
 def _nearest(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     right = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
-    return cast("np.ndarray[tuple[int], np.dtype[np.intp]]", np.where(times - t[right - 1] < t[right] - times, right - 1, right))
+    return cast(
+        "np.ndarray[tuple[int], np.dtype[np.intp]]",
+        np.where(times - t[right - 1] < t[right] - times, right - 1, right),
+    )

@@ -1,11 +1,15 @@
-"""Natural cubic smoothing splines with the smoothing chosen by generalised cross-validation, in linear time.
+"""Natural cubic smoothing splines with the smoothing chosen by generalised
+cross-validation, in linear time.
 
-A smoothing spline minimises sum w_i (y_i - f(t_i))^2 + lambda * integral f''(t)^2 dt; lambda has the convention of
-`scipy.interpolate.make_smoothing_spline`. In Reinsch's form the second derivatives g at the inner knots solve the pentadiagonal system
-(R + lambda Q' W^-1 Q) g = Q' y, and the fitted values are y - lambda W^-1 Q g. The trace that cross-validation needs,
-tr(I - A) = d log det(R + lambda Q' W^-1 Q) / d log lambda, comes from two banded Cholesky factors.
+A smoothing spline minimises sum w_i (y_i - f(t_i))^2 + lambda * integral f''(t)^2 dt;
+lambda has the convention of `scipy.interpolate.make_smoothing_spline`. In Reinsch's
+form the second derivatives g at the inner knots solve the pentadiagonal system (R +
+lambda Q' W^-1 Q) g = Q' y, and the fitted values are y - lambda W^-1 Q g. The trace
+that cross-validation needs, tr(I - A) = d log det(R + lambda Q' W^-1 Q) / d log lambda,
+comes from two banded Cholesky factors.
 
-Sources: Reinsch 1967; Craven & Wahba 1979 (GCV); McCarter 2014 section 2.5 uses splines for every derivative.
+Sources: Reinsch 1967; Craven & Wahba 1979 (GCV); McCarter 2014 section 2.5 uses splines
+for every derivative.
 """
 
 from __future__ import annotations
@@ -13,28 +17,37 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.linalg import lapack
 from scipy.optimize import minimize_scalar
 
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+
 MIN_SAMPLES = 5
 LOG_STEP = 1e-3
-"""Half step in log lambda of the derivative of log det; its truncation error is below 2e-8 of the trace."""
+"""Half step in log lambda of the derivative of log det; its truncation error is below
+2e-8 of the trace.
+"""
 SCALED_LAMBDA = (1e-4, 1e12)
-"""Search range of lambda / h^3 (h: mean step): from interpolation to a half-amplitude period of about 6000 samples."""
+"""Search range of lambda / h^3 (h: mean step): from interpolation to a half-amplitude
+period of about 6000 samples.
+"""
 GRID = 13
-"""Starting points of the search over that range, so that a second, local minimum of the GCV score is not taken for the best."""
+"""Starting points of the search over that range, so that a second, local minimum of the
+GCV score is not taken for the best.
+"""
 
 
 @dataclass(frozen=True)
 class SmoothingSpline:
-    """A fitted spline: knots `t` (n,) [s], piecewise cubic, lambda, noise standard deviation and effective degrees of freedom.
+    """A fitted spline: knots `t` (n,) [s], piecewise cubic, lambda, noise standard
+    deviation and effective degrees of freedom.
 
-    `lambda_`, `sigma` and `edf` are scalars for one signal (y (n,)) and (k,) for k signals (y (n, k)).
-    The second derivative is zero at both ends (natural spline): there the acceleration is bent over about half a smoothing period.
+    `lambda_`, `sigma` and `edf` are scalars for one signal (y (n,)) and (k,) for k
+    signals (y (n, k)). The second derivative is zero at both ends (natural spline):
+    there the acceleration is bent over about half a smoothing period.
     """
 
     t: Array
@@ -44,19 +57,31 @@ class SmoothingSpline:
     edf: Array
 
     def evaluate(self, t_s: ArrayLike, derivative: int = 0) -> Array:
-        """The spline or its derivative at times t_s (m,): (m,) or (m, k). Never extrapolates: nan outside the knots."""
-        return np.asarray(self.piecewise(np.asarray(t_s, dtype=np.float64), nu=derivative, extrapolate=False), dtype=np.float64)
+        """The spline or its derivative at times t_s (m,): (m,) or (m, k). Never
+        extrapolates: nan outside the knots.
+        """
+        return np.asarray(
+            self.piecewise(np.asarray(t_s, dtype=np.float64), nu=derivative, extrapolate=False),
+            dtype=np.float64,
+        )
 
 
 def smoothing_spline(
-    t_s: ArrayLike, y: ArrayLike, *, lam: float | None = None, weights: ArrayLike | None = None, shared: bool = False
+    t_s: ArrayLike,
+    y: ArrayLike,
+    *,
+    lam: float | None = None,
+    weights: ArrayLike | None = None,
+    shared: bool = False,
 ) -> SmoothingSpline:
-    """Fit a smoothing spline to y (n,) or (n, k) at strictly increasing times t_s (n,) [s].
+    """Fit a smoothing spline to y (n,) or (n, k) at strictly increasing times t_s (n,)
+    [s].
 
-    lam: smoothing parameter >= 0 (`lambda_from_cutoff` gives it for a frequency); None chooses it by GCV, for each column by itself or,
-    with `shared`, one for all columns. GCV takes the noise as white: coloured noise is smoothed too little.
-    weights (n,): 1 / variance up to a factor, positive.
-    Raises `DataError` for fewer than 5 samples, times that do not increase, or values that are not finite.
+    lam: smoothing parameter >= 0 (`lambda_from_cutoff` gives it for a frequency); None
+    chooses it by GCV, for each column by itself or, with `shared`, one for all columns.
+    GCV takes the noise as white: coloured noise is smoothed too little. weights (n,): 1
+    / variance up to a factor, positive. Raises `DataError` for fewer than 5 samples,
+    times that do not increase, or values that are not finite.
     """
     t, values, w = _checked(t_s, y, weights)
     columns = values.reshape(len(t), -1)
@@ -77,24 +102,29 @@ def smoothing_spline(
     np.sqrt(rss / np.maximum(len(t) - edf, np.finfo(float).tiny), out=sigma)
     piecewise = _piecewise(t, fitted.reshape(values.shape), curvature.reshape(values.shape))
     shape = values.shape[1:]
-    return SmoothingSpline(t, piecewise, chosen.reshape(shape), sigma.reshape(shape), edf.reshape(shape))
+    return SmoothingSpline(
+        t, piecewise, chosen.reshape(shape), sigma.reshape(shape), edf.reshape(shape)
+    )
 
 
 def derivative(t_s: ArrayLike, y: ArrayLike, *, order: int = 1) -> Array:
-    """Time derivative at the samples of the interpolating cubic spline (not-a-knot): y (n,) or (n, k) -> same shape.
+    """Time derivative at the samples of the interpolating cubic spline (not-a-knot): y
+    (n,) or (n, k) -> same shape.
 
-    McCarter (2.77), (2.79)-(2.81), (2.89). It amplifies noise (0.12 rad/s^2 from 0.002 rad/s at 50 Hz): low-pass first.
-    Raises `DataError` as `smoothing_spline`.
+    McCarter (2.77), (2.79)-(2.81), (2.89). It amplifies noise (0.12 rad/s^2 from 0.002
+    rad/s at 50 Hz): low-pass first. Raises `DataError` as `smoothing_spline`.
     """
     t, values, _ = _checked(t_s, y, None)
     return np.asarray(CubicSpline(t, values)(t, nu=order), dtype=np.float64)
 
 
 def lambda_from_cutoff(cutoff_hz: float, step_s: float) -> float:
-    """lambda [s^3] whose spline halves the amplitude at `cutoff_hz`, for unit weights and a mean sample step `step_s`.
+    """lambda [s^3] whose spline halves the amplitude at `cutoff_hz`, for unit weights
+    and a mean sample step `step_s`.
 
-    Away from the ends a smoothing spline on a uniform grid is the zero-phase filter 1 / (1 + lambda h (2 pi f)^4), the same as a
-    second-order Butterworth filter run forward and backward; so lambda = (2 pi f)^-4 / h. Valid well below the Nyquist frequency.
+    Away from the ends a smoothing spline on a uniform grid is the zero-phase filter 1 /
+    (1 + lambda h (2 pi f)^4), the same as a second-order Butterworth filter run forward
+    and backward; so lambda = (2 pi f)^-4 / h. Valid well below the Nyquist frequency.
     """
     if not (cutoff_hz > 0 and step_s > 0):
         raise DataError("cutoff and sample step must be positive", value=(cutoff_hz, step_s))
@@ -102,7 +132,9 @@ def lambda_from_cutoff(cutoff_hz: float, step_s: float) -> float:
 
 
 def cutoff_from_lambda(lam: float, step_s: float) -> float:
-    """The half-amplitude frequency [Hz] of a smoothing parameter; inverse of `lambda_from_cutoff`."""
+    """The half-amplitude frequency [Hz] of a smoothing parameter; inverse of
+    `lambda_from_cutoff`.
+    """
     if not (lam > 0 and step_s > 0):
         raise DataError("lambda and sample step must be positive", value=(lam, step_s))
     return float((lam * step_s) ** -0.25 / (2.0 * np.pi))
@@ -110,7 +142,9 @@ def cutoff_from_lambda(lam: float, step_s: float) -> float:
 
 @dataclass(frozen=True)
 class _Reinsch:
-    """Bands (lower form of LAPACK, Fortran order) of R and Q' W^-1 Q, both (n-2) x (n-2), and what Q needs."""
+    """Bands (lower form of LAPACK, Fortran order) of R and Q' W^-1 Q, both (n-2) x
+    (n-2), and what Q needs.
+    """
 
     inverse_step: Array
     inverse_weight: Array
@@ -138,7 +172,11 @@ class _Reinsch:
         """Banded factor of R + lambda Q' W^-1 Q."""
         factor, info = lapack.dpbtrf(self.stiffness + lam * self.roughness, lower=1, overwrite_ab=1)
         if info:
-            raise DataError("the smoothing is too strong for the sample spacing", value=lam, remedy="Smooth less, or thin the samples out.")
+            raise DataError(
+                "the smoothing is too strong for the sample spacing",
+                value=lam,
+                remedy="Smooth less, or thin the samples out.",
+            )
         return np.asarray(factor)
 
     def second_difference(self, y: Array) -> Array:
@@ -160,11 +198,16 @@ class _Reinsch:
         """tr(I - A), the samples minus the effective degrees of freedom."""
         if lam == 0.0:
             return 0.0
-        above, below = (float(np.sum(np.log(self.cholesky(lam * np.exp(step))[0]))) for step in (LOG_STEP, -LOG_STEP))
+        above, below = (
+            float(np.sum(np.log(self.cholesky(lam * np.exp(step))[0])))
+            for step in (LOG_STEP, -LOG_STEP)
+        )
         return (above - below) / LOG_STEP
 
     def cross_validate(self, y: Array, shared: bool) -> Array:
-        """The lambda that minimises the GCV score: per column, or of the sum over the columns."""
+        """The lambda that minimises the GCV score: per column, or of the sum over the
+        columns.
+        """
         low, high = np.log(self.scale) + np.log(SCALED_LAMBDA)
         high = min(high, np.log(self.scale) + 4.0 * np.log(len(y)))
         grid = np.linspace(low, high, GRID)
@@ -179,14 +222,31 @@ class _Reinsch:
             lam = float(np.exp(log_lam))
             residual = signal - self.fit(signal, lam)[0]
             freedom = self.trace_of_residual_maker(lam) if trace is None else trace
-            return float(np.log(max(np.sum(self.weight[:, None] * residual**2), 1e-300)) - 2.0 * np.log(freedom))
+            return float(
+                np.log(max(np.sum(self.weight[:, None] * residual**2), 1e-300))
+                - 2.0 * np.log(freedom)
+            )
 
         found = []
         for signal in groups:
-            scores = [score(point, signal, trace) for point, trace in zip(grid, traces, strict=True)]
+            scores = [
+                score(point, signal, trace) for point, trace in zip(grid, traces, strict=True)
+            ]
             best = int(np.argmin(scores))
             bounds = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-            found.append(float(np.exp(minimize_scalar(score, bounds=bounds, args=(signal,), method="bounded", options={"xatol": 1e-3}).x)))
+            found.append(
+                float(
+                    np.exp(
+                        minimize_scalar(
+                            score,
+                            bounds=bounds,
+                            args=(signal,),
+                            method="bounded",
+                            options={"xatol": 1e-3},
+                        ).x
+                    )
+                )
+            )
         return np.full(y.shape[1], found[0]) if shared else np.array(found)
 
 
@@ -194,14 +254,25 @@ def _checked(t_s: ArrayLike, y: ArrayLike, weights: ArrayLike | None) -> tuple[A
     t, values = np.array(t_s, dtype=np.float64), np.asarray(y, dtype=np.float64)
     w = np.ones(len(t)) if weights is None else np.asarray(weights, dtype=np.float64)
     if t.ndim != 1 or values.ndim not in (1, 2) or len(values) != len(t) or w.shape != t.shape:
-        raise DataError("times, values and weights of a spline differ in length", value=(t.shape, values.shape, w.shape))
+        raise DataError(
+            "times, values and weights of a spline differ in length",
+            value=(t.shape, values.shape, w.shape),
+        )
     if len(t) < MIN_SAMPLES:
         raise DataError(f"a spline needs at least {MIN_SAMPLES} samples", value=len(t))
     if not np.all(np.diff(t) > 0):
-        raise DataError("the times of a spline must increase strictly", row=int(np.argmin(np.diff(t))) + 1, field="t_s")
+        raise DataError(
+            "the times of a spline must increase strictly",
+            row=int(np.argmin(np.diff(t))) + 1,
+            field="t_s",
+        )
     if not np.isfinite(values).all():
         bad = np.flatnonzero(~np.isfinite(values.reshape(len(t), -1)).all(axis=1))
-        raise DataError("a value of a spline is not finite", row=int(bad[0]), remedy="Split the signal at its gaps first.")
+        raise DataError(
+            "a value of a spline is not finite",
+            row=int(bad[0]),
+            remedy="Split the signal at its gaps first.",
+        )
     if not (np.isfinite(w) & (w > 0)).all():
         raise DataError("the weights of a spline must be positive and finite")
     return t, values, w
@@ -210,4 +281,8 @@ def _checked(t_s: ArrayLike, y: ArrayLike, weights: ArrayLike | None) -> tuple[A
 def _piecewise(t: Array, value: Array, curvature: Array) -> PPoly:
     h = np.diff(t).reshape((-1,) + (1,) * (value.ndim - 1))
     slope = np.diff(value, axis=0) / h - h * (2.0 * curvature[:-1] + curvature[1:]) / 6.0
-    return PPoly(np.stack([np.diff(curvature, axis=0) / (6.0 * h), curvature[:-1] / 2.0, slope, value[:-1]]), t, extrapolate=False)
+    return PPoly(
+        np.stack([np.diff(curvature, axis=0) / (6.0 * h), curvature[:-1] / 2.0, slope, value[:-1]]),
+        t,
+        extrapolate=False,
+    )

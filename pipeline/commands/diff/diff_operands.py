@@ -1,4 +1,6 @@
-"""A side of `auvid diff`: what a word of the command line means, read from the folder of a run, golden tables or the history."""
+"""A side of `auvid diff`: what a word of the command line means, read from the folder
+of a run, golden tables or the history.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.history import run_history as history
@@ -27,9 +30,11 @@ VARIANTS = ".variants"
 
 @dataclass(frozen=True)
 class Loaded:
-    """A side with its error tables in golden layout, and the folder of the tolerances that it brings along.
+    """A side with its error tables in golden layout, and the folder of the tolerances
+    that it brings along.
 
-    `partial`: golden tables or an entry of the history, which hold tables and figures but no signals.
+    `partial`: golden tables or an entry of the history, which hold tables and figures
+    but no signals.
     """
 
     side: Side
@@ -39,16 +44,19 @@ class Loaded:
 
 
 def load(word: str) -> Loaded:
-    """A side of the command line: campaign, run folder or folder of golden tables, with `@MODEL`, `@RUN` of the
-    history or `@STAGE.PARAMETER=VALUE` behind it.
+    """A side of the command line: campaign, run folder or folder of golden tables, with
+    `@MODEL`, `@RUN` of the history or `@STAGE.PARAMETER=VALUE` behind it.
 
-    Raises `PipelineError` for what is none of these, has not been run, or has no such model or parameter.
+    Raises `PipelineError` for what is none of these, has not been run, or has no such
+    model or parameter.
     """
     what, _, narrow = (word, "", "") if Path(word).expanduser().is_dir() else word.partition("@")
     path = Path(what).expanduser()
     if path.is_dir() and not (path / "campaign.yaml").is_file():
         tables = golden.read_tables(path) if list(path.glob("*.csv")) else {}
-        loaded = Loaded(Side(what), tables, path, partial=True) if tables else _from_folder(what, path)
+        loaded = (
+            Loaded(Side(what), tables, path, partial=True) if tables else _from_folder(what, path)
+        )
     else:
         run = session.open_run(what)
         variant = VARIANT.fullmatch(narrow)
@@ -56,19 +64,39 @@ def load(word: str) -> Loaded:
             return _from_folder(word, _variant(run, *variant.groups()))
         if narrow.isdigit():
             entry = history.entry_of(run, int(narrow))
-            return Loaded(Side(word, results=history.results_of(entry)), entry.error_tables, partial=True)
+            return Loaded(
+                Side(word, results=history.results_of(entry)), entry.error_tables, partial=True
+            )
         loaded = _from_folder(what, run.folder)
     if not narrow:
         return loaded
-    models = list(loaded.side.cards) or list(dict.fromkeys(model for table in loaded.tables.values() for model in table))
+    models = list(loaded.side.cards) or list(
+        dict.fromkeys(model for table in loaded.tables.values() for model in table)
+    )
     if narrow not in models:
-        remedy = nearest(narrow, models) or "Behind @ stands a model, the number of a run in the history, or STAGE.PARAMETER=VALUE."
-        raise DataError("no such model", file=what, value=narrow, allowed=models or "none: no model is fitted here", remedy=remedy)
-    return Loaded(Side(**{**_parts(loaded.side), "name": word, "model": narrow}), loaded.tables, loaded.tolerances, loaded.partial)
+        remedy = (
+            nearest(narrow, models)
+            or "Behind @ stands a model, the number of a run in the history, or STAGE.PARAMETER=VALUE."
+        )
+        raise DataError(
+            "no such model",
+            file=what,
+            value=narrow,
+            allowed=models or "none: no model is fitted here",
+            remedy=remedy,
+        )
+    return Loaded(
+        Side(**{**_parts(loaded.side), "name": word, "model": narrow}),
+        loaded.tables,
+        loaded.tolerances,
+        loaded.partial,
+    )
 
 
 def common(one: Loaded, two: Loaded) -> tuple[Loaded, Loaded]:
-    """Both without what a partial side cannot hold: signals and models, and named figures where it has none."""
+    """Both without what a partial side cannot hold: signals and models, and named
+    figures where it has none.
+    """
     figures = bool(one.side.results) and bool(two.side.results)
     return _without(one, figures=figures), _without(two, figures=figures)
 
@@ -98,26 +126,41 @@ def _from_folder(name: str, folder: Path) -> Loaded:
         viewed={} if segments else _viewed(folder),
     )
     if table is None and not (side.cards or side.results or side.fused):
-        remedy = f"auvid run {name}" if not Path(name).is_dir() else "It is no folder of a run, and holds no golden tables (training.csv)."
+        remedy = (
+            f"auvid run {name}"
+            if not Path(name).is_dir()
+            else "It is no folder of a run, and holds no golden tables (training.csv)."
+        )
         raise PipelineError("there is nothing to compare", file=folder, remedy=remedy)
     return Loaded(side, golden.tables_of(table.to_pylist()) if table is not None else {})
 
 
 def _documents(folder: Path, schema: str) -> Iterator[Any]:
-    """All documents of a schema in the folder of a run, of whole stages and of their items."""
+    """All documents of a schema in the folder of a run, of whole stages and of their
+    items.
+    """
     for stage in STAGES:
         for name, spec in ports(stage.outputs).items():
             if spec["port"] == schema:
-                for path in sorted([*folder.glob(f"{stage.name}/{name}.json"), *folder.glob(f"{stage.name}/*/{name}.json")]):
+                for path in sorted(
+                    [
+                        *folder.glob(f"{stage.name}/{name}.json"),
+                        *folder.glob(f"{stage.name}/*/{name}.json"),
+                    ]
+                ):
                     yield artefacts.load(path, schema)
 
 
 def _viewed(folder: Path) -> dict[tuple[str, str], Signals]:
-    """The signals that the stages show, of runs without segments (bench and control); raw streams are not results and stay out."""
+    """The signals that the stages show, of runs without segments (bench and control);
+    raw streams are not results and stay out.
+    """
     found: dict[tuple[str, str], Signals] = {}
     for stage in (item for item in STAGES if item.name != "ingest"):
         schemas = {name: spec["port"] for name, spec in ports(stage.outputs).items()}
-        for path in sorted([*folder.glob(f"{stage.name}/views.json"), *folder.glob(f"{stage.name}/*/views.json")]):
+        for path in sorted(
+            [*folder.glob(f"{stage.name}/views.json"), *folder.glob(f"{stage.name}/*/views.json")]
+        ):
             tables: dict[str, Any] = {}
             for group in artefacts.load(path, "views")["groups"]:
                 name = str(group["table"])
@@ -133,15 +176,28 @@ def _viewed(folder: Path) -> dict[tuple[str, str], Signals]:
 def _found(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
     """Artefacts by item: the name of their folder, or of the file where all lie in one."""
     own = pattern.endswith(("*.json", "*.parquet"))
-    return {path.stem if own else path.parent.name: artefacts.load(path, schema) for path in sorted(folder.glob(pattern))}
+    return {
+        path.stem if own else path.parent.name: artefacts.load(path, schema)
+        for path in sorted(folder.glob(pattern))
+    }
 
 
 def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
-    """Run a campaign with one parameter changed, in a folder of its own beside the runs; what is up to date there is not made again."""
+    """Run a campaign with one parameter changed, in a folder of its own beside the
+    runs; what is up to date there is not made again.
+    """
     stage = run.graph.stage(stage_name)
-    given = {name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__}
-    params = make_params(stage.params, {**given, parameter: _scalar(value)}, stage=stage_name, file="command line")
-    folder = run.folder.parent / VARIANTS / re.sub(r"[^\w.=-]", "_", f"{run.campaign.name}@{stage_name}.{parameter}={value}")
+    given = {
+        name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__
+    }
+    params = make_params(
+        stage.params, {**given, parameter: _scalar(value)}, stage=stage_name, file="command line"
+    )
+    folder = (
+        run.folder.parent
+        / VARIANTS
+        / re.sub(r"[^\w.=-]", "_", f"{run.campaign.name}@{stage_name}.{parameter}={value}")
+    )
     other = Run(run.campaign, run.graph, {**run.params, stage_name: params}, folder)
     chosen = [item for item in run.graph.stages if item.name != "report"]
     with session.progress() as progress:

@@ -1,4 +1,6 @@
-"""`auvid history`: the earlier runs of a campaign in the terminal, one of them in full, and the report put beside one of them."""
+"""`auvid history`: the earlier runs of a campaign in the terminal, one of them in full,
+and the report put beside one of them.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+from rich.console import Console
+from rich.table import Table
 
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands import open_run as session
@@ -19,8 +24,6 @@ from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.terminal import plain
 from auvid.stages import report
 from auvid.stages.presentation import Block, section, table, text
-from rich.console import Console
-from rich.table import Table
 
 COMPARED = "compared.html"
 ORDER = 2
@@ -45,14 +48,25 @@ def _print_list(entries: Sequence[Entry]) -> None:
     models = any(best(entry) for entry in entries)
     heads = ("best model", "training", "validation") if models else ("figures determined",)
     for name in ("run", "finished (UTC)", *heads, "changed since the run before"):
-        grid.add_column(name, justify="right" if name in ("run", "training", "validation") else "left", overflow="fold")
+        grid.add_column(
+            name,
+            justify="right" if name in ("run", "training", "validation") else "left",
+            overflow="fold",
+        )
     for before, entry in zip((None, *entries), entries, strict=False):
         found = best(entry)
-        figures: tuple[str, ...] = ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
+        figures: tuple[str, ...] = (
+            ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
+        )
         if not models:
             good, of = judged(entry)
             figures = (f"{good} of {of}" if of else f"{len(entry.figures)} found",)
-        grid.add_row(str(entry.number), entry.finished_utc, *map(plain, figures), plain("; ".join(changes(before, entry))))
+        grid.add_row(
+            str(entry.number),
+            entry.finished_utc,
+            *map(plain, figures),
+            plain("; ".join(changes(before, entry))),
+        )
     Console(highlight=False).print(grid)
 
 
@@ -72,8 +86,14 @@ def _print_entry(entry: Entry) -> None:
 
 
 def _then_and_now(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
-    """A row of the table of figures; the change in percent where both are known and the first is not zero."""
-    change = 100.0 * (float(new["value"]) / float(old["value"]) - 1.0) if old["value"] and new["value"] is not None else None
+    """A row of the table of figures; the change in percent where both are known and the
+    first is not zero.
+    """
+    change = (
+        100.0 * (float(new["value"]) / float(old["value"]) - 1.0)
+        if old["value"] and new["value"] is not None
+        else None
+    )
     return [name, old["value"], new["value"], change, new["unit"]]
 
 
@@ -82,14 +102,19 @@ def _ratio(value: float | None) -> str:
 
 
 def write_compared(run: Run, number: int | None) -> Path:
-    """The report with a section that puts it beside an earlier run: the one before the last unless a number is given.
+    """The report with a section that puts it beside an earlier run: the one before the
+    last unless a number is given.
 
     Raises `PipelineError` where stages have not been run, or there is no earlier run.
     """
     entries = read(run.folder)
     if number is None and len(entries) < 2:
-        remedy = "Every finished run that changes anything is remembered; there has been one or none."
-        raise DataError("there is no earlier run to compare with", value=run.campaign.name, remedy=remedy)
+        remedy = (
+            "Every finished run that changes anything is remembered; there has been one or none."
+        )
+        raise DataError(
+            "there is no earlier run to compare with", value=run.campaign.name, remedy=remedy
+        )
     old = entries[-2] if number is None else entry_of(run, number)
     task = run.task(run.graph.stage("report"), Place(WHOLE))
     if not run.is_fresh(task):
@@ -109,9 +134,29 @@ def comparison(old: Entry, new: Entry) -> dict[str, Any]:
         for model in dict.fromkeys((*old.error_tables[use], *new.error_tables[use])):
             before, now = old.error_tables[use].get(model, {}), new.error_tables[use].get(model, {})
             ratios = [row.get("ratio") for row in (before, now)]
-            change = None if None in ratios or not ratios[0] else 100.0 * (float(ratios[1] or 0.0) / float(ratios[0]) - 1.0)
-            rows.append([model, before.get("n_bar"), now.get("n_bar"), before.get("J"), now.get("J"), *ratios, change])
-        heads: list[str | tuple[str, str]] = ["model", "terms then", "terms now", ("J then", "mixed"), ("J now", "mixed")]
+            change = (
+                None
+                if None in ratios or not ratios[0]
+                else 100.0 * (float(ratios[1] or 0.0) / float(ratios[0]) - 1.0)
+            )
+            rows.append(
+                [
+                    model,
+                    before.get("n_bar"),
+                    now.get("n_bar"),
+                    before.get("J"),
+                    now.get("J"),
+                    *ratios,
+                    change,
+                ]
+            )
+        heads: list[str | tuple[str, str]] = [
+            "model",
+            "terms then",
+            "terms now",
+            ("J then", "mixed"),
+            ("J now", "mixed"),
+        ]
         heads += ["J/J0 then", "J/J0 now", ("change", "%")]
         blocks.append(table(use.capitalize(), heads, rows))
     names = [name for name in new.figures if name in old.figures]
@@ -119,5 +164,8 @@ def comparison(old: Entry, new: Entry) -> dict[str, Any]:
         rows = [_then_and_now(name, old.figures[name], new.figures[name]) for name in names]
         blocks.append(table("Figures", ["figure", "then", "now", ("change", "%"), "unit"], rows))
     return section(
-        f"Against run {old.number} of {old.finished_utc} UTC", blocks, order=ORDER, look_for="What the change of a parameter did."
+        f"Against run {old.number} of {old.finished_utc} UTC",
+        blocks,
+        order=ORDER,
+        look_for="What the change of a parameter did.",
     )

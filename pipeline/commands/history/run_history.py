@@ -1,6 +1,8 @@
-"""What earlier runs of a campaign gave: a small file for every finished run, with its parameters, its error tables and its figures.
+"""What earlier runs of a campaign gave: a small file for every finished run, with its
+parameters, its error tables and its figures.
 
-A run is remembered when it made the report anew and anything that counts has changed since the last one. The last 200 are kept.
+A run is remembered when it made the report anew and anything that counts has changed
+since the last one. The last 200 are kept.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
 
 @dataclass(frozen=True)
 class Entry:
-    """One finished run. `error_tables`: use -> model -> row, as golden tables; `figures`: of, name -> value and standard error."""
+    """One finished run. `error_tables`: use -> model -> row, as golden tables;
+    `figures`: of, name -> value and standard error.
+    """
 
     number: int
     finished_utc: str
@@ -45,24 +49,41 @@ class Entry:
     @property
     def content(self) -> dict[str, Any]:
         """All but when it was."""
-        return {name: value for name, value in asdict(self).items() if name not in ("number", "finished_utc")}
+        return {
+            name: value
+            for name, value in asdict(self).items()
+            if name not in ("number", "finished_utc")
+        }
 
 
 def remember(run: Run) -> None:
-    """Write the entry of a run that has just been finished; nothing where it gave neither tables nor figures, or the same as the last."""
+    """Write the entry of a run that has just been finished; nothing where it gave
+    neither tables nor figures, or the same as the last.
+    """
     entries = read(run.folder)
     entry = _entry(run, entries[-1].number + 1 if entries else 1)
-    if not (entry.error_tables or entry.figures) or (entries and entries[-1].content == entry.content):
+    if not (entry.error_tables or entry.figures) or (
+        entries and entries[-1].content == entry.content
+    ):
         return
     folder = run.folder / FOLDER
-    write_atomically(folder / f"{entry.number:06d}.json", (to_json({"format": FORMAT, **asdict(entry)}) + "\n").encode())
+    write_atomically(
+        folder / f"{entry.number:06d}.json",
+        (to_json({"format": FORMAT, **asdict(entry)}) + "\n").encode(),
+    )
     for path in sorted(folder.glob("*.json"))[:-KEPT]:
         path.unlink(missing_ok=True)
 
 
 def read(folder: Path) -> list[Entry]:
-    """The entries of a run's folder, the oldest first. Files that are damaged or of another format are passed over."""
-    return [entry for path in sorted((folder / FOLDER).glob("*.json")) if (entry := _read(path)) is not None]
+    """The entries of a run's folder, the oldest first. Files that are damaged or of
+    another format are passed over.
+    """
+    return [
+        entry
+        for path in sorted((folder / FOLDER).glob("*.json"))
+        if (entry := _read(path)) is not None
+    ]
 
 
 def _read(path: Path) -> Entry | None:
@@ -81,11 +102,18 @@ def _entry(run: Run, number: int) -> Entry:
     for document in _artefacts(run, "error_table"):
         tables = golden.tables_of(document.to_pylist())
     figures = {
-        f"{document['title']}: {row['quantity']}": {"of": document["title"], **{name: row.get(name) for name in KEPT_OF_FIGURES}}
+        f"{document['title']}: {row['quantity']}": {
+            "of": document["title"],
+            **{name: row.get(name) for name in KEPT_OF_FIGURES},
+        }
         for document in _artefacts(run, "results")
         for row in document["rows"]
     }
-    data = {f"{log} {item['name']}": item["content"] for log, items in provenance["logs"].items() for item in items}
+    data = {
+        f"{log} {item['name']}": item["content"]
+        for log, items in provenance["logs"].items()
+        for item in items
+    }
     return Entry(
         number=number,
         finished_utc=time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()),
@@ -110,7 +138,9 @@ def entry_of(run: Run, number: int) -> Entry:
     entries = {entry.number: entry for entry in read(run.folder)}
     if number not in entries:
         allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
-        raise DataError("no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed)
+        raise DataError(
+            "no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed
+        )
     return entries[number]
 
 
@@ -125,23 +155,35 @@ def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
 
 
 def judged(entry: Entry) -> tuple[int, int]:
-    """How many of the figures that a run shows first were determined (or held, or within their bound), and of how many."""
+    """How many of the figures that a run shows first were determined (or held, or
+    within their bound), and of how many.
+    """
     with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
     shown = [item for item in with_verdict if item.get("headline")] or with_verdict
-    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(shown)
+    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(
+        shown
+    )
 
 
 def changes(old: Entry | None, new: Entry) -> list[str]:
-    """What a run had otherwise than the one before, in words: parameters with both values, data, code, packages."""
+    """What a run had otherwise than the one before, in words: parameters with both
+    values, data, code, packages.
+    """
     if old is None:
         return ["first run"]
     found = []
     for stage, params in new.parameters.items():
         before = old.parameters.get(stage, {})
         found += [
-            f"{stage}.{name}: {_word(before.get(name))} -> {_word(value)}" for name, value in params.items() if before.get(name) != value
+            f"{stage}.{name}: {_word(before.get(name))} -> {_word(value)}"
+            for name, value in params.items()
+            if before.get(name) != value
         ]
-    for words, one, two in (("data", old.data, new.data), ("code", old.code, new.code), ("packages", old.packages, new.packages)):
+    for words, one, two in (
+        ("data", old.data, new.data),
+        ("code", old.code, new.code),
+        ("packages", old.packages, new.packages),
+    ):
         names = [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
         if names:
             found.append(f"{words}: {', '.join(names)}")
@@ -153,10 +195,18 @@ def _word(value: Any) -> str:
 
 
 def best(entry: Entry) -> tuple[str, float | None, float | None] | None:
-    """The model with the smallest J on validation (training without it), its J/J0 on training and on validation."""
+    """The model with the smallest J on validation (training without it), its J/J0 on
+    training and on validation.
+    """
     judged = entry.error_tables.get("validation") or entry.error_tables.get("training")
     if not judged:
         return None
-    name = min(judged, key=lambda model: judged[model]["J"] if judged[model]["J"] is not None else float("inf"))  # type: ignore[return-value,arg-type]
-    ratios = [entry.error_tables.get(use, {}).get(name, {}).get("ratio") for use in ("training", "validation")]
+    name = min(
+        judged,
+        key=lambda model: judged[model]["J"] if judged[model]["J"] is not None else float("inf"),
+    )  # type: ignore[return-value,arg-type]
+    ratios = [
+        entry.error_tables.get(use, {}).get(name, {}).get("ratio")
+        for use in ("training", "validation")
+    ]
     return name, ratios[0], ratios[1]

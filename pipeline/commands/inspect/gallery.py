@@ -21,13 +21,19 @@ LARGEST = 200_000
 
 
 def read_cases(folder: Path) -> dict[str, Mapping[str, Any]]:
-    """The cases by id, in their order. Raises `CampaignError` for unknown or missing keys."""
+    """The cases by id, in their order. Raises `CampaignError` for unknown or missing
+    keys.
+    """
     file = load_yaml(folder / CASES)
     for index, case in enumerate(file.value):
         for key in case:
             if key not in KEYS:
                 raise CampaignError(
-                    "unknown key", file=file.path, field=f"[{index}].{key}", allowed=sorted(KEYS), remedy=nearest(key, KEYS)
+                    "unknown key",
+                    file=file.path,
+                    field=f"[{index}].{key}",
+                    allowed=sorted(KEYS),
+                    remedy=nearest(key, KEYS),
                 )
         for key in ("id", "title", "target", "see"):
             if key not in case:
@@ -44,14 +50,27 @@ def command_of(case: Mapping[str, Any]) -> str:
 def page_of(case: Mapping[str, Any]) -> str:
     """The page of a case in Markdown."""
     words = " ".join(str(case["see"]).split())
-    return f"# {case['title']}\n\n    auvid run {case['target']}\n    {command_of(case)}\n\n![{case['title']}]({PICTURE})\n\n{words}\n"
+    return (
+        f"# {case['title']}\n\n    auvid run {case['target']}\n   "
+        f" {command_of(case)}\n\n![{case['title']}]({PICTURE})\n\n{words}\n"
+    )
 
 
 def index_of(cases: Mapping[str, Mapping[str, Any]]) -> str:
     """The page that leads to all cases."""
-    lines = ["# Gallery", "", "What auvid shows, case by case. `make gallery` makes the pictures anew.", ""]
+    lines = [
+        "# Gallery",
+        "",
+        "What auvid shows, case by case. `make gallery` makes the pictures anew.",
+        "",
+    ]
     for name, case in cases.items():
-        lines += [f"## [{case['title']}]({name}/{PAGE})", "", f"[![{case['title']}]({name}/{PICTURE})]({name}/{PAGE})", ""]
+        lines += [
+            f"## [{case['title']}]({name}/{PAGE})",
+            "",
+            f"[![{case['title']}]({name}/{PICTURE})]({name}/{PAGE})",
+            "",
+        ]
     return "\n".join(lines)
 
 
@@ -60,16 +79,24 @@ def main(names: Sequence[str]) -> None:
     cases = read_cases(FOLDER)
     for name in names:
         if name not in cases:
-            raise UsageError("no such case", value=name, allowed=list(cases), remedy=nearest(name, cases))
+            raise UsageError(
+                "no such case", value=name, allowed=list(cases), remedy=nearest(name, cases)
+            )
     for name in names or cases:
         case = cases[name]
         run = session.open_run(str(case["target"]))
         with session.progress() as progress:
             run.execute(run.graph.stages, engines.make_engine(None, None), progress)
-        subject = inspection.find(str(case["target"]), log=case.get("log"), tab=str(case.get("tab") or ""))
+        subject = inspection.find(
+            str(case["target"]), log=case.get("log"), tab=str(case.get("tab") or "")
+        )
         picture = inspection.photograph(subject.preview())
         if len(picture) > LARGEST:
-            raise PipelineError("the picture is too large", value=f"{len(picture)} bytes", allowed=f"{LARGEST} bytes")
+            raise PipelineError(
+                "the picture is too large",
+                value=f"{len(picture)} bytes",
+                allowed=f"{LARGEST} bytes",
+            )
         write_atomically(FOLDER / name / PICTURE, picture)
         write_atomically(FOLDER / name / PAGE, page_of(case).encode())
         print(f"{FOLDER / name / PICTURE}  {len(picture) / 1e3:.0f} kB")

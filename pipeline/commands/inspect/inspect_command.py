@@ -1,4 +1,6 @@
-"""`auvid inspect`: the recording of a campaign or of a raw log, in the Rerun viewer, in a browser, as a file or as a picture."""
+"""`auvid inspect`: the recording of a campaign or of a raw log, in the Rerun viewer, in
+a browser, as a file or as a picture.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,16 @@ from auvid.pipeline.terminal import plain
 
 RECORDING = ".rrd"
 MEMORY_PER_BYTE = 6.0
-"""Memory that decoding and drawing a log takes, per byte of it: decoding takes 3.9 (DataFlash) and 4.4 (telemetry) on logs of 38 MB."""
+"""Memory that decoding and drawing a log takes, per byte of it: decoding takes 3.9
+(DataFlash) and 4.4 (telemetry) on logs of 38 MB.
+"""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What is looked at: its name, its recording as bytes or as a file, and how to make a recording that is quick to draw."""
+    """What is looked at: its name, its recording as bytes or as a file, and how to make
+    a recording that is quick to draw.
+    """
 
     name: str
     content: Callable[[], bytes]
@@ -44,7 +50,8 @@ def inspect(
     preview: bool = False,
     tab: str = "",
 ) -> None:
-    """Open the recording of a campaign, of one of its logs, of a log file, or a recording itself; a `preview` is thinned and quick to draw.
+    """Open the recording of a campaign, of one of its logs, of a log file, or a
+    recording itself; a `preview` is thinned and quick to draw.
 
     Raises `PipelineError` where there is nothing to show, or nothing to show it with.
     """
@@ -72,8 +79,12 @@ def inspect(
         viewer.show(path)
 
 
-def find(target: str, *, log: str | None = None, columns: Path | None = None, tab: str = "") -> Subject:
-    """What a word of the command line means. Raises `PipelineError` where it means nothing that can be shown."""
+def find(
+    target: str, *, log: str | None = None, columns: Path | None = None, tab: str = ""
+) -> Subject:
+    """What a word of the command line means. Raises `PipelineError` where it means
+    nothing that can be shown.
+    """
     path = Path(target).expanduser()
     if path.suffix == RECORDING:
         if not path.is_file():
@@ -88,9 +99,14 @@ def find(target: str, *, log: str | None = None, columns: Path | None = None, ta
 
 
 def campaign_subject(run: Run, tab: str = "") -> Subject:
-    """The recording of a campaign's run. A run that is not up to date is shown as it is, and that is said."""
+    """The recording of a campaign's run. A run that is not up to date is shown as it
+    is, and that is said.
+    """
     stage = run.graph.stage("report")
-    remedy = f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name} --log ID."
+    remedy = (
+        f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name}"
+        " --log ID."
+    )
     producer = run.graph.producers("recording")[0]
     artefact = run.artefacts_of(producer, WHOLE).get(None)
     if artefact is None or not artefact.path.is_file():
@@ -119,7 +135,15 @@ def log_subject(page: check.Page, tab: str = "") -> Subject:
     def draw(preview: bool) -> bytes:
         from auvid.stages.report.recording.log_recording import record_log
 
-        return record_log(page.name, check.tables_of(outputs), outputs.log_info, health, page.legs, preview=preview, tab=tab)
+        return record_log(
+            page.name,
+            check.tables_of(outputs),
+            outputs.log_info,
+            health,
+            page.legs,
+            preview=preview,
+            tab=tab,
+        )
 
     return Subject(page.name, lambda: draw(False), lambda: draw(True))
 
@@ -137,7 +161,9 @@ def _page(pages: list[check.Page], log: str | None, target: str) -> check.Page:
         return pages[0]
     found = {page.name.rpartition(": ")[2]: page for page in pages}
     if log not in found:
-        raise CampaignError("no such log", file=target, value=log, allowed=list(found), remedy=nearest(log, found))
+        raise CampaignError(
+            "no such log", file=target, value=log, allowed=list(found), remedy=nearest(log, found)
+        )
     return found[log]
 
 
@@ -148,21 +174,29 @@ def _fits(path: Path) -> None:
     size, memory = path.stat().st_size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if MEMORY_PER_BYTE * size > memory:
         raise LogError(
-            f"the log has {size / 1e9:.1f} GB: to draw it whole takes about {MEMORY_PER_BYTE * size / 1e9:.0f} GB of memory",
+            f"the log has {size / 1e9:.1f} GB: to draw it whole takes about"
+            f" {MEMORY_PER_BYTE * size / 1e9:.0f} GB of memory",
             file=path,
             allowed=f"{memory / MEMORY_PER_BYTE / 1e9:.1f} GB on this machine",
-            remedy="Write a campaign with short legs of it: auvid run reads it once, and auvid inspect CAMPAIGN shows the legs.",
+            remedy=(
+                "Write a campaign with short legs of it: auvid run reads it once, and auvid inspect"
+                " CAMPAIGN shows the legs."
+            ),
         )
 
 
 def wants(path: Path, suffix: str, option: str) -> None:
-    """Raises `UsageError` for a file name with another ending than what is written into it."""
+    """Raises `UsageError` for a file name with another ending than what is written into
+    it.
+    """
     if path.suffix != suffix:
         raise UsageError(f"the name does not end in {suffix}", field=option, value=str(path))
 
 
 def _kept(subject: Subject) -> Path:
-    """The recording as a temporary file, which outlives this program because the viewer reads it."""
+    """The recording as a temporary file, which outlives this program because the viewer
+    reads it.
+    """
     handle, name = tempfile.mkstemp(prefix="auvid_", suffix=RECORDING)
     with os.fdopen(handle, "wb") as file:
         file.write(subject.content())

@@ -1,4 +1,6 @@
-"""The Rerun viewer as a program: open a recording in a window, serve it to a browser, or take a picture of it."""
+"""The Rerun viewer as a program: open a recording in a window, serve it to a browser,
+or take a picture of it.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +13,39 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+
 from auvid.data_schemas.errors import PipelineError
 
 PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
 PICTURE_TIMEOUT_S = 180.0
 QUIET = {"RUST_LOG": "error"}
-"""Else the viewer's warnings (of containers, of drawing in software) lie over the picture for some seconds."""
+"""Else the viewer's warnings (of containers, of drawing in software) lie over the
+picture for some seconds.
+"""
 STARTS_WITHIN_S = 2.0
-ELSEWHERE = "Look at it in a browser with --web, keep it with --save FILE.rrd, or take a picture with --screenshot FILE.png."
+ELSEWHERE = (
+    "Look at it in a browser with --web, keep it with --save FILE.rrd, or take a picture with"
+    " --screenshot FILE.png."
+)
 WINDOW = (1600, 1000)
 COLOURS, STEP = 256, 8
 LEAST_BYTES = 15_000
-"""A picture of the viewer that opened nothing has 11 kB, one with a page of text 40 kB and more."""
+"""A picture of the viewer that opened nothing has 11 kB, one with a page of text 40 kB
+and more.
+"""
 
 
 def program() -> Path:
-    """The Rerun viewer beside this Python, or on the path. Raises `PipelineError` where it is not installed."""
+    """The Rerun viewer beside this Python, or on the path. Raises `PipelineError` where
+    it is not installed.
+    """
     beside = Path(sys.executable).with_name("rerun")
     found = beside if beside.is_file() else shutil.which("rerun")
     if found is None:
-        remedy = "Install it with: pip install rerun-sdk; or keep the recording with --save FILE.rrd and open it elsewhere."
+        remedy = (
+            "Install it with: pip install rerun-sdk; or keep the recording with --save FILE.rrd and"
+            " open it elsewhere."
+        )
         raise PipelineError("the Rerun viewer is not installed", remedy=remedy)
     return Path(found)
 
@@ -40,11 +55,19 @@ def show(recording: Path) -> None:
 
     Raises `PipelineError` without a display, and where the viewer ends at once.
     """
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise PipelineError("there is no display to open the viewer on", value=str(recording), remedy=ELSEWHERE)
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise PipelineError(
+            "there is no display to open the viewer on", value=str(recording), remedy=ELSEWHERE
+        )
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
-            [str(program()), str(recording)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+            [str(program()), str(recording)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            start_new_session=True,
         )
         try:
             status = process.wait(timeout=STARTS_WITHIN_S)
@@ -52,20 +75,35 @@ def show(recording: Path) -> None:
             return
         if status:
             said.seek(0)
-            words = (said.read().decode(errors="replace").strip().splitlines() or ["nothing said"])[-1][:300]
+            words = (said.read().decode(errors="replace").strip().splitlines() or ["nothing said"])[
+                -1
+            ][:300]
             raise PipelineError("the viewer opened no window", value=words, remedy=ELSEWHERE)
 
 
 def serve(recording: Path) -> None:
     """Serve the viewer with a recording to browsers on this machine, until interrupted."""
     try:
-        subprocess.run([str(program()), str(recording), "--web-viewer", "--bind", "127.0.0.1", "--port", "auto"], check=False)
+        subprocess.run(
+            [
+                str(program()),
+                str(recording),
+                "--web-viewer",
+                "--bind",
+                "127.0.0.1",
+                "--port",
+                "auto",
+            ],
+            check=False,
+        )
     except KeyboardInterrupt:
         return
 
 
 def missing_for_pictures() -> str | None:
-    """What pictures need and this machine lacks, in a sentence with the remedy; None if they can be taken."""
+    """What pictures need and this machine lacks, in a sentence with the remedy; None if
+    they can be taken.
+    """
     lacking = [name for name in ("xvfb-run", "xauth") if shutil.which(name) is None]
     if not lacking:
         return None
@@ -75,48 +113,93 @@ def missing_for_pictures() -> str | None:
 def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
     """A picture of how a recording opens, as PNG of `size` pixels with few colours.
 
-    Raises `PipelineError` where programs are missing, the viewer fails, or the recording is from a version that it cannot read.
+    Raises `PipelineError` where programs are missing, the viewer fails, or the
+    recording is from a version that it cannot read.
     """
     lacking = missing_for_pictures()
     if lacking is not None:
         raise PipelineError(
-            "no picture can be taken", value=str(recording), remedy=f"{lacking}; or keep the recording with --save FILE.rrd."
+            "no picture can be taken",
+            value=str(recording),
+            remedy=f"{lacking}; or keep the recording with --save FILE.rrd.",
         )
     verify(recording)
     target = recording.with_name(f".{recording.stem}.{os.getpid()}.png")
     size_words = f"{size[0]}x{size[1]}"
-    # the pointer rests in the middle of the screen: outside the window, which has two pixels a point
+    # the pointer rests in the middle of the screen: outside the window, which has two
+    # pixels a point
     screen = f"-screen 0 {4 * size[0] + 400}x{4 * size[1] + 400}x24"
     command = ["xvfb-run", "-a", "-s", screen, str(program()), str(recording)]
-    command += ["--screenshot-to", str(target), "--window-size", size_words, "--port", "auto", "--bind", "127.0.0.1"]
+    command += [
+        "--screenshot-to",
+        str(target),
+        "--window-size",
+        size_words,
+        "--port",
+        "auto",
+        "--bind",
+        "127.0.0.1",
+    ]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PICTURE_TIMEOUT_S, check=False, env={**os.environ, **QUIET})
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=PICTURE_TIMEOUT_S,
+            check=False,
+            env={**os.environ, **QUIET},
+        )
         if not target.is_file():
             said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
-            raise PipelineError("the viewer took no picture", value=said, remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.")
+            raise PipelineError(
+                "the viewer took no picture",
+                value=said,
+                remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.",
+            )
         drawn = _small(target.read_bytes(), size)
         if len(drawn) < LEAST_BYTES:
-            remedy = "Too many plots, or a recording of another version: keep it with --save FILE.rrd and look at it in the viewer."
-            raise PipelineError("the viewer took a picture without the recording in it", value=f"{len(drawn)} bytes", remedy=remedy)
+            remedy = (
+                "Too many plots, or a recording of another version: keep it with --save FILE.rrd"
+                " and look at it in the viewer."
+            )
+            raise PipelineError(
+                "the viewer took a picture without the recording in it",
+                value=f"{len(drawn)} bytes",
+                remedy=remedy,
+            )
         return drawn
     except subprocess.TimeoutExpired:
         remedy = "Draw less: --save FILE.rrd, and open it on a machine with a graphics card."
-        raise PipelineError("the viewer took too long", value=f"{PICTURE_TIMEOUT_S:g} s", remedy=remedy) from None
+        raise PipelineError(
+            "the viewer took too long", value=f"{PICTURE_TIMEOUT_S:g} s", remedy=remedy
+        ) from None
     finally:
         target.unlink(missing_ok=True)
 
 
 def verify(recording: Path) -> None:
     """Raises `PipelineError` for a file that this version of Rerun cannot read."""
-    done = subprocess.run([str(program()), "rrd", "verify", str(recording)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [str(program()), "rrd", "verify", str(recording)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode or not recording.stat().st_size:
         said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
-        remedy = "It may be from another version of Rerun, or cut off: make it again with auvid report CAMPAIGN --rebuild."
-        raise PipelineError("the recording cannot be read", file=recording, value=said, remedy=remedy)
+        remedy = (
+            "It may be from another version of Rerun, or cut off: make it again with auvid report"
+            " CAMPAIGN --rebuild."
+        )
+        raise PipelineError(
+            "the recording cannot be read", file=recording, value=said, remedy=remedy
+        )
 
 
 def _small(content: bytes, size: tuple[int, int]) -> bytes:
-    """The picture scaled to `size`, in its own most frequent colours: thin lines keep theirs, which a palette by area would grey."""
+    """The picture scaled to `size`, in its own most frequent colours: thin lines keep
+    theirs, which a palette by area would grey.
+    """
     from PIL import Image
 
     with Image.open(io.BytesIO(content)) as image:
@@ -125,7 +208,9 @@ def _small(content: bytes, size: tuple[int, int]) -> bytes:
     codes, counts = np.unique(coarse @ np.array([1 << 16, 1 << 8, 1]), return_counts=True)
     kept = codes[np.argsort(-counts, kind="stable")[:COLOURS]]
     palette = Image.new("P", (1, 1))
-    palette.putpalette([int(part) for code in kept for part in (code >> 16, code >> 8 & 255, code & 255)])
+    palette.putpalette(
+        [int(part) for code in kept for part in (code >> 16, code >> 8 & 255, code & 255)]
+    )
     sink = io.BytesIO()
     scaled.quantize(palette=palette, dither=Image.Dither.NONE).save(sink, "PNG", optimize=True)
     return sink.getvalue()

@@ -1,4 +1,6 @@
-"""Make a workspace: the files that `make` and `dvc` need, and an example campaign with its own synthetic data."""
+"""Make a workspace: the files that `make` and `dvc` need, and an example campaign with
+its own synthetic data.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +19,27 @@ EXAMPLE = "example"
 
 
 def make_workspace(folder: Path) -> None:
-    """Write the workspace into a new or empty folder. Raises `PipelineError` if the folder holds anything."""
+    """Write the workspace into a new or empty folder. Raises `PipelineError` if the
+    folder holds anything.
+    """
     folder = folder.expanduser()
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
-        raise PipelineError("there is something already, and nothing is overwritten", file=folder, remedy="Choose a new folder.")
-    made = {"params.yaml": params_yaml(STAGES, [EXAMPLE]), "dvc.yaml": dvc_yaml(STAGES, KINDS, {EXAMPLE: "identification"})}
+        raise PipelineError(
+            "there is something already, and nothing is overwritten",
+            file=folder,
+            remedy="Choose a new folder.",
+        )
+    made = {
+        "params.yaml": params_yaml(STAGES, [EXAMPLE]),
+        "dvc.yaml": dvc_yaml(STAGES, KINDS, {EXAMPLE: "identification"}),
+    }
     for name, text in made.items():
         write_atomically(folder / name, text.encode())
     _copy(resources.files("auvid.pipeline") / "templates", folder)
     vehicle = load_yaml(folder / "vehicles" / "example_rov.yaml")
-    write_atomically(folder / "campaigns" / EXAMPLE / "logs" / "synthetic_run.csv", example_log(vehicle.value))
+    write_atomically(
+        folder / "campaigns" / EXAMPLE / "logs" / "synthetic_run.csv", example_log(vehicle.value)
+    )
 
 
 def _copy(source: Traversable, target: Path) -> None:

@@ -1,4 +1,6 @@
-"""The made-up log of a new workspace's example campaign: a small vehicle with four thrusters, simulated and measured with noise."""
+"""The made-up log of a new workspace's example campaign: a small vehicle with four
+thrusters, simulated and measured with noise.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 
@@ -21,11 +24,15 @@ HEADER = "time_s,pulse_1,pulse_2,pulse_3,pulse_4,roll_deg,pitch_deg,yaw_deg,gyro
 
 
 def example_log(vehicle: Mapping[str, Any]) -> bytes:
-    """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s, depth in m, velocity in m/s; body FRD."""
+    """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s,
+    depth in m, velocity in m/s; body FRD.
+    """
     rng = np.random.default_rng(SEED)
     t_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     steps = rng.uniform(-250.0, 250.0, (int(DURATION_S / HOLD_S), 4)) * [1.0, 1.0, 1.0, 0.5]
-    pulses: Array = 1500.0 + np.round(np.repeat(steps, int(HOLD_S * RATE_HZ), axis=0)).astype(np.float64)
+    pulses: Array = 1500.0 + np.round(np.repeat(steps, int(HOLD_S * RATE_HZ), axis=0)).astype(
+        np.float64
+    )
     state = simulate(vehicle_from_document(vehicle), pulses)
 
     def noisy(values: Array, sensor: str) -> Array:
@@ -36,12 +43,21 @@ def example_log(vehicle: Mapping[str, Any]) -> bytes:
     velocity, gyro = noisy(state[:, 6:9], "velocity"), noisy(state[:, 9:12], "gyro")
     buffer = io.StringIO()
     columns = np.hstack([t_s[:, None], pulses, attitude, gyro, depth, velocity])
-    np.savetxt(buffer, columns, delimiter=",", header=HEADER, comments="", fmt=["%.2f", *["%.0f"] * 4, *["%.3f"] * 3, *["%.4f"] * 7])
+    np.savetxt(
+        buffer,
+        columns,
+        delimiter=",",
+        header=HEADER,
+        comments="",
+        fmt=["%.2f", *["%.0f"] * 4, *["%.3f"] * 3, *["%.4f"] * 7],
+    )
     return buffer.getvalue().encode()
 
 
 def simulate(vehicle: Vehicle, pulses: Array) -> Array:
-    """States [eta, nu] (n, 12) under pulses (n, 4), each held for one step of Runge-Kutta; drag is linear and quadratic per axis."""
+    """States [eta, nu] (n, 12) under pulses (n, 4), each held for one step of
+    Runge-Kutta; drag is linear and quadratic per axis.
+    """
 
     def drag(nu: Array) -> Array:
         return np.asarray((LINEAR + QUADRATIC * np.abs(nu)) * nu)

@@ -1,4 +1,6 @@
-"""Add one line to CHANGELOG.md, under the heading of the current version, beside the other entries of its stage."""
+"""Add one line to CHANGELOG.md, under the heading of the current version, beside the
+other entries of its stage.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def current_version() -> str:
 
 
 def with_entry(path: Path, stage: str, words: str) -> bytes:
-    """The changelog with the line `- stage: words`. Raises `PipelineError` where it has no heading for the current version."""
+    """The changelog with the line `- stage: words`. Raises `PipelineError` where it has
+    no heading for the current version.
+    """
     with readable(path, file=path, what="changelog"):
         text = path.read_bytes().decode("utf-8", errors="surrogateescape")
     lines = text.splitlines()
@@ -36,14 +40,23 @@ def with_entry(path: Path, stage: str, words: str) -> bytes:
 
 def _section(lines: Sequence[str], path: Path) -> tuple[int, int]:
     """The lines of the section of the current version, without its heading."""
-    headings = {place: match["version"] for place, line in enumerate(lines) if (match := HEADING.fullmatch(line.rstrip()))}
+    headings = {
+        place: match["version"]
+        for place, line in enumerate(lines)
+        if (match := HEADING.fullmatch(line.rstrip()))
+    }
     wanted = current_version()
     starts = [place for place, found in headings.items() if found == wanted]
     if not starts:
         raise PipelineError(
-            f"no heading for version {wanted}", file=path, allowed=list(headings.values()) or None, remedy=f"Write a line '## {wanted}'."
+            f"no heading for version {wanted}",
+            file=path,
+            allowed=list(headings.values()) or None,
+            remedy=f"Write a line '## {wanted}'.",
         )
-    after = (place for place in range(starts[0] + 1, len(lines)) if re.match(r"##?\s", lines[place]))
+    after = (
+        place for place in range(starts[0] + 1, len(lines)) if re.match(r"##?\s", lines[place])
+    )
     return starts[0] + 1, next(after, len(lines))
 
 

@@ -1,6 +1,8 @@
-"""Golden error tables: one small CSV per use in the layout of McCarter 5.1 and 5.2, with J/J0 per axis, and how far each cell may move.
+"""Golden error tables: one small CSV per use in the layout of McCarter 5.1 and 5.2,
+with J/J0 per axis, and how far each cell may move.
 
-Tables hold six significant digits, and figures are compared as printed. An undefined ratio (no force on that axis) is an empty cell.
+Tables hold six significant digits, and figures are compared as printed. An undefined
+ratio (no force on that axis) is an empty cell.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ TOLERANCES = "tolerances.yaml"
 ALL = "all"
 
 Row = Mapping[str, float | None]
-"""One model: column (those of `FIXED` but model, then the axes) -> figure, None where undefined."""
+"""One model: column (those of `FIXED` but model, then the axes) -> figure, None where
+undefined.
+"""
 Tables = Mapping[str, Mapping[str, Row]]
 """Use -> model -> row, in the order of the error table."""
 
@@ -45,7 +49,9 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Departure:
-    """A cell that left its tolerance, or what is `missing` from the run or `new` in it: a use, a model (column None) or a column."""
+    """A cell that left its tolerance, or what is `missing` from the run or `new` in it:
+    a use, a model (column None) or a column.
+    """
 
     kind: str
     use: str
@@ -58,7 +64,9 @@ class Departure:
 
     @property
     def size(self) -> float:
-        """The change in tolerances; infinite where there is no tolerance to measure it by."""
+        """The change in tolerances; infinite where there is no tolerance to measure it
+        by.
+        """
         if self.kind != "changed" or self.old is None or self.new is None or self.allowed == 0:
             return math.inf
         return abs(self.new - self.old) / self.allowed
@@ -71,18 +79,32 @@ class Departure:
     def figure(self) -> str:
         """What the column holds, in the words of the thesis."""
         names = {"n_bar": "n-bar", "ratio": "J/J0"}
-        return "" if self.column is None else names.get(self.column, self.column if self.column in FIXED else "J/J0")
+        return (
+            ""
+            if self.column is None
+            else names.get(self.column, self.column if self.column in FIXED else "J/J0")
+        )
 
 
 def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """The golden tables of the rows of an error table (schema `error_table`): all legs together, six significant digits."""
+    """The golden tables of the rows of an error table (schema `error_table`): all legs
+    together, six significant digits.
+    """
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for row in rows:
         if row["leg"] != ALL:
             continue
-        figures = found.setdefault(row["use"], {}).setdefault(row["model"], dict.fromkeys(FIXED[1:]))
+        figures = found.setdefault(row["use"], {}).setdefault(
+            row["model"], dict.fromkeys(FIXED[1:])
+        )
         if row["axis"] == ALL:
-            total = {"n_bar": row["n_bar"], "rank": row["rank"], "J": row["rms"], "J0": row["j0"], "ratio": row["ratio"]}
+            total = {
+                "n_bar": row["n_bar"],
+                "rank": row["rank"],
+                "J": row["rms"],
+                "J0": row["j0"],
+                "ratio": row["ratio"],
+            }
             figures |= {name: _six_digits(value) for name, value in total.items()}
         else:
             figures[row["axis"]] = _six_digits(row["ratio"])
@@ -98,17 +120,28 @@ def to_csv(table: Mapping[str, Row]) -> bytes:
     columns = list(dict.fromkeys(name for row in table.values() for name in row))
     lines = [",".join(["model", *columns])]
     for model, row in table.items():
-        lines.append(",".join([model, *("" if row.get(name) is None else f"{row[name]:.6g}" for name in columns)]))
+        lines.append(
+            ",".join(
+                [model, *("" if row.get(name) is None else f"{row[name]:.6g}" for name in columns)]
+            )
+        )
     return ("\n".join(lines) + "\n").encode()
 
 
 def read_tables(folder: Path) -> dict[str, dict[str, dict[str, float | None]]]:
-    """The golden tables of a folder, empty if it holds none. Raises `CampaignError` with file, row and field for what is malformed."""
+    """The golden tables of a folder, empty if it holds none. Raises `CampaignError`
+    with file, row and field for what is malformed.
+    """
     names = sorted(path.name for path in folder.glob("*.csv"))
     known = [f"{use}.csv" for use in USES]
     for name in names:
         if name not in known:
-            raise CampaignError("no golden table is called this", file=folder / name, allowed=known, remedy=nearest(name, known))
+            raise CampaignError(
+                "no golden table is called this",
+                file=folder / name,
+                allowed=known,
+                remedy=nearest(name, known),
+            )
     return {use: _read_csv(folder / f"{use}.csv") for use in USES if f"{use}.csv" in names}
 
 
@@ -119,28 +152,51 @@ def _read_csv(path: Path) -> dict[str, dict[str, float | None]]:
         reader = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True)
         lines = [(reader.line_num, cells) for cells in reader if cells]
     except UnicodeDecodeError as fault:
-        raise CampaignError("not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1) from None
+        raise CampaignError(
+            "not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1
+        ) from None
     except csv.Error as fault:
         raise CampaignError(f"not valid CSV: {fault}", file=path, row=reader.line_num) from None
     if len(lines) < 2:
-        raise CampaignError("a header and at least one model are needed", file=path, remedy="Write it anew with --update.")
+        raise CampaignError(
+            "a header and at least one model are needed",
+            file=path,
+            remedy="Write it anew with --update.",
+        )
     (_, header), *body = lines
     _check_header(header, path)
     faults: list[PipelineError] = []
     table: dict[str, dict[str, float | None]] = {}
     for line, cells in body:
         if len(cells) != len(header):
-            faults.append(CampaignError(f"{len(cells)} cells under {len(header)} headings", file=path, row=line, value=cells[0]))
+            faults.append(
+                CampaignError(
+                    f"{len(cells)} cells under {len(header)} headings",
+                    file=path,
+                    row=line,
+                    value=cells[0],
+                )
+            )
             continue
         if cells[0] in table or not cells[0]:
-            faults.append(CampaignError("each row needs a model of its own", file=path, row=line, field="model", value=cells[0]))
+            faults.append(
+                CampaignError(
+                    "each row needs a model of its own",
+                    file=path,
+                    row=line,
+                    field="model",
+                    value=cells[0],
+                )
+            )
             continue
         table[cells[0]] = row = {}
         for name, cell in zip(header[1:], cells[1:], strict=True):
             try:
                 row[name] = _figure(name, cell.strip())
             except ValueError as fault:
-                faults.append(CampaignError(str(fault), file=path, row=line, field=name, value=cell))
+                faults.append(
+                    CampaignError(str(fault), file=path, row=line, field=name, value=cell)
+                )
     raise_faults(faults, file=path)
     return table
 
@@ -150,11 +206,22 @@ def _check_header(header: list[str], path: Path) -> None:
         if header[place : place + 1] != [name]:
             found = header[place] if place < len(header) else None
             raise CampaignError(
-                "not the heading that stands here", file=path, row=1, field=name, value=found, allowed=f"{', '.join(FIXED)}, axes"
+                "not the heading that stands here",
+                file=path,
+                row=1,
+                field=name,
+                value=found,
+                allowed=f"{', '.join(FIXED)}, axes",
             )
     for place, name in enumerate(header):
         if not name or name in header[:place]:
-            raise CampaignError("each column needs a heading of its own", file=path, row=1, field=f"column {place + 1}", value=name)
+            raise CampaignError(
+                "each column needs a heading of its own",
+                file=path,
+                row=1,
+                field=f"column {place + 1}",
+                value=name,
+            )
 
 
 def _figure(name: str, cell: str) -> float | None:
@@ -176,7 +243,8 @@ def _figure(name: str, cell: str) -> float | None:
 def read_tolerances(path: Path, columns: Iterable[str]) -> dict[str, Tolerance]:
     """The tolerances of a folder, one for each of these columns.
 
-    Raises `SchemaError` or `CampaignError` for unknown keys, columns without a tolerance and tolerances without a column.
+    Raises `SchemaError` or `CampaignError` for unknown keys, columns without a
+    tolerance and tolerances without a column.
     """
     file = load_yaml(path, what="tolerances")
     file.check("tolerances")
@@ -184,12 +252,16 @@ def read_tolerances(path: Path, columns: Iterable[str]) -> dict[str, Tolerance]:
     faults: list[PipelineError] = []
     for name in needed:
         if name not in entries:
-            faults.append(CampaignError("no tolerance for this column", file=path, field=f"columns.{name}"))
+            faults.append(
+                CampaignError("no tolerance for this column", file=path, field=f"columns.{name}")
+            )
     for name, entry in entries.items():
         at = f"columns.{name}"
         if name not in needed:
             remedy = nearest(name, [column for column in needed if column not in entries])
-            faults.append(CampaignError("no such column", file=path, field=at, allowed=needed, remedy=remedy))
+            faults.append(
+                CampaignError("no such column", file=path, field=at, allowed=needed, remedy=remedy)
+            )
         elif not {"relative", "absolute"} & set(entry):
             faults.append(CampaignError("needs relative, absolute or both", file=path, field=at))
     raise_faults([file.located(fault) for fault in faults], file=path)
@@ -198,17 +270,34 @@ def read_tolerances(path: Path, columns: Iterable[str]) -> dict[str, Tolerance]:
 
 def columns_of(*tables: Tables) -> list[str]:
     """The columns of figures of all tables, each once."""
-    return list(dict.fromkeys(name for table in tables for use in table.values() for row in use.values() for name in row))
+    return list(
+        dict.fromkeys(
+            name
+            for table in tables
+            for use in table.values()
+            for row in use.values()
+            for name in row
+        )
+    )
 
 
-def compare(old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]) -> tuple[int, list[Departure]]:
-    """How many cells hold, and what does not: the largest departure in tolerances first, and before all what is missing or new."""
+def compare(
+    old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]
+) -> tuple[int, list[Departure]]:
+    """How many cells hold, and what does not: the largest departure in tolerances
+    first, and before all what is missing or new.
+    """
     found = list(_compare(old, new, tolerances))
-    departed = sorted((item for item in found if item is not None), key=lambda item: (-item.size, item.kind == "changed"))
+    departed = sorted(
+        (item for item in found if item is not None),
+        key=lambda item: (-item.size, item.kind == "changed"),
+    )
     return sum(item is None for item in found), departed
 
 
-def _compare(old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]) -> Iterator[Departure | None]:
+def _compare(
+    old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]
+) -> Iterator[Departure | None]:
     for use in dict.fromkeys((*old, *new)):
         if use not in old or use not in new:
             yield Departure(_only(use in old), use)
@@ -222,17 +311,32 @@ def _compare(old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]) -> I
                 if column not in before[model] or column not in now[model]:
                     yield Departure(_only(column in before[model]), use, model, column)
                 else:
-                    yield _cell(use, model, column, before[model][column], now[model][column], tolerances[column])
+                    yield _cell(
+                        use,
+                        model,
+                        column,
+                        before[model][column],
+                        now[model][column],
+                        tolerances[column],
+                    )
 
 
 def _only(in_baseline: bool) -> str:
     return "missing" if in_baseline else "new"
 
 
-def _cell(use: str, model: str, column: str, old: float | None, new: float | None, tolerance: Tolerance) -> Departure | None:
+def _cell(
+    use: str, model: str, column: str, old: float | None, new: float | None, tolerance: Tolerance
+) -> Departure | None:
     if old is None or new is None:
-        return None if old is new else Departure("changed", use, model, column, old, new, unit=tolerance.unit)
+        return (
+            None
+            if old is new
+            else Departure("changed", use, model, column, old, new, unit=tolerance.unit)
+        )
     allowed = tolerance.allowed(old)
-    if abs(new - old) <= allowed + 1e-12 * abs(old):  # a departure of exactly the tolerance, in binary, holds
+    if abs(new - old) <= allowed + 1e-12 * abs(
+        old
+    ):  # a departure of exactly the tolerance, in binary, holds
         return None
     return Departure("changed", use, model, column, old, new, allowed, tolerance.unit)

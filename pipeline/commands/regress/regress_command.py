@@ -1,4 +1,6 @@
-"""Hold the error tables of a campaign against its golden tables, and write those anew with a line in the changelog."""
+"""Hold the error tables of a campaign against its golden tables, and write those anew
+with a line in the changelog.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ DEFAULT_TOLERANCES = "default_tolerances.yaml"
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: campaign, the golden folder, the changelog that remembers, and the tables of the run."""
+    """What is compared: campaign, the golden folder, the changelog that remembers, and
+    the tables of the run.
+    """
 
     campaign: str
     folder: Path
@@ -39,33 +43,51 @@ class Setting:
 def open_setting(campaign: str, baseline: Path | None) -> Setting:
     """The tables of a campaign's run and where its golden tables are.
 
-    Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden` in the campaign's folder.
-    Raises `PipelineError` where the campaign has no error table, has not been run, or its results are not up to date.
+    Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden`
+    in the campaign's folder. Raises `PipelineError` where the campaign has no error
+    table, has not been run, or its results are not up to date.
     """
     run = session.open_run(campaign)
     root = workspace_of(campaign).root
-    folder = baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
+    folder = (
+        baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
+    )
     return Setting(run.campaign.name, folder, root / changelog.FILE, error_tables(run))
 
 
 def default_folder(root: Path, campaign: Path) -> Path:
-    """Where the golden tables of a campaign are, or would be made where there are none yet."""
+    """Where the golden tables of a campaign are, or would be made where there are none
+    yet.
+    """
     shared, own = root / "tests" / "golden" / campaign.name, campaign / "golden"
-    return next((folder for folder in (shared, own) if folder.is_dir()), shared if shared.parent.is_dir() else own)
+    return next(
+        (folder for folder in (shared, own) if folder.is_dir()),
+        shared if shared.parent.is_dir() else own,
+    )
 
 
 def error_tables(run: Run) -> Tables:
     """The golden tables of what a run left behind."""
     producers = run.graph.producers("error_table")
     if not producers:
-        raise DataError("a campaign of this kind has no error tables", file=run.campaign.file.path, value=run.campaign.document["kind"])
+        raise DataError(
+            "a campaign of this kind has no error tables",
+            file=run.campaign.file.path,
+            value=run.campaign.document["kind"],
+        )
     remedy = f"auvid run {run.campaign.name}"
     for stage in session.select(run.graph, until=producers[0].stage.name):
         for place in run.places(stage.maps_over):
             if place.item not in run.manifests[stage.name].records:
-                raise DataError(f"stage {stage.name} has not been run", file=run.folder, remedy=remedy)
+                raise DataError(
+                    f"stage {stage.name} has not been run", file=run.folder, remedy=remedy
+                )
             if not run.is_fresh(run.task(stage, place)):
-                raise DataError(f"the results of stage {stage.name} are not up to date", file=run.folder, remedy=remedy)
+                raise DataError(
+                    f"the results of stage {stage.name} are not up to date",
+                    file=run.folder,
+                    remedy=remedy,
+                )
     artefact = next(iter(run.artefacts_of(producers[0], WHOLE).values()))
     return golden.tables_of(artefact.load().to_pylist())
 
@@ -76,7 +98,9 @@ def check(setting: Setting, *, as_json: bool) -> bool:
     if not old:
         remedy = f'Make them: auvid regress {setting.campaign} --update --message "STAGE: why"'
         raise DataError("there are no golden tables", file=setting.folder, remedy=remedy)
-    tolerances = golden.read_tolerances(setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables))
+    tolerances = golden.read_tolerances(
+        setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables)
+    )
     held, departures = golden.compare(old, setting.tables, tolerances)
     where = session.shown(setting.folder.resolve())
     if as_json:
@@ -93,14 +117,33 @@ def _document(setting: Setting, held: int, departures: Sequence[Departure]) -> d
     for item in departures:
         size = item.size if math.isfinite(item.size) else None
         found.append({**asdict(item), "axis": item.axis, "figure": item.figure, "tolerances": size})
-    return {"campaign": setting.campaign, "baseline": str(setting.folder), "holds": not departures, "held": held, "departures": found}
+    return {
+        "campaign": setting.campaign,
+        "baseline": str(setting.folder),
+        "holds": not departures,
+        "held": held,
+        "departures": found,
+    }
 
 
 def _lines(setting: Setting, held: int, departures: Sequence[Departure], where: str) -> list[str]:
     cells = [item for item in departures if item.kind == "changed"]
     lines = [_apart(item) for item in departures if item.kind != "changed"]
     if cells:
-        rows = [("use", "model", "axis", "figure", "old", "new", "change", "tolerance", "times tolerance"), *map(_row, cells)]
+        rows = [
+            (
+                "use",
+                "model",
+                "axis",
+                "figure",
+                "old",
+                "new",
+                "change",
+                "tolerance",
+                "times tolerance",
+            ),
+            *map(_row, cells),
+        ]
         widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
         left = 4  # words to the left, numbers to the right
         lines += [
@@ -112,14 +155,28 @@ def _lines(setting: Setting, held: int, departures: Sequence[Departure], where: 
         ]
     counts = f"{len(cells)} of {len(cells) + held} cells left their tolerance"
     apart = len(departures) - len(cells)
-    lines += ["", f"{setting.campaign}: {counts}" + (f", {apart} missing or new" if apart else "") + f" ({where})"]
-    return [*lines, f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what changed and why"']
+    lines += [
+        "",
+        f"{setting.campaign}: {counts}"
+        + (f", {apart} missing or new" if apart else "")
+        + f" ({where})",
+    ]
+    return [
+        *lines,
+        (
+            f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what'
+            ' changed and why"'
+        ),
+    ]
 
 
 def _apart(item: Departure) -> str:
     what = f"{item.use} tables" if item.model is None else f"{item.use}: model {item.model}"
     what += f": axis {item.column}" if item.column is not None else ""
-    return f"{what}: {'in the baseline, not in the run' if item.kind == 'missing' else 'in the run, not in the baseline'}"
+    return (
+        f"{what}:"
+        f" {'in the baseline, not in the run' if item.kind == 'missing' else 'in the run, not in the baseline'}"
+    )
 
 
 def _row(item: Departure) -> tuple[str, ...]:
@@ -131,40 +188,74 @@ def _row(item: Departure) -> tuple[str, ...]:
         change += f" ({100.0 * (float(item.new or 0.0) / item.old - 1.0):+.3g} %)"
     allowed = f"{item.allowed:.3g}" + (f" {item.unit}" if item.unit != "1" else "")
     words = (item.use, str(item.model), item.axis, item.figure)
-    return (*words, number(item.old), number(item.new), change, allowed, f"{item.size:.1f}" if math.isfinite(item.size) else "-")
+    return (
+        *words,
+        number(item.old),
+        number(item.new),
+        change,
+        allowed,
+        f"{item.size:.1f}" if math.isfinite(item.size) else "-",
+    )
 
 
 def update(setting: Setting, message: str, *, as_json: bool) -> None:
-    """Write the golden tables anew and the message into the changelog: all of them or nothing.
+    """Write the golden tables anew and the message into the changelog: all of them or
+    nothing.
 
-    The message goes to the entries of the stage that it begins with (`fuse: why`), else of the one whose results moved the tables.
-    Raises `PipelineError` for an empty message, or a changelog without a heading for the current version.
+    The message goes to the entries of the stage that it begins with (`fuse: why`), else
+    of the one whose results moved the tables. Raises `PipelineError` for an empty
+    message, or a changelog without a heading for the current version.
     """
     words = " ".join(message.split())
     if not words:
-        raise PipelineError("the message is empty", field="--message", remedy="Say what changed and why; it goes into the changelog.")
+        raise PipelineError(
+            "the message is empty",
+            field="--message",
+            remedy="Say what changed and why; it goes into the changelog.",
+        )
     old = _old_tables(setting.folder)
-    contents: dict[Path, bytes | None] = {setting.folder / f"{use}.csv": golden.to_csv(table) for use, table in setting.tables.items()}
-    contents |= {setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables}
+    contents: dict[Path, bytes | None] = {
+        setting.folder / f"{use}.csv": golden.to_csv(table) for use, table in setting.tables.items()
+    }
+    contents |= {
+        setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables
+    }
     tolerances = setting.folder / golden.TOLERANCES
     if tolerances.is_file():
         golden.read_tolerances(tolerances, golden.columns_of(setting.tables))
     else:
         contents[tolerances] = (resources.files(__package__) / DEFAULT_TOLERANCES).read_bytes()
-    changed = {path: content for path, content in contents.items() if content != (path.read_bytes() if path.is_file() else None)}
+    changed = {
+        path: content
+        for path, content in contents.items()
+        if content != (path.read_bytes() if path.is_file() else None)
+    }
     if changed:
         stage, words, note = _entry(setting, old, words)
-        changed[setting.changelog] = changelog.with_entry(setting.changelog, stage, f"{words} ({note})")
+        changed[setting.changelog] = changelog.with_entry(
+            setting.changelog, stage, f"{words} ({note})"
+        )
         write_together(changed)
     paths = [session.shown(path.resolve()) for path in changed]
     if as_json:
-        print(json.dumps({"campaign": setting.campaign, "baseline": str(setting.folder), "written": paths}, indent=1, ensure_ascii=False))
+        print(
+            json.dumps(
+                {"campaign": setting.campaign, "baseline": str(setting.folder), "written": paths},
+                indent=1,
+                ensure_ascii=False,
+            )
+        )
     else:
-        print("\n".join(f"written: {path}" for path in paths) or f"{setting.campaign}: the golden tables are the same, nothing is written")
+        print(
+            "\n".join(f"written: {path}" for path in paths)
+            or f"{setting.campaign}: the golden tables are the same, nothing is written"
+        )
 
 
 def _old_tables(folder: Path) -> Tables | None:
-    """The golden tables that are replaced; None if there are none, or none that can be read."""
+    """The golden tables that are replaced; None if there are none, or none that can be
+    read.
+    """
     try:
         return golden.read_tables(folder) or None
     except PipelineError:
@@ -190,9 +281,11 @@ def _entry(setting: Setting, old: Tables | None, words: str) -> tuple[str, str, 
 
 
 def write_together(contents: Mapping[Path, bytes | None]) -> None:
-    """Write several files, or remove those whose content is None, so that all are new or all stay. Raises `PipelineError`.
+    """Write several files, or remove those whose content is None, so that all are new
+    or all stay. Raises `PipelineError`.
 
-    All contents are on the disk under temporary names before the first file is replaced; a replacement that fails is taken back.
+    All contents are on the disk under temporary names before the first file is
+    replaced; a replacement that fails is taken back.
     """
     parts: dict[Path, Path] = {}
     try:
@@ -204,7 +297,9 @@ def write_together(contents: Mapping[Path, bytes | None]) -> None:
         _replace_all(contents, parts)
     except OSError as fault:
         words = f"cannot be written: {fault.strerror or fault}; nothing is changed"
-        raise PipelineError(words, file=fault.filename2 or fault.filename, remedy=REMEDIES.get(fault.errno or 0)) from fault
+        raise PipelineError(
+            words, file=fault.filename2 or fault.filename, remedy=REMEDIES.get(fault.errno or 0)
+        ) from fault
     finally:
         for part in parts.values():
             part.unlink(missing_ok=True)

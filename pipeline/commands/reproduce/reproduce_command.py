@@ -1,7 +1,9 @@
-"""The command `auvid reproduce`: fly plans with a twin, run the chain in several variants, and hold its errors against published ones.
+"""The command `auvid reproduce`: fly plans with a twin, run the chain in several
+variants, and hold its errors against published ones.
 
-Each plan is flown and its logs are read once; each variant has a run of its own over them. All of it lies under runs/CAMPAIGN/reproduce/
-and is cached by the same manifests as a run: only what is stale is made again.
+Each plan is flown and its logs are read once; each variant has a run of its own over
+them. All of it lies under runs/CAMPAIGN/reproduce/ and is cached by the same manifests
+as a run: only what is stale is made again.
 """
 
 from __future__ import annotations
@@ -15,7 +17,15 @@ from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import SIMULATE, Campaign, inside
 from auvid.pipeline.campaigns.twin import load_twin
 from auvid.pipeline.commands import open_run as session
-from auvid.pipeline.commands.reproduce.variants import FLIGHT, PAGE, SHARED, Setting, chain_of, open_setting, published_tables
+from auvid.pipeline.commands.reproduce.variants import (
+    FLIGHT,
+    PAGE,
+    SHARED,
+    Setting,
+    chain_of,
+    open_setting,
+    published_tables,
+)
 from auvid.pipeline.execution.engines import Engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress
@@ -48,8 +58,12 @@ class Reproduced:
         return [row for row in self.checks if not row["met"] and not row["known"]]
 
 
-def reproduce(setting: Setting, engine: Engine, progress: Progress, *, force: bool = False) -> Reproduced:
-    """Bring every variant of every plan and the page up to date. Raises `StageFault` or `InternalFault` as a run does."""
+def reproduce(
+    setting: Setting, engine: Engine, progress: Progress, *, force: bool = False
+) -> Reproduced:
+    """Bring every variant of every plan and the page up to date. Raises `StageFault` or
+    `InternalFault` as a run does.
+    """
     published = published_tables(setting)
     with locked(setting.folder):
         try:
@@ -58,25 +72,42 @@ def reproduce(setting: Setting, engine: Engine, progress: Progress, *, force: bo
             engine.close()
         page = setting.folder / PAGE
         made = _page(page, _sources(setting, runs, published), force=force)
-    tables = {port.name: load(page / port.path(WHOLE), port.schema) for port in PAGE_PORTS if schema(port.schema).kind == "table"}
-    return Reproduced(page / "page.html", count + made, tables["errors"].to_pylist(), tables["checks"].to_pylist())
+    tables = {
+        port.name: load(page / port.path(WHOLE), port.schema)
+        for port in PAGE_PORTS
+        if schema(port.schema).kind == "table"
+    }
+    return Reproduced(
+        page / "page.html", count + made, tables["errors"].to_pylist(), tables["checks"].to_pylist()
+    )
 
 
-def _runs(setting: Setting, engine: Engine, progress: Progress, *, force: bool) -> tuple[dict[str, Run], int]:
-    """The run of every variant of every plan, by `plan/variant`, and how many items had to run."""
+def _runs(
+    setting: Setting, engine: Engine, progress: Progress, *, force: bool
+) -> tuple[dict[str, Run], int]:
+    """The run of every variant of every plan, by `plan/variant`, and how many items had
+    to run.
+    """
     count = 0
     runs: dict[str, Run] = {}
     document = setting.document.value
     for entry in document["plans"]:
         campaign = _with_plan(setting, entry)
         flight = _run(setting, campaign, {"id": FLIGHT}, entry["id"])
-        count += flight.execute([flight.graph.stage(name) for name in SHARED], engine, Titled(progress, entry["id"]), force=force)
+        count += flight.execute(
+            [flight.graph.stage(name) for name in SHARED],
+            engine,
+            Titled(progress, entry["id"]),
+            force=force,
+        )
         for variant in document["variants"]:
             if variant["id"] in (entry.get("variants") or [variant["id"]]):
                 run = _run(setting, campaign, variant, entry["id"])
                 run.manifests |= {name: flight.manifests[name] for name in SHARED}
                 own = [stage for stage in run.graph.stages if stage.name not in SHARED]
-                count += run.execute(own, engine, Titled(progress, f"{entry['id']}/{variant['id']}"), force=force)
+                count += run.execute(
+                    own, engine, Titled(progress, f"{entry['id']}/{variant['id']}"), force=force
+                )
                 runs[f"{entry['id']}/{variant['id']}"] = run
     return runs, count
 
@@ -86,7 +117,14 @@ def _with_plan(setting: Setting, entry: Mapping[str, Any]) -> Campaign:
     campaign, path = setting.campaign, setting.document.path
     plan = inside(campaign.folder, entry["plan"], path)
     said = {**campaign.file.value[SIMULATE], **({"seed": entry["seed"]} if "seed" in entry else {})}
-    twin = load_twin(said, campaign.vehicle, plan=plan, vehicle_file=campaign.vehicle_file, folder=campaign.folder, file=path)
+    twin = load_twin(
+        said,
+        campaign.vehicle,
+        plan=plan,
+        vehicle_file=campaign.vehicle_file,
+        folder=campaign.folder,
+        file=path,
+    )
     return replace(campaign, twin=twin)
 
 
@@ -96,13 +134,17 @@ def _run(setting: Setting, campaign: Campaign, variant: Mapping[str, Any], plan:
     params = {}
     for stage in graph.stages:
         values = {**(setting.defaults.value.get(stage.name) or {}), **(own.get(stage.name) or {})}
-        params[stage.name] = make_params(stage.params, values, stage=stage.name, file=setting.document.path)
+        params[stage.name] = make_params(
+            stage.params, values, stage=stage.name, file=setting.document.path
+        )
     return Run(campaign, graph, params, setting.folder / plan / str(variant["id"]))
 
 
 @dataclass(frozen=True)
 class KeptOpen:
-    """An engine that several runs use after one another: they would otherwise start its processes anew each."""
+    """An engine that several runs use after one another: they would otherwise start its
+    processes anew each.
+    """
 
     engine: Engine
 
@@ -115,7 +157,9 @@ class KeptOpen:
 
 
 class Titled:
-    """Progress of one run among several: its stages carry its name, and those with nothing to do are passed over."""
+    """Progress of one run among several: its stages carry its name, and those with
+    nothing to do are passed over.
+    """
 
     def __init__(self, progress: Progress, title: str) -> None:
         self._progress, self._title, self._busy = progress, title, False
@@ -137,11 +181,24 @@ class Titled:
             self._progress.finish(failed=failed)
 
 
-def _sources(setting: Setting, runs: Mapping[str, Run], published: Mapping[str, Any]) -> dict[str, Source]:
-    """What the page is made of: artefacts of all runs, keyed as `stages.reproduce.Inputs` says."""
+def _sources(
+    setting: Setting, runs: Mapping[str, Run], published: Mapping[str, Any]
+) -> dict[str, Source]:
+    """What the page is made of: artefacts of all runs, keyed as
+    `stages.reproduce.Inputs` says.
+    """
     plans = {key.split("/")[0]: run for key, run in runs.items()}
     by_plan = {name: _artefacts(plans, name) for name in ("simulation", "truth")}
-    by_run = ("segment", "resampled", "fused", "fusion", "residual", "predictions", "model_card", "error_table")
+    by_run = (
+        "segment",
+        "resampled",
+        "fused",
+        "fusion",
+        "residual",
+        "predictions",
+        "model_card",
+        "error_table",
+    )
     campaign, first = setting.campaign, runs[_first(setting)]
     return {
         "reproduction": Value(setting.document.value),
@@ -149,7 +206,13 @@ def _sources(setting: Setting, runs: Mapping[str, Run], published: Mapping[str, 
         "vehicle": Value(campaign.vehicle),
         "campaign": Value(first.campaign.document),
         "provenance": Value(first.provenance()),
-        "plans": Documents({plan: run.campaign.twin["plan"] for plan, run in plans.items() if run.campaign.twin is not None}),
+        "plans": Documents(
+            {
+                plan: run.campaign.twin["plan"]
+                for plan, run in plans.items()
+                if run.campaign.twin is not None
+            }
+        ),
         **{name: Many(found) for name, found in by_plan.items()},
         **{name: Many(_artefacts(runs, name)) for name in by_run},
     }
@@ -176,7 +239,9 @@ class Documents:
 
 
 def _artefacts(runs: Mapping[str, Run], schema_name: str) -> dict[str, Artefact]:
-    """Artefacts of a schema from several runs: `run/item`, or the run's own key where there is one of it."""
+    """Artefacts of a schema from several runs: `run/item`, or the run's own key where
+    there is one of it.
+    """
     found = {}
     for name, run in runs.items():
         for port in run.graph.producers(schema_name):
@@ -188,18 +253,26 @@ def _artefacts(runs: Mapping[str, Run], schema_name: str) -> dict[str, Artefact]
 
 
 PAGE_PORTS = tuple(
-    Port(reproduction.STAGE, name, spec["port"], bool(spec["many"])) for name, spec in ports(reproduction.STAGE.outputs).items()
+    Port(reproduction.STAGE, name, spec["port"], bool(spec["many"]))
+    for name, spec in ports(reproduction.STAGE.outputs).items()
 )
 
 
 def _page(folder: Path, sources: Mapping[str, Source], *, force: bool) -> int:
-    """Make the page unless it is fresh, by the same keys and records as any stage; returns how many pages were made."""
+    """Make the page unless it is fresh, by the same keys and records as any stage;
+    returns how many pages were made.
+    """
     stage, code = reproduction.STAGE, stage_code(reproduction.STAGE)
-    key = hash_value({"inputs": {name: source.fingerprint for name, source in sources.items()}, "code": code})
+    key = hash_value(
+        {"inputs": {name: source.fingerprint for name, source in sources.items()}, "code": code}
+    )
     manifest, hashes = Manifest(folder), FileHashes()
     paths = {port.name: folder / port.path(WHOLE) for port in PAGE_PORTS}
     record = manifest.records.get(WHOLE)
-    kept = record is not None and all(path.is_file() and hashes.of(path) == record.outputs.get(name) for name, path in paths.items())
+    kept = record is not None and all(
+        path.is_file() and hashes.of(path) == record.outputs.get(name)
+        for name, path in paths.items()
+    )
     if kept and not force and record is not None and record.key == key:
         return 0
     manifest.write({}, [])
@@ -219,17 +292,28 @@ def print_tables(done: Reproduced) -> None:
     rows = [row for row in done.errors if row["plan"] == plan]
     variants = list(dict.fromkeys(row["variant"] for row in rows))
     for use in dict.fromkeys(row["use"] for row in rows):
-        print(f"\nJ/J0, {use}, plan {plan}\n{'':<16}{'published':>13}" + "".join(f"{name:>13}" for name in variants))
+        print(
+            f"\nJ/J0, {use}, plan {plan}\n{'':<16}{'published':>13}"
+            + "".join(f"{name:>13}" for name in variants)
+        )
         for model in dict.fromkeys(row["model"] for row in rows):
-            found = {row["variant"]: row for row in rows if (row["use"], row["model"]) == (use, model)}
+            found = {
+                row["variant"]: row for row in rows if (row["use"], row["model"]) == (use, model)
+            }
             printed = next(iter(found.values()))["published_ratio"]
-            print(f"{model:<16}{_cell(printed)}" + "".join(_cell(found[name]["ratio"]) for name in variants))
+            print(
+                f"{model:<16}{_cell(printed)}"
+                + "".join(_cell(found[name]["ratio"]) for name in variants)
+            )
     met = sum(row["met"] for row in done.checks)
     print(f"\nbounds: {met} of {len(done.checks)} met")
     for row in done.checks:
         if not row["met"]:
             reason = f"known: {row['known']}" if row["known"] else "MISSED"
-            print(f"  {row['plan']}/{row['variant']}: {row['asked']}: {row['least']:.3g} to {row['most']:.3g}, {reason}")
+            print(
+                f"  {row['plan']}/{row['variant']}: {row['asked']}: {row['least']:.3g} to"
+                f" {row['most']:.3g}, {reason}"
+            )
     print(f"\npage: {session.shown(done.page)}")
 
 

@@ -1,4 +1,6 @@
-"""What `auvid reproduce` is told: the document of plans and variants beside a campaign's manifest, and the published tables."""
+"""What `auvid reproduce` is told: the document of plans and variants beside a
+campaign's manifest, and the published tables.
+"""
 
 from __future__ import annotations
 
@@ -37,25 +39,45 @@ class Setting:
 
 
 def open_setting(name: str) -> Setting:
-    """The reproduction of a campaign given by name or path. Raises `PipelineError` for anything wrong with its documents."""
+    """The reproduction of a campaign given by name or path. Raises `PipelineError` for
+    anything wrong with its documents.
+    """
     workspace = workspace_of(name)
     folder = workspace.campaign_folder(name)
     campaign = load_campaign(folder, kinds=KINDS, vehicles=workspace.vehicle_files())
     path = folder / FILE
     if not path.is_file():
-        known = [other for other in workspace.campaign_names() if (workspace.campaigns / other / FILE).is_file()]
-        remedy = f"Campaigns that have one: {', '.join(known)}." if known else f"It needs a {FILE} beside its campaign.yaml."
+        known = [
+            other
+            for other in workspace.campaign_names()
+            if (workspace.campaigns / other / FILE).is_file()
+        ]
+        remedy = (
+            f"Campaigns that have one: {', '.join(known)}."
+            if known
+            else f"It needs a {FILE} beside its campaign.yaml."
+        )
         raise CampaignError("this campaign reproduces nothing", value=campaign.name, remedy=remedy)
     document = load_yaml(path)
     document.check("reproduction")
     raise_faults([document.located(fault) for fault in _faults(document, campaign)], file=path)
-    return Setting(campaign, document, load_defaults(workspace, STAGES), workspace.runs / campaign.name / FOLDER)
+    return Setting(
+        campaign,
+        document,
+        load_defaults(workspace, STAGES),
+        workspace.runs / campaign.name / FOLDER,
+    )
 
 
 def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
     document, path = file.value, file.path
     if campaign.twin is None:
-        yield CampaignError("only a twin can fly the plans of a reproduction", file=path, field="plans", value=campaign.document["kind"])
+        yield CampaignError(
+            "only a twin can fly the plans of a reproduction",
+            file=path,
+            field="plans",
+            value=campaign.document["kind"],
+        )
     names: dict[str, list[str]] = {}
     for part, reserved in (("plans", PAGE), ("variants", FLIGHT)):
         names[part] = [entry["id"] for entry in document[part]]
@@ -64,31 +86,64 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
         for index, name in enumerate(names[part]):
             if not ID.fullmatch(name) or name == reserved or name in names[part][:index]:
                 allowed = f"letters, digits, _ and -, each name once, not {reserved}"
-                yield CampaignError("not a name of its own", file=path, field=f"{part}[{index}].id", value=name, allowed=allowed)
+                yield CampaignError(
+                    "not a name of its own",
+                    file=path,
+                    field=f"{part}[{index}].id",
+                    value=name,
+                    allowed=allowed,
+                )
     wanted = [(f"compared.{role}", name) for role, name in document["compared"].items()]
     for index, plan in enumerate(document["plans"]):
-        wanted += [(f"plans[{index}].variants[{at}]", name) for at, name in enumerate(plan.get("variants") or [])]
+        wanted += [
+            (f"plans[{index}].variants[{at}]", name)
+            for at, name in enumerate(plan.get("variants") or [])
+        ]
     for field, name in wanted:
         if name not in names["variants"]:
             remedy = nearest(name, names["variants"])
-            yield CampaignError("no such variant", file=path, field=field, value=name, allowed=names["variants"], remedy=remedy)
-    flown = [f"{plan['id']}/{name}" for plan in document["plans"] for name in plan.get("variants") or names["variants"]]
+            yield CampaignError(
+                "no such variant",
+                file=path,
+                field=field,
+                value=name,
+                allowed=names["variants"],
+                remedy=remedy,
+            )
+    flown = [
+        f"{plan['id']}/{name}"
+        for plan in document["plans"]
+        for name in plan.get("variants") or names["variants"]
+    ]
     for index, entry in enumerate(document["expected"]):
         key = f"{entry['plan']}/{entry['variant']}"
         if key not in flown:
             yield CampaignError(
-                "no such variant of a plan", file=path, field=f"expected[{index}]", value=key, allowed=flown, remedy=nearest(key, flown)
+                "no such variant of a plan",
+                file=path,
+                field=f"expected[{index}]",
+                value=key,
+                allowed=flown,
+                remedy=nearest(key, flown),
             )
     for index, variant in enumerate(document["variants"]):
         known = [stage.name for stage in chain_of(variant, campaign) if stage.name not in SHARED]
         for stage in variant.get("stages") or {}:
             if stage not in known:
                 at = f"variants[{index}].stages.{stage}"
-                yield CampaignError("not a stage of this variant", file=path, field=at, allowed=known, remedy=nearest(stage, known))
+                yield CampaignError(
+                    "not a stage of this variant",
+                    file=path,
+                    field=at,
+                    allowed=known,
+                    remedy=nearest(stage, known),
+                )
 
 
 def chain_of(variant: Mapping[str, Any], campaign: Campaign) -> tuple[AnyStage, ...]:
-    """The chain of a variant: with true states, these take the place of fusion; the page says itself what `check_truth` and `report` would."""
+    """The chain of a variant: with true states, these take the place of fusion; the
+    page says itself what `check_truth` and `report` would.
+    """
     chain = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
     chain = tuple(stage for stage in chain if stage.name not in LEFT_OUT)
     if variant.get("states") == "truth":
@@ -97,7 +152,9 @@ def chain_of(variant: Mapping[str, Any], campaign: Campaign) -> tuple[AnyStage, 
 
 
 def published_tables(setting: Setting) -> dict[str, Any]:
-    """The document `published_tables` of the campaign's CSV file, and the published coefficients beside the vehicle file."""
+    """The document `published_tables` of the campaign's CSV file, and the published
+    coefficients beside the vehicle file.
+    """
     name, manifest = setting.document.value["published"], setting.document.path
     path = inside(setting.campaign.folder, name, manifest)
     with readable(path, file=manifest, what="table of published errors"):
@@ -108,11 +165,21 @@ def published_tables(setting: Setting) -> dict[str, Any]:
         try:
             rows.append({column: convert(row[column] or "") for column, convert in COLUMNS.items()})
         except (KeyError, ValueError) as fault:
-            faults.append(CampaignError(f"not a row of published errors: {fault}", file=path, row=number, allowed=", ".join(COLUMNS)))
+            faults.append(
+                CampaignError(
+                    f"not a row of published errors: {fault}",
+                    file=path,
+                    row=number,
+                    allowed=", ".join(COLUMNS),
+                )
+            )
     if not rows and not faults:
         faults.append(CampaignError("the table of published errors is empty", file=path))
     raise_faults(faults, file=path)
-    coefficients = {model: read_coefficients(file) for model, file in published_coefficients(setting.campaign.vehicle_file).items()}
+    coefficients = {
+        model: read_coefficients(file)
+        for model, file in published_coefficients(setting.campaign.vehicle_file).items()
+    }
     return {"source": name, "rows": rows, "coefficients": coefficients}
 
 

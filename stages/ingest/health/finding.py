@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.tables import column, matrix
 from auvid.stages.base import Document
@@ -24,7 +25,9 @@ VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
 POSITION = ("x_m", "y_m", "z_m")
 ON_CHANGE = ("mode", "events")
 UNDER_WATER = re.compile(r"ArduSub")
-ELSEWHERE = re.compile(r"Ardu(Copter|Plane|Rover)|APM:(Copter|Plane|Rover)|APMrover|Blimp|AntennaTracker")
+ELSEWHERE = re.compile(
+    r"Ardu(Copter|Plane|Rover)|APM:(Copter|Plane|Rover)|APMrover|Blimp|AntennaTracker"
+)
 MAV_TYPE_SUBMARINE = 12
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 to Motor12
 MOTORS = 8
@@ -32,7 +35,9 @@ MOTORS = 8
 
 @dataclass(frozen=True)
 class Recorded:
-    """One log as the checks see it: its streams, `log_info`, rejected samples, the vehicle file if there is one, and the other sources."""
+    """One log as the checks see it: its streams, `log_info`, rejected samples, the
+    vehicle file if there is one, and the other sources.
+    """
 
     tables: Mapping[str, pa.Table]
     info: Document
@@ -77,7 +82,9 @@ class Recorded:
 
     @property
     def under_water(self) -> bool | None:
-        """Whether the firmware is that of an underwater vehicle; None if the log does not say."""
+        """Whether the firmware is that of an underwater vehicle; None if the log does
+        not say.
+        """
         firmware = str(self.info["vehicle"] or "")
         if UNDER_WATER.search(firmware):
             return True
@@ -87,22 +94,44 @@ class Recorded:
         return True if kind is not None else None
 
     def thrusters(self) -> list[str]:
-        """Columns of the outputs that drive thrusters: as the vehicle file says, else the vehicle's parameters, else outputs 1 to 8."""
+        """Columns of the outputs that drive thrusters: as the vehicle file says, else
+        the vehicle's parameters, else outputs 1 to 8.
+        """
         there = self.tables["actuators"].column_names if self.has("actuators") else []
         named = ((self.vehicle or {}).get("actuators") or {}).get("thrusters", {}).get("outputs")
         if named is None:
-            functions = {number: self.info["parameters"].get(f"SERVO{number}_FUNCTION") for number in range(1, 17)}
-            named = [number for number, function in functions.items() if function is not None and int(function) in MOTOR_FUNCTIONS]
-        wanted = [f"pwm_{number}_us" for number in (named or range(1, MOTORS + 1))]
+            functions = {
+                number: self.info["parameters"].get(f"SERVO{number}_FUNCTION")
+                for number in range(1, 17)
+            }
+            named = [
+                number
+                for number, function in functions.items()
+                if function is not None and int(function) in MOTOR_FUNCTIONS
+            ]
+        wanted = [f"pwm_{number}_us" for number in named or range(1, MOTORS + 1)]
         return [name for name in wanted if name in there]
 
     def commands(self) -> list[str]:
         """Columns of normalised commands."""
-        return [name for name in self.tables["actuators"].column_names if name.startswith("command_")] if self.has("actuators") else []
+        return (
+            [name for name in self.tables["actuators"].column_names if name.startswith("command_")]
+            if self.has("actuators")
+            else []
+        )
 
 
-def finding(name: str, text: str, *, stream: str | None = None, value: float | None = None, at_s: float | None = None) -> Finding:
-    """A finding of the catalogue with its measured value, one sentence and, where it has one, its time from the start of the log."""
+def finding(
+    name: str,
+    text: str,
+    *,
+    stream: str | None = None,
+    value: float | None = None,
+    at_s: float | None = None,
+) -> Finding:
+    """A finding of the catalogue with its measured value, one sentence and, where it
+    has one, its time from the start of the log.
+    """
     check = checks()[name]
     number = None if value is None or not np.isfinite(value) else float(value)
     return {

@@ -1,4 +1,6 @@
-"""The health of one log: every check, the findings by rank, and the same as blocks of the report."""
+"""The health of one log: every check, the findings by rank, and the same as blocks of
+the report.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,37 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+
 from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import ON_CHANGE, Finding, Recorded
-from auvid.stages.ingest.health.records import file_findings, gap_findings, rate_findings, rejected_findings, sample_findings
-from auvid.stages.ingest.health.sensor_agreement import attitude_findings, depth_findings, inertial_findings, velocity_findings
-from auvid.stages.ingest.health.usability import capabilities, excitation, excitation_findings, verdict
-from auvid.stages.ingest.health.vehicle import actuation_findings, battery_findings, identity_findings, missing_findings, response_findings
+from auvid.stages.ingest.health.records import (
+    file_findings,
+    gap_findings,
+    rate_findings,
+    rejected_findings,
+    sample_findings,
+)
+from auvid.stages.ingest.health.sensor_agreement import (
+    attitude_findings,
+    depth_findings,
+    inertial_findings,
+    velocity_findings,
+)
+from auvid.stages.ingest.health.usability import (
+    capabilities,
+    excitation,
+    excitation_findings,
+    verdict,
+)
+from auvid.stages.ingest.health.vehicle import (
+    actuation_findings,
+    battery_findings,
+    identity_findings,
+    missing_findings,
+    response_findings,
+)
 from auvid.stages.ingest.multi_file import Part
 from auvid.stages.ingest.registry import MAPPINGS, reader_of
 from auvid.stages.ingest.rejection import clean
@@ -28,9 +53,15 @@ COMPARED = ("attitude", "depth", "velocity", "position")
 LEVELS: Mapping[str, Any] = {"error": "warning", "warning": "warning", "note": "note"}
 
 
-def other_sources(parts: Sequence[Part], forced: Mapping[str, str], *, set_us: int | None) -> list[OtherSource]:
-    """Every source of attitude, depth, velocity and position that the files hold, used or not, without unusable samples."""
-    return list(chain.from_iterable(_others(part, forced.get(part.file.name), set_us) for part in parts))
+def other_sources(
+    parts: Sequence[Part], forced: Mapping[str, str], *, set_us: int | None
+) -> list[OtherSource]:
+    """Every source of attitude, depth, velocity and position that the files hold, used
+    or not, without unusable samples.
+    """
+    return list(
+        chain.from_iterable(_others(part, forced.get(part.file.name), set_us) for part in parts)
+    )
 
 
 def _others(part: Part, forced: str | None, set_us: int | None) -> Iterator[OtherSource]:
@@ -42,7 +73,9 @@ def _others(part: Part, forced: str | None, set_us: int | None) -> Iterator[Othe
             yield item
             continue
         rows = item.columns["time_us"].size
-        stream, _ = clean(Stream(item.stream, item.columns, np.arange(rows), item.source), set_us=set_us)
+        stream, _ = clean(
+            Stream(item.stream, item.columns, np.arange(rows), item.source), set_us=set_us
+        )
         if len(stream):
             yield replace(item, columns=stream.columns)
 
@@ -55,9 +88,11 @@ def check_health(
     vehicle: Document | None = None,
     others: Sequence[OtherSource] = (),
 ) -> dict[str, Any]:
-    """The `health` document of one log from its streams, its `log_info`, what was rejected, and the other sources that it holds.
+    """The `health` document of one log from its streams, its `log_info`, what was
+    rejected, and the other sources that it holds.
 
-    The vehicle file, if there is one, says which outputs are thrusters and which barometer is in the water.
+    The vehicle file, if there is one, says which outputs are thrusters and which
+    barometer is in the water.
     """
     log = Recorded(tables, info, dropped, vehicle, others)
     excited = excitation(log)
@@ -100,7 +135,9 @@ def _findings(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> Iterat
 def ranked(findings: Iterator[Finding]) -> list[Finding]:
     """Findings by severity, within it in the order of the catalogue."""
     order = {name: place for place, name in enumerate(checks())}
-    return sorted(findings, key=lambda item: (SEVERITIES.index(item["severity"]), order[item["id"]]))
+    return sorted(
+        findings, key=lambda item: (SEVERITIES.index(item["severity"]), order[item["id"]])
+    )
 
 
 def _stream(log: Recorded, name: str) -> dict[str, Any]:
@@ -111,7 +148,11 @@ def _stream(log: Recorded, name: str) -> dict[str, Any]:
     return {
         "source": about["source"],
         "others": [item["source"] for item in others if item["status"] == "available"],
-        "refused": [item["source"] for item in others if item["status"] != "available" and not item["status"].startswith(absent)],
+        "refused": [
+            item["source"]
+            for item in others
+            if item["status"] != "available" and not item["status"].startswith(absent)
+        ],
         "rows": about["rows"],
         "rejected": about["rejected"],
         "rate_hz": None if clock is None or not math.isfinite(clock.rate_hz) else clock.rate_hz,
@@ -121,22 +162,55 @@ def _stream(log: Recorded, name: str) -> dict[str, Any]:
 
 
 FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators")
-"""Findings about streams that a force model needs, and a recording of the bench does not: its stages name what they miss."""
+"""Findings about streams that a force model needs, and a recording of the bench does
+not: its stages name what they miss.
+"""
 
 
 def health_blocks(document: Mapping[str, Any], *, force_model: bool = True) -> list[Block]:
-    """The health of a log in the report: findings by rank with threshold and remedy, what the log can be used for, excitation.
+    """The health of a log in the report: findings by rank with threshold and remedy,
+    what the log can be used for, excitation.
 
-    `force_model`: whether the campaign fits one; else what only concerns that is left out.
+    `force_model`: whether the campaign fits one; else what only concerns that is left
+    out.
     """
-    kept = [item for item in document["findings"] if force_model or item["id"] not in FORCE_MODEL_NEEDS]
+    kept = [
+        item for item in document["findings"] if force_model or item["id"] not in FORCE_MODEL_NEEDS
+    ]
     findings = [
-        [item["severity"], item["id"], item["text"], item["value"], item["threshold"], item["unit"], item["remedy"]] for item in kept
+        [
+            item["severity"],
+            item["id"],
+            item["text"],
+            item["value"],
+            item["threshold"],
+            item["unit"],
+            item["remedy"],
+        ]
+        for item in kept
     ]
     columns = ["severity", "finding", "what was measured", "value", "threshold", "unit", "remedy"]
-    uses = [[item["name"], "yes" if item["possible"] else "no", item["reason"]] for item in document["capabilities"]]
-    blocks = [remark(item["text"], LEVELS[item["severity"]]) for item in kept if item["severity"] == "error"]
-    blocks.append(table("Findings", columns, findings, note="docs/checks.md explains each finding and its threshold."))
+    uses = [
+        [item["name"], "yes" if item["possible"] else "no", item["reason"]]
+        for item in document["capabilities"]
+    ]
+    blocks = [
+        remark(item["text"], LEVELS[item["severity"]])
+        for item in kept
+        if item["severity"] == "error"
+    ]
+    blocks.append(
+        table(
+            "Findings",
+            columns,
+            findings,
+            note="docs/checks.md explains each finding and its threshold.",
+        )
+    )
     if not force_model:
         return blocks
-    return [remark(document["verdict"], "finding"), *blocks, table("What the log can be used for", ["stage", "possible", "why"], uses)]
+    return [
+        remark(document["verdict"], "finding"),
+        *blocks,
+        table("What the log can be used for", ["stage", "possible", "why"], uses),
+    ]

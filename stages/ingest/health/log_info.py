@@ -1,4 +1,6 @@
-"""What a log is: the account of its bytes, its streams with rates and gaps, the table of what was rejected, and the report section."""
+"""What a log is: the account of its bytes, its streams with rates and gaps, the table
+of what was rejected, and the report section.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
@@ -20,7 +23,9 @@ from auvid.stages.ingest.streams.mapping import Stream
 from auvid.stages.presentation import Block, remark, section, table
 
 ORDER = 90
-"""Behind what was found: losses and faults are warnings, which stand on the first screen."""
+"""Behind what was found: losses and faults are warnings, which stand on the first
+screen.
+"""
 ON_CHANGE = ("mode", "events")
 STATUS = ("complete", "truncated", "damaged")
 FIRMWARE = re.compile(r"^(Ardu\w+|PX4|APM:\w+) ?V?\d")
@@ -43,7 +48,9 @@ def log_info(
     notes += [note for stream in streams.values() for note in stream.notes]
     if set_us is not None:
         notes.append("the clock of the log was set while it ran; samples before that are rejected")
-    stream_info = {name: describe(stream, rejected, gap_s=gap_s) for name, stream in streams.items()}
+    stream_info = {
+        name: describe(stream, rejected, gap_s=gap_s) for name, stream in streams.items()
+    }
     texts = sorted(text for part in parts for text in part.log.texts)
     return {
         "log": log.id,
@@ -51,10 +58,18 @@ def log_info(
         "status": max((part.log.status for part in parts), key=STATUS.index),
         "start_us": _start_us(parts, streams, set_us, notes),
         "end_us": max(item["end_us"] for item in stream_info.values()),
-        "utc_offset_us": next((part.utc_offset_us for part in parts if part.utc_offset_us is not None), None),
+        "utc_offset_us": next(
+            (part.utc_offset_us for part in parts if part.utc_offset_us is not None), None
+        ),
         "vehicle": next((text for _, text in texts if FIRMWARE.match(text)), None),
-        "parameters": {key: value if math.isfinite(value) else None for part in parts for key, value in part.log.parameters.items()},
-        "accelerometer": next((part.accelerometer for part in parts if part.accelerometer is not None), None),
+        "parameters": {
+            key: value if math.isfinite(value) else None
+            for part in parts
+            for key, value in part.log.parameters.items()
+        },
+        "accelerometer": next(
+            (part.accelerometer for part in parts if part.accelerometer is not None), None
+        ),
         "streams": stream_info,
         "counts": {name: count for part in parts for name, count in part.log.counts.items()},
         "notes": notes,
@@ -69,14 +84,21 @@ def _file(part: Part) -> dict[str, Any]:
         "size_bytes": account.size,
         "record_bytes": account.record_bytes,
         "definition_bytes": account.definition_bytes,
-        "skipped": [{"reason": item.reason, "bytes": item.bytes, "count": item.count} for item in account.skipped],
+        "skipped": [
+            {"reason": item.reason, "bytes": item.bytes, "count": item.count}
+            for item in account.skipped
+        ],
         "status": part.log.status,
         "seconds_lost": part.log.seconds_lost,
     }
 
 
-def _start_us(parts: Sequence[Part], streams: Mapping[str, Stream], set_us: int | None, notes: list[str]) -> int:
-    """The time from which legs count: declared by a column map, else of the first time-stamped record, if that can be believed."""
+def _start_us(
+    parts: Sequence[Part], streams: Mapping[str, Stream], set_us: int | None, notes: list[str]
+) -> int:
+    """The time from which legs count: declared by a column map, else of the first
+    time-stamped record, if that can be believed.
+    """
     declared = [part.start_us for part in parts if part.start_us is not None]
     if declared:
         return min(declared)
@@ -87,7 +109,10 @@ def _start_us(parts: Sequence[Part], streams: Mapping[str, Stream], set_us: int 
     if not first or min(first) > earliest:
         return earliest
     if earliest - min(first) > LATEST_START_S * 1e6:
-        notes.append(f"the first time stamp lies {(earliest - min(first)) / 1e6:.0f} s before the first sample and is not believed")
+        notes.append(
+            f"the first time stamp lies {(earliest - min(first)) / 1e6:.0f} s before the first"
+            " sample and is not believed"
+        )
         return earliest
     return min(first)
 
@@ -117,36 +142,71 @@ def _rate_hz(t_s: npt.NDArray[np.float64]) -> float | None:
 
 
 def dropped_table(parts: Sequence[Part], rejected: Sequence[Rejected]) -> pa.Table:
-    """The `dropped` table: bytes that gave no record (by file), and samples that were rejected (by stream)."""
+    """The `dropped` table: bytes that gave no record (by file), and samples that were
+    rejected (by stream).
+    """
     rows = [
         (part.file.name, item.reason, item.count, item.bytes, item.first_offset, item.last_offset)
         for part in parts
         for item in part.log.account.skipped
     ]
-    rows += [(item.stream, item.reason, item.count, None, item.first, item.last) for item in rejected]  # type: ignore[misc]
+    rows += [
+        (item.stream, item.reason, item.count, None, item.first, item.last) for item in rejected
+    ]  # type: ignore[misc]
     names = ("stream", "reason", "count", "bytes", "first", "last")
-    return make_table("dropped", {name: [row[index] for row in rows] for index, name in enumerate(names)})
+    return make_table(
+        "dropped", {name: [row[index] for row in rows] for index, name in enumerate(names)}
+    )
 
 
-def report_section(info: Mapping[str, Any], rejected: Sequence[Rejected], found: Sequence[Block] = ()) -> dict[str, Any]:
-    """The log in the report: files with the account of their bytes, streams with source, rate and gaps, what was rejected and found."""
+def report_section(
+    info: Mapping[str, Any], rejected: Sequence[Rejected], found: Sequence[Block] = ()
+) -> dict[str, Any]:
+    """The log in the report: files with the account of their bytes, streams with
+    source, rate and gaps, what was rejected and found.
+    """
     files = [_file_row(item) for item in info["files"]]
     streams = [_stream_row(name, item, info["start_us"]) for name, item in info["streams"].items()]
     blocks = [
-        table("Files", ["file", "format", ("size", "bytes"), ("skipped", "bytes"), "status", ("lost", "s")], files),
+        table(
+            "Files",
+            ["file", "format", ("size", "bytes"), ("skipped", "bytes"), "status", ("lost", "s")],
+            files,
+        ),
         table(
             "Streams",
-            ["stream", "source", "samples", ("rate", "Hz"), ("from", "s"), ("to", "s"), ("longest gap", "s"), "rejected"],
+            [
+                "stream",
+                "source",
+                "samples",
+                ("rate", "Hz"),
+                ("from", "s"),
+                ("to", "s"),
+                ("longest gap", "s"),
+                "rejected",
+            ],
             streams,
-            note="Seconds count from the first time-stamped record of the log. The rate is the mean without pauses.",
+            note=(
+                "Seconds count from the first time-stamped record of the log. The rate is the mean"
+                " without pauses."
+            ),
         ),
     ]
     if rejected:
         blocks.append(
-            table("Rejected samples", ["stream", "reason", "count"], [[item.stream, item.reason, item.count] for item in rejected])
+            table(
+                "Rejected samples",
+                ["stream", "reason", "count"],
+                [[item.stream, item.reason, item.count] for item in rejected],
+            )
         )
     if info["status"] != "complete":
-        blocks.append(remark(f"The log is {info['status']}: the table of files says how much was lost.", "warning"))
+        blocks.append(
+            remark(
+                f"The log is {info['status']}: the table of files says how much was lost.",
+                "warning",
+            )
+        )
     blocks += [*found, *(remark(note) for note in info["notes"])]
     return section(
         f"Health of log {info['log']}",
@@ -162,12 +222,26 @@ def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
     for stream in (name for name in SHOWN if name in tables):
         units: dict[str, list[str]] = {}
         for item in schema(stream).columns.values():
-            if item.unit and item.name != schema(stream).clock and item.name in tables[stream].column_names:
+            if (
+                item.unit
+                and item.name != schema(stream).clock
+                and item.name in tables[stream].column_names
+            ):
                 units.setdefault(item.unit, []).append(item.name)
         for unit, columns in units.items():
-            entity = f"raw/{stream}" if len(units) == 1 else f"raw/{stream}/{unit.replace('/', '_').replace('^', '')}"
+            entity = (
+                f"raw/{stream}"
+                if len(units) == 1
+                else f"raw/{stream}/{unit.replace('/', '_').replace('^', '')}"
+            )
             groups.append(
-                {"entity": entity, "table": stream, "columns": columns, "names": columns, "roles": ["raw"] * len(columns)}
+                {
+                    "entity": entity,
+                    "table": stream,
+                    "columns": columns,
+                    "names": columns,
+                    "roles": ["raw"] * len(columns),
+                }
                 | {"tab": "Logs", "unit": unit}
             )
     return {"groups": groups}
@@ -175,9 +249,24 @@ def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
 
 def _file_row(item: Mapping[str, Any]) -> list[Any]:
     skipped = sum(part["bytes"] for part in item["skipped"])
-    return [item["name"], item["format"], item["size_bytes"], skipped, item["status"], item["seconds_lost"]]
+    return [
+        item["name"],
+        item["format"],
+        item["size_bytes"],
+        skipped,
+        item["status"],
+        item["seconds_lost"],
+    ]
 
 
 def _stream_row(name: str, item: Mapping[str, Any], start_us: int) -> list[Any]:
     span = [(item[key] - start_us) / 1e6 for key in ("start_us", "end_us")]
-    return [name, item["source"], item["rows"], item["rate_hz"], *span, item["longest_gap_s"], item["rejected"]]
+    return [
+        name,
+        item["source"],
+        item["rows"],
+        item["rate_hz"],
+        *span,
+        item["longest_gap_s"],
+        item["rejected"],
+    ]

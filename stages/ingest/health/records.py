@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
+
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.identification.signals.signal_checks import clock_statistics, flat_top, repeats
 from auvid.stages.ingest.health.finding import (
@@ -31,12 +32,22 @@ LEAPS = re.compile(r"(\d+) times? in all|(\d+) time\(s\) in all")
 STRAY_NOTE = re.compile(r"^(\d+) time stamp\(s\) of .* stray")
 GAP_STEPS = 3.0
 """A pause is a gap of a slow sensor only from this many steps on."""
-MOTION = {"imu": GYRO, "attitude": ATTITUDE, "velocity": VELOCITY, "position": POSITION, "depth": ("depth_m",)}
+MOTION = {
+    "imu": GYRO,
+    "attitude": ATTITUDE,
+    "velocity": VELOCITY,
+    "position": POSITION,
+    "depth": ("depth_m",),
+}
 STEADY = (*MOTION, "actuators")
 LEAPING = 4.0
-"""Median step in smallest steps: below it a signal repeats because it hardly moves by more than its resolution."""
+"""Median step in smallest steps: below it a signal repeats because it hardly moves by
+more than its resolution.
+"""
 DEPTH_FACTOR = 10.0
-"""Depth comes in steps of millimetres to centimetres, so the same value for a while is nothing odd."""
+"""Depth comes in steps of millimetres to centimetres, so the same value for a while is
+nothing odd.
+"""
 FEWEST_LIVE = 20
 SMALLEST_CLIPPED_RAD_S = 1.0
 
@@ -48,14 +59,30 @@ def file_findings(log: Recorded) -> Iterator[Finding]:
         count = sum(part["bytes"] for part in lost)
         if item["status"] == "complete":
             continue
-        reasons = "; ".join(f"{part['reason']}: {part['bytes']} bytes in {counted(part['count'], 'place')}" for part in lost)
-        seconds = f", about {item['seconds_lost']:.1f} s of recording lost" if item["seconds_lost"] else ""
-        text = f"{item['name']} is {item['status']}: {count} of {item['size_bytes']} bytes gave no record{seconds} ({reasons or 'no end'})."
-        yield finding("file_damaged" if item["status"] == "damaged" else "file_truncated", text, value=count)
+        reasons = "; ".join(
+            f"{part['reason']}: {part['bytes']} bytes in {counted(part['count'], 'place')}"
+            for part in lost
+        )
+        seconds = (
+            f", about {item['seconds_lost']:.1f} s of recording lost"
+            if item["seconds_lost"]
+            else ""
+        )
+        text = (
+            f"{item['name']} is {item['status']}: {count} of {item['size_bytes']} bytes gave no"
+            f" record{seconds} ({reasons or 'no end'})."
+        )
+        yield finding(
+            "file_damaged" if item["status"] == "damaged" else "file_truncated", text, value=count
+        )
     leaps = [note for note in log.info["notes"] if CLOCK_NOTE.search(note)]
     if leaps:
         found = [LEAPS.search(note) for note in leaps]
-        yield finding("clock_leap", leaps[0], value=max(int(item[1] or item[2]) if item else 1 for item in found))
+        yield finding(
+            "clock_leap",
+            leaps[0],
+            value=max(int(item[1] or item[2]) if item else 1 for item in found),
+        )
     for note in log.info["notes"]:
         stray = STRAY_NOTE.match(note)
         if stray:
@@ -73,7 +100,12 @@ def rejected_findings(log: Recorded) -> Iterator[Finding]:
         if share > limit("rejected_samples"):
             name = "most_rejected" if share > limit("most_rejected") else "rejected_samples"
             reasons = ", ".join(f"{row['reason']}: {row['count']}" for row in lost)
-            yield finding(name, f"{percent(share)} of the samples of {stream} cannot be used ({reasons}).", stream=stream, value=share)
+            yield finding(
+                name,
+                f"{percent(share)} of the samples of {stream} cannot be used ({reasons}).",
+                stream=stream,
+                value=share,
+            )
 
 
 def gap_findings(log: Recorded) -> Iterator[Finding]:
@@ -85,15 +117,28 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
             continue
         least = max(limit("gap"), GAP_STEPS / clock.rate_hz)
         if clock.longest_s > least:
-            found.append((stream, int(np.count_nonzero(np.diff(log.t_s(stream)) > least)), clock.longest_s, clock.longest_at_s))
+            found.append(
+                (
+                    stream,
+                    int(np.count_nonzero(np.diff(log.t_s(stream)) > least)),
+                    clock.longest_s,
+                    clock.longest_at_s,
+                )
+            )
     if not found:
         return
     _, _, longest, at = max(found, key=lambda item: item[2])
-    shared = [item for item in found if abs(item[3] - at) < 1.0 + 0.1 * longest and item[2] > 0.5 * longest]
+    shared = [
+        item
+        for item in found
+        if abs(item[3] - at) < 1.0 + 0.1 * longest and item[2] > 0.5 * longest
+    ]
     names = [item[0] for item in shared]
     each = {item[1] for item in shared}
     where = (
-        f"{counted(each.pop(), 'gap')} in {listed(names)}" if len(each) == 1 else f"Gaps in {listed([f'{a} ({n})' for a, n, *_ in shared])}"
+        f"{counted(each.pop(), 'gap')} in {listed(names)}"
+        if len(each) == 1
+        else f"Gaps in {listed([f'{a} ({n})' for a, n, *_ in shared])}"
     )
     text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start."
     yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest, at_s=at)
@@ -102,7 +147,9 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
         said = [f"{name} ({number}, up to {longest:.1f} s)" for name, number, longest, _ in rest]
         largest = max(rest, key=lambda item: item[2])
         only = rest[0][0] if len(rest) == 1 else None
-        yield finding("gap", f"Gaps in {listed(said)}.", stream=only, value=largest[2], at_s=largest[3])
+        yield finding(
+            "gap", f"Gaps in {listed(said)}.", stream=only, value=largest[2], at_s=largest[3]
+        )
 
 
 def rate_findings(log: Recorded) -> Iterator[Finding]:
@@ -117,7 +164,10 @@ def rate_findings(log: Recorded) -> Iterator[Finding]:
         if stream in ("imu", "attitude", "velocity") and clock.rate_hz < limit("low_rate"):
             yield finding("low_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
         if stream in STEADY and clock.relative_jitter > limit("irregular_rate"):
-            text = f"The steps of {stream} ({log.source(stream)}) scatter by {number(clock.relative_jitter)} times their median."
+            text = (
+                f"The steps of {stream} ({log.source(stream)}) scatter by"
+                f" {number(clock.relative_jitter)} times their median."
+            )
             yield finding("irregular_rate", text, stream=stream, value=clock.relative_jitter)
 
 
@@ -128,14 +178,23 @@ def sample_findings(log: Recorded) -> Iterator[Finding]:
             yield from _live(log, stream, names)
     accelerometer = log.accelerometer()
     if accelerometer is not None:
-        yield from _constant_findings("imu", ACCELEROMETER, accelerometer, _constant(ACCELEROMETER, accelerometer))
+        yield from _constant_findings(
+            "imu", ACCELEROMETER, accelerometer, _constant(ACCELEROMETER, accelerometer)
+        )
     if log.has("imu"):
         rates = log.values("imu", GYRO)
-        clipped = [flat_top(axis) if np.abs(axis).max() > SMALLEST_CLIPPED_RAD_S else 0 for axis in rates.T]
+        clipped = [
+            flat_top(axis) if np.abs(axis).max() > SMALLEST_CLIPPED_RAD_S else 0 for axis in rates.T
+        ]
         worst = int(np.argmax(clipped))
-        if clipped[worst] > limit("gyro_saturated") and repeats(rates).share < limit("held_samples"):
+        if clipped[worst] > limit("gyro_saturated") and repeats(rates).share < limit(
+            "held_samples"
+        ):
             top = float(np.abs(rates[:, worst]).max())
-            text = f"Gyro {'xyz'[worst]} stands at its extreme of {number(top)} rad/s in {clipped[worst]} samples."
+            text = (
+                f"Gyro {'xyz'[worst]} stands at its extreme of {number(top)} rad/s in"
+                f" {clipped[worst]} samples."
+            )
             yield finding("gyro_saturated", text, stream="imu", value=clipped[worst])
 
 
@@ -151,7 +210,10 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
     longest = limit("stuck_sensor") * (DEPTH_FACTOR if stream == "depth" else 1.0)
     stuck = run_s > longest and same.run_count >= FEWEST_LIVE and same.leap > LEAPING
     if stuck:
-        text = f"{stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s from {t_s[same.run_start]:.1f} s on."
+        text = (
+            f"{stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s from"
+            f" {t_s[same.run_start]:.1f} s on."
+        )
         yield finding("stuck_sensor", text, stream=stream, value=run_s)
     if stream != "depth":
         moving = np.delete(values, slice(same.run_start, last), axis=0) if stuck else values
@@ -159,8 +221,9 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
         if share > limit("held_samples") and same.leap > LEAPING:
             rate = float(1.0 / np.median(np.diff(t_s)))
             text = (
-                f"{percent(share)} of the samples of {stream} ({log.source(stream)}) repeat the one before: "
-                f"written at {number(rate)} Hz, new values come at {number(rate * (1.0 - share))} Hz."
+                f"{percent(share)} of the samples of {stream} ({log.source(stream)}) repeat the one"
+                f" before: written at {number(rate)} Hz, new values come at"
+                f" {number(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
 
@@ -168,11 +231,22 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
 def _constant(names: tuple[str, ...], values: Array) -> list[int]:
     """Indexes of the columns that never change."""
     live = [values[np.isfinite(values[:, index]), index] for index in range(len(names))]
-    return [index for index, column in enumerate(live) if column.size >= FEWEST_LIVE and np.ptp(column) == 0.0]
+    return [
+        index
+        for index, column in enumerate(live)
+        if column.size >= FEWEST_LIVE and np.ptp(column) == 0.0
+    ]
 
 
-def _constant_findings(stream: str, names: tuple[str, ...], values: Array, still: list[int]) -> Iterator[Finding]:
+def _constant_findings(
+    stream: str, names: tuple[str, ...], values: Array, still: list[int]
+) -> Iterator[Finding]:
     if still:
         level = float(np.nanmax(values[:, still[0]]))
         said = [f"{names[index]} = {number(float(np.nanmax(values[:, index])))}" for index in still]
-        yield finding("constant_signal", f"Constant in all {len(values)} samples of {stream}: {listed(said)}.", stream=stream, value=level)
+        yield finding(
+            "constant_signal",
+            f"Constant in all {len(values)} samples of {stream}: {listed(said)}.",
+            stream=stream,
+            value=level,
+        )

@@ -1,4 +1,6 @@
-"""Checks of sensors against each other: gyro, accelerometer, attitudes, depths and velocity."""
+"""Checks of sensors against each other: gyro, accelerometer, attitudes, depths and
+velocity.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
+
 from auvid.hydro.identification.signals.signal_checks import (
     Following,
     RateAgreement,
@@ -15,19 +18,37 @@ from auvid.hydro.identification.signals.signal_checks import (
     gravity,
     rate_agreement,
 )
-from auvid.stages.ingest.health.finding import ATTITUDE, GYRO, VELOCITY, Array, Finding, Recorded, counted, finding, limit, listed, number
+from auvid.stages.ingest.health.finding import (
+    ATTITUDE,
+    GYRO,
+    VELOCITY,
+    Array,
+    Finding,
+    Recorded,
+    counted,
+    finding,
+    limit,
+    listed,
+    number,
+)
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 SMALLEST_TURN_RAD_S = 0.03
-"""Standard deviation of a body rate below which the rounding of the attitude decides and nothing is compared."""
+"""Standard deviation of a body rate below which the rounding of the attitude decides
+and nothing is compared.
+"""
 SMALLEST_MOVE_M_S = 0.03
 GRAVITY_M_S2 = 9.81
 UNITS_PER_MS2 = {"specific_force": GRAVITY_M_S2, "inertial": 0.0, "derivative": 0.0}
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
-ESTIMATED = re.compile(r"estimate of the navigation filter|relative altitude of the navigation filter")
+ESTIMATED = re.compile(
+    r"estimate of the navigation filter|relative altitude of the navigation filter"
+)
 AXES = "xyz"
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
-"""Where the gyro itself is wrong, turns that it does not show are no jumps of the attitude."""
+"""Where the gyro itself is wrong, turns that it does not show are no jumps of the
+attitude.
+"""
 RATES = ("roll", "pitch", "yaw")
 SPEEDS = ("surge", "sway", "heave")
 RATE_S = 1.0
@@ -48,17 +69,29 @@ def inertial_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def _gyro(log: Recorded) -> Iterator[Finding]:
-    found = rate_agreement(log.t_s("attitude"), log.values("attitude", ATTITUDE), log.t_s("imu"), log.values("imu", GYRO))
+    found = rate_agreement(
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        log.t_s("imu"),
+        log.values("imu", GYRO),
+    )
     if found is None:
         return
     compared = list(_axes(found))
     yield from compared
     if found.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
         text = (
-            f"The attitude ({log.source('attitude')}) jumps {counted(found.jumps, 'time')} without the gyro, "
-            f"by up to {math.degrees(found.largest_jump):.0f} degrees (at {found.jump_at_s:.1f} s)."
+            f"The attitude ({log.source('attitude')}) jumps {counted(found.jumps, 'time')} without"
+            f" the gyro, by up to {math.degrees(found.largest_jump):.0f} degrees (at"
+            f" {found.jump_at_s:.1f} s)."
         )
-        yield finding("attitude_jumps", text, stream="attitude", value=math.degrees(found.largest_jump), at_s=found.jump_at_s)
+        yield finding(
+            "attitude_jumps",
+            text,
+            stream="attitude",
+            value=math.degrees(found.largest_jump),
+            at_s=found.jump_at_s,
+        )
 
 
 def _axes(found: RateAgreement) -> Iterator[Finding]:
@@ -66,45 +99,81 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
     moved = [axis for axis in range(3) if found.std[axis] >= SMALLEST_TURN_RAD_S]
     largest = int(np.argmax(np.abs(found.bias)))
     if abs(found.bias[largest]) > limit("gyro_bias"):
-        text = f"Gyro {AXES[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude turns (median)."
+        text = (
+            f"Gyro {AXES[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
+            " turns (median)."
+        )
         yield finding("gyro_bias", text, stream="imu", value=float(abs(found.bias[largest])))
     agreeing = []
     for axis in moved:
         own = float(found.correlation[axis, axis])
         best = int(np.argmax(np.abs(found.correlation[axis])))
         if own < limit("gyro_sign"):
-            text = f"Gyro {AXES[axis]} turns against {RATES[axis]} of the attitude (correlation {own:.2f})."
+            text = (
+                f"Gyro {AXES[axis]} turns against {RATES[axis]} of the attitude (correlation"
+                f" {own:.2f})."
+            )
             yield finding("gyro_sign", text, stream="imu", value=own)
-        elif best != axis and abs(found.correlation[axis, best]) > max(limit("gyro_axes"), abs(own) + 0.3):
-            text = f"{RATES[axis].capitalize()} of the attitude is followed by gyro {AXES[best]} and not by gyro {AXES[axis]}."
-            yield finding("gyro_axes", text, stream="imu", value=float(abs(found.correlation[axis, best])))
+        elif best != axis and abs(found.correlation[axis, best]) > max(
+            limit("gyro_axes"), abs(own) + 0.3
+        ):
+            text = (
+                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {AXES[best]} and"
+                f" not by gyro {AXES[axis]}."
+            )
+            yield finding(
+                "gyro_axes", text, stream="imu", value=float(abs(found.correlation[axis, best]))
+            )
         elif own < limit("gyro_disagrees"):
-            text = f"Gyro {AXES[axis]} and {RATES[axis]} of the attitude hardly agree (correlation {own:.2f})."
+            text = (
+                f"Gyro {AXES[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
+                f" {own:.2f})."
+            )
             yield finding("gyro_disagrees", text, stream="imu", value=own)
         else:
             agreeing.append(axis)
             off = float(found.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
-                text = f"Gyro {AXES[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of the attitude."
+                text = (
+                    f"Gyro {AXES[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
+                    " the attitude."
+                )
                 yield finding("gyro_scale", text, stream="imu", value=off)
     if agreeing and abs(found.lag_s) > limit("gyro_lag"):
         late, early = ("gyro", "attitude") if found.lag_s > 0.0 else ("attitude", "gyro")
-        yield finding("gyro_lag", f"The {late} comes {abs(found.lag_s):.2f} s after the {early}.", stream="imu", value=abs(found.lag_s))
+        yield finding(
+            "gyro_lag",
+            f"The {late} comes {abs(found.lag_s):.2f} s after the {early}.",
+            stream="imu",
+            value=abs(found.lag_s),
+        )
 
 
 def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
-    attitude = (log.t_s("attitude"), log.values("attitude", ATTITUDE)) if log.has("attitude") else (None, None)
+    attitude = (
+        (log.t_s("attitude"), log.values("attitude", ATTITUDE))
+        if log.has("attitude")
+        else (None, None)
+    )
     found = gravity(log.t_s("imu"), accelerometer, *attitude)
     if found is None:
         return
     size = found.magnitude
-    said = log.info["accelerometer"] or ((log.vehicle or {}).get("sensors") or {}).get("imu", {}).get("accelerometer")
+    said = log.info["accelerometer"] or ((log.vehicle or {}).get("sensors") or {}).get(
+        "imu", {}
+    ).get("accelerometer")
     if abs(size - 1.0) < limit("accelerometer_unit"):
-        text = f"The accelerometer reads {size:.3f} (median length) and not {GRAVITY_M_S2}: it is in g."
+        text = (
+            f"The accelerometer reads {size:.3f} (median length) and not {GRAVITY_M_S2}: it is"
+            " in g."
+        )
         yield finding("accelerometer_unit", text, stream="imu", value=size)
     elif abs(size - UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)) > limit("accelerometer_convention"):
         expected = UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)
-        text = f"The accelerometer reads {size:.2f} m/s^2 (median length); {said or 'specific_force'} at rest is {expected:g}."
+        text = (
+            f"The accelerometer reads {size:.2f} m/s^2 (median length); {said or 'specific_force'}"
+            f" at rest is {expected:g}."
+        )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > GRAVITY_M_S2 / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         yield from _direction(log, accelerometer, found.angle)
@@ -113,10 +182,20 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
 def _direction(log: Recorded, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
     if angle is not None and math.degrees(angle) > limit("accelerometer_direction"):
         degrees = math.degrees(angle)
-        text = f"The accelerometer points {degrees:.0f} degrees (median) away from where the attitude has gravity."
+        text = (
+            f"The accelerometer points {degrees:.0f} degrees (median) away from where the attitude"
+            " has gravity."
+        )
         yield finding("accelerometer_direction", text, stream="imu", value=degrees)
-    elif angle is None and float(np.nanmedian(accelerometer[:, 2])) > np.nanmedian(np.linalg.norm(accelerometer, axis=1)) / 2.0:
-        text = "The accelerometer's z is positive: an upright vehicle shows -9.81 m/s^2 in z, which points down."
+    elif (
+        angle is None
+        and float(np.nanmedian(accelerometer[:, 2]))
+        > np.nanmedian(np.linalg.norm(accelerometer, axis=1)) / 2.0
+    ):
+        text = (
+            "The accelerometer's z is positive: an upright vehicle shows -9.81 m/s^2 in z, which"
+            " points down."
+        )
         yield finding("accelerometer_direction", text, stream="imu", value=180.0)
 
 
@@ -129,20 +208,38 @@ def attitude_findings(log: Recorded) -> Iterator[Finding]:
     for other in _comparable(log, "attitude"):
         assert other.columns is not None
         angles = np.stack([other.columns[name] for name in ATTITUDE], axis=1)
-        found = attitude_difference(log.t_s("attitude"), log.values("attitude", ATTITUDE), log.seconds(other.columns["time_us"]), angles)
+        found = attitude_difference(
+            log.t_s("attitude"),
+            log.values("attitude", ATTITUDE),
+            log.seconds(other.columns["time_us"]),
+            angles,
+        )
         if found is not None and math.degrees(found.angle) > limit("attitude_disagrees"):
-            off.append((math.degrees(found.angle), other.source, math.degrees(found.heading), math.degrees(found.tilt)))
+            off.append(
+                (
+                    math.degrees(found.angle),
+                    other.source,
+                    math.degrees(found.heading),
+                    math.degrees(found.tilt),
+                )
+            )
     if off:
         sources = [f"{name} by {angle:.0f} degrees" for angle, name, _, _ in off]
         angle, _, heading, tilt = max(off)
         where = f"heading {heading:.0f}, tilt {tilt:.0f} degrees"
-        text = f"Attitudes disagree: {used}, which is used, and {listed(sources)} (median; {where})."
+        text = (
+            f"Attitudes disagree: {used}, which is used, and {listed(sources)} (median; {where})."
+        )
         yield finding("attitude_disagrees", text, stream="attitude", value=angle)
 
 
 def _comparable(log: Recorded, stream: str) -> list[OtherSource]:
     used = log.source(stream)
-    return [other for other in log.others if other.stream == stream and other.source != used and other.columns is not None]
+    return [
+        other
+        for other in log.others
+        if other.stream == stream and other.source != used and other.columns is not None
+    ]
 
 
 def depth_findings(log: Recorded) -> Iterator[Finding]:
@@ -152,7 +249,9 @@ def depth_findings(log: Recorded) -> Iterator[Finding]:
     depth, t_s = log.column("depth", "depth_m"), log.t_s("depth")
     level = float(np.median(depth))
     if level < limit("depth_above_water"):
-        yield finding("depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level)
+        yield finding(
+            "depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level
+        )
     if any(note.startswith("depth") and ESTIMATED.search(note) for note in log.info["notes"]):
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
@@ -173,17 +272,32 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
         own = _spread(values)
         pressures = BAROMETER.match(other.source) and (BAROMETER.match(used) or used == "CTUN")
         if pressures and log.under_water is not False and _in_housing(found, own, moved):
-            named = log.vehicle is not None and "barometer_instance" in ((log.vehicle.get("sensors") or {}).get("depth") or {})
+            named = log.vehicle is not None and "barometer_instance" in (
+                (log.vehicle.get("sensors") or {}).get("depth") or {}
+            )
             reason = _choice(named, any(item.source == "CTUN" for item in others))
             text = (
-                f"{other.source} reads {_range(values)} while {used} reads {_range(depth)}: it sits in the housing. {used} is used{reason}."
+                f"{other.source} reads {_range(values)} while {used} reads {_range(depth)}: it sits"
+                f" in the housing. {used} is used{reason}."
             )
             yield finding("housing_barometer", text, stream="depth", value=own)
-        elif moved > limit("housing_barometer") and found.correlation > 0.9 and _wrong_unit(found.scale):
-            text = f"{other.source} moves {number(found.scale)} times as much as {used}: the log declares a wrong unit for it."
+        elif (
+            moved > limit("housing_barometer")
+            and found.correlation > 0.9
+            and _wrong_unit(found.scale)
+        ):
+            text = (
+                f"{other.source} moves {number(found.scale)} times as much as {used}: the log"
+                " declares a wrong unit for it."
+            )
             yield finding("depth_unit", text, stream="depth", value=found.scale)
-        elif moved > limit("housing_barometer") and (abs(found.scale - 1.0) > limit("depth_disagrees") or found.correlation < 0.5):
-            text = f"{other.source} moves {number(found.scale)} times as much as {used} (correlation {found.correlation:.2f})."
+        elif moved > limit("housing_barometer") and (
+            abs(found.scale - 1.0) > limit("depth_disagrees") or found.correlation < 0.5
+        ):
+            text = (
+                f"{other.source} moves {number(found.scale)} times as much as {used} (correlation"
+                f" {found.correlation:.2f})."
+            )
             yield finding("depth_disagrees", text, stream="depth", value=abs(found.scale - 1.0))
 
 
@@ -194,20 +308,28 @@ def _range(values: Array) -> str:
 
 
 def _in_housing(found: Following, own: float, moved: float) -> bool:
-    """Whether a second barometer moves on its own: much more than a depth that hardly moves, or unlike one that does."""
+    """Whether a second barometer moves on its own: much more than a depth that hardly
+    moves, or unlike one that does.
+    """
     if moved < limit("housing_barometer"):
         return own > moved + limit("housing_barometer")
     return abs(found.scale - 1.0) > 0.5 or found.correlation < 0.5
 
 
 def _wrong_unit(scale: float) -> bool:
-    return any(abs(scale / factor - 1.0) < 0.1 for factor in (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0))
+    return any(
+        abs(scale / factor - 1.0) < 0.1 for factor in (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)
+    )
 
 
 def _choice(named: bool, controller: bool) -> str:
     if named:
         return ", because the vehicle file names it"
-    return ", because it agrees with the vehicle's own depth (CTUN)" if controller else ", because it saw the larger pressures"
+    return (
+        ", because it agrees with the vehicle's own depth (CTUN)"
+        if controller
+        else ", because it saw the larger pressures"
+    )
 
 
 def _spread(values: Array) -> float:
@@ -219,28 +341,44 @@ def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
     at, velocity = log.t_s("velocity"), log.values("velocity", VELOCITY)
     angles = log.values("attitude", ATTITUDE)
     phi, theta = (np.interp(at, log.t_s("attitude"), angles[:, axis]) for axis in range(2))
-    down = -np.sin(theta) * velocity[:, 0] + np.cos(theta) * (np.sin(phi) * velocity[:, 1] + np.cos(phi) * velocity[:, 2])
+    down = -np.sin(theta) * velocity[:, 0] + np.cos(theta) * (
+        np.sin(phi) * velocity[:, 1] + np.cos(phi) * velocity[:, 2]
+    )
     inside = (at > t_s[0] + RATE_S) & (at < t_s[-1] - RATE_S)
     if np.count_nonzero(inside) < 20:
         return
     at, down = at[inside], down[inside]
-    rate = (np.interp(at + RATE_S / 2.0, t_s, depth) - np.interp(at - RATE_S / 2.0, t_s, depth)) / RATE_S
+    rate = (
+        np.interp(at + RATE_S / 2.0, t_s, depth) - np.interp(at - RATE_S / 2.0, t_s, depth)
+    ) / RATE_S
     if min(float(rate.std()), float(down.std())) < SMALLEST_MOVE_M_S:
         return
     found = following(at, down, at, rate)
     if found is not None and found.correlation < limit("depth_sign"):
-        text = f"Depth goes up where the velocity ({log.source('velocity')}) goes down (correlation {found.correlation:.2f})."
+        text = (
+            f"Depth goes up where the velocity ({log.source('velocity')}) goes down (correlation"
+            f" {found.correlation:.2f})."
+        )
         yield finding("depth_sign", text, stream="depth", value=found.correlation)
 
 
 def velocity_findings(log: Recorded) -> Iterator[Finding]:
-    """A filter's velocity without aiding, a velocity that is an estimate, and velocities that move against each other."""
-    refused = [other for other in log.others if other.stream == "velocity" and other.refused is not None]
+    """A filter's velocity without aiding, a velocity that is an estimate, and
+    velocities that move against each other.
+    """
+    refused = [
+        other for other in log.others if other.stream == "velocity" and other.refused is not None
+    ]
     unaided = [other for other in refused if "navigation filter" in str(other.refused)]
     if unaided:
-        text = f"The velocity of {listed([item.source for item in unaided])} is not offered: {unaided[0].refused}."
+        text = (
+            f"The velocity of {listed([item.source for item in unaided])} is not offered:"
+            f" {unaided[0].refused}."
+        )
         yield finding("unaided_velocity", text, stream="velocity")
-    if log.has("velocity") and any(note.startswith("velocity") and ESTIMATED.search(note) for note in log.info["notes"]):
+    if log.has("velocity") and any(
+        note.startswith("velocity") and ESTIMATED.search(note) for note in log.info["notes"]
+    ):
         text = f"Velocity is the estimate of the navigation filter ({log.source('velocity')})."
         yield finding("estimated_velocity", text, stream="velocity")
     if log.has("velocity"):
@@ -261,5 +399,8 @@ def _other_velocities(log: Recorded) -> Iterator[Finding]:
             if found is not None and found.correlation < limit("velocity_disagrees"):
                 against.append((found.correlation, SPEEDS[axis]))
         if against:
-            text = f"{other.source} moves against {used} in {listed([name for _, name in against])} (correlation {min(against)[0]:.2f})."
+            text = (
+                f"{other.source} moves against {used} in {listed([name for _, name in against])}"
+                f" (correlation {min(against)[0]:.2f})."
+            )
             yield finding("velocity_disagrees", text, stream="velocity", value=min(against)[0])

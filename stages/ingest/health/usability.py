@@ -1,4 +1,6 @@
-"""What a log can be used for: excitation per axis, and which stages can run on it and why not."""
+"""What a log can be used for: excitation per axis, and which stages can run on it and
+why not.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
@@ -14,7 +17,9 @@ from auvid.stages.ingest.health.vehicle import AXES, activity, motions
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 SHORTEST_DRIVEN_S = 20.0
-"""A small vehicle needs one to three seconds to answer a command; ten answers are the least that tell drag from inertia."""
+"""A small vehicle needs one to three seconds to answer a command; ten answers are the
+least that tell drag from inertia.
+"""
 SHORTEST_S = 5.0
 """The default of stages.resample.min_segment_s."""
 FEWEST = 5
@@ -36,10 +41,14 @@ CAVEATS = {
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 
 
-def excitation(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> dict[str, dict[str, Any]]:
-    """Motion per axis u v w p q r within a window of seconds from the start of the log; null where nothing measures an axis.
+def excitation(
+    log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)
+) -> dict[str, dict[str, Any]]:
+    """Motion per axis u v w p q r within a window of seconds from the start of the log;
+    null where nothing measures an axis.
 
-    Without a velocity sensor heave is the rate of depth, which is the body's w only while it is level.
+    Without a velocity sensor heave is the rate of depth, which is the body's w only
+    while it is level.
     """
     found = motions(log)
     result = {}
@@ -55,14 +64,23 @@ def excitation(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -
         nu = np.zeros((values.size, 6))
         nu[:, column] = values
         item = axis_excitation(nu)[axis]
-        measured = {"rms": item.rms, "low": item.low, "high": item.high, "share_beyond": item.share_beyond}
+        measured = {
+            "rms": item.rms,
+            "low": item.low,
+            "high": item.high,
+            "share_beyond": item.share_beyond,
+        }
         result[axis] = {**measured, **about, "source": source, "excited": item.excited}
     return result
 
 
 def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     """Axes that are measured and hardly move."""
-    still = [(axis, item) for axis, item in excited.items() if item["rms"] is not None and not item["excited"]]
+    still = [
+        (axis, item)
+        for axis, item in excited.items()
+        if item["rms"] is not None and not item["excited"]
+    ]
     if still:
         said = [f"{AXES[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still]
         text = f"Hardly any motion in {listed(said)} (RMS; threshold {limit('not_excited'):g})."
@@ -80,11 +98,23 @@ def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> lis
     rows = [
         ("resample", resample, "attitude and depth"),
         ("fuse (kinematic)", kinematic, "velocity, gyro and depth"),
-        ("fuse (thesis)", integrating, "accelerometer, its bias found against the velocity; drifts on slow vehicles"),
-        ("fuse (smoother)", integrating, "accelerometer, velocity, gyro and depth, each at its own times"),
+        (
+            "fuse (thesis)",
+            integrating,
+            "accelerometer, its bias found against the velocity; drifts on slow vehicles",
+        ),
+        (
+            "fuse (smoother)",
+            integrating,
+            "accelerometer, velocity, gyro and depth, each at its own times",
+        ),
         ("residual", residual, "commands to forces through the vehicle file"),
     ]
-    short = None if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S else f"outputs act for {driven_s(log):.1f} s only"
+    short = (
+        None
+        if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S
+        else f"outputs act for {driven_s(log):.1f} s only"
+    )
     for axis, name in AXES.items():
         item = excited[axis]
         motion = short
@@ -110,20 +140,33 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
     """What a log can be used for, in one sentence."""
     possible = {item["name"]: item["possible"] for item in uses}
     reasons = {item["name"]: item["reason"] for item in uses}
-    axes = [name.removeprefix("synthesise ") for name in possible if name.startswith("synthesise ") and possible[name]]
+    axes = [
+        name.removeprefix("synthesise ")
+        for name in possible
+        if name.startswith("synthesise ") and possible[name]
+    ]
     if axes:
-        caveats = list(dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS))
-        return f"A force model can be fitted in {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
+        caveats = list(
+            dict.fromkeys(CAVEATS[item["id"]] for item in findings if item["id"] in CAVEATS)
+        )
+        return (
+            "A force model can be fitted in"
+            f" {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
+        )
     if not possible["residual"]:
         blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
         why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))
-        return f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
+        return (
+            f"No force model can be fitted: {'; '.join(item for item in why if item != NO_STATE)}."
+        )
     why = dict.fromkeys(reasons[name] for name in reasons if name.startswith("synthesise "))
     return f"No force model can be fitted: {'; '.join(why)}."
 
 
 def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
-    """Legs of a manifest in this log: span, time that all sensors cover in one piece, share of active outputs, RMS per axis."""
+    """Legs of a manifest in this log: span, time that all sensors cover in one piece,
+    share of active outputs, RMS per axis.
+    """
     length = (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
     moving = activity(log) if log.has("actuators") else None
     rows = []
@@ -131,7 +174,11 @@ def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
         start = float(entry.get("start_s") or 0.0)
         end = length if entry.get("end_s") is None else float(entry["end_s"])
         inside = start < min(end, length)
-        within = (log.t_s("actuators") >= start) & (log.t_s("actuators") <= end) if moving is not None else np.zeros(0, bool)
+        within = (
+            (log.t_s("actuators") >= start) & (log.t_s("actuators") <= end)
+            if moving is not None
+            else np.zeros(0, bool)
+        )
         active = float(np.mean(moving[within])) if moving is not None and within.any() else None
         excited = excitation(log, (start, end)) if inside else {}
         rows.append(
@@ -160,17 +207,27 @@ def _resample(log: Recorded) -> str | None:
     if missing is not None:
         return missing
     longest = longest_common_s(log)
-    return None if longest >= SHORTEST_S else f"all sensors together cover {longest:.1f} s at most, {SHORTEST_S:g} s are needed"
+    return (
+        None
+        if longest >= SHORTEST_S
+        else f"all sensors together cover {longest:.1f} s at most, {SHORTEST_S:g} s are needed"
+    )
 
 
 def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
-    """The longest time within a window that all motion sensors and commands cover without a gap [s]."""
+    """The longest time within a window that all motion sensors and commands cover
+    without a gap [s].
+    """
     spans = [window]
     for stream in COVERING:
         if not log.has(stream):
             continue
         t_s = log.t_s(stream)
-        own = [(float(t_s[a]), float(t_s[b - 1])) for a, b in gaps(t_s, limit("gap")) if b - a >= FEWEST]
+        own = [
+            (float(t_s[a]), float(t_s[b - 1]))
+            for a, b in gaps(t_s, limit("gap"))
+            if b - a >= FEWEST
+        ]
         spans = [(max(a, c), min(b, d)) for a, b in spans for c, d in own if min(b, d) > max(a, c)]
     return max((end - start for start, end in spans), default=0.0)
 

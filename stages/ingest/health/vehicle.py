@@ -1,4 +1,6 @@
-"""Checks of what the vehicle did and what it is: arming, outputs, battery, response to commands, firmware, other vehicles."""
+"""Checks of what the vehicle did and what it is: arming, outputs, battery, response to
+commands, firmware, other vehicles.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,19 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.hydro.identification.signals.signal_checks import clock_statistics, response_lag
-from auvid.stages.ingest.health.finding import GYRO, VELOCITY, Array, Finding, Recorded, finding, limit, listed, percent
+from auvid.stages.ingest.health.finding import (
+    GYRO,
+    VELOCITY,
+    Array,
+    Finding,
+    Recorded,
+    finding,
+    limit,
+    listed,
+    percent,
+)
 
 Mask = npt.NDArray[np.bool_]
 NEUTRAL_US = 1500.0
@@ -34,18 +47,34 @@ def missing_findings(log: Recorded) -> Iterator[Finding]:
     for stream in NEEDED:
         if not log.has(stream):
             others = [item for item in log.others if item.stream == stream and item.refused]
-            refused = [f"{item.source}: {item.refused}" for item in others if "navigation filter" not in str(item.refused)]
+            refused = [
+                f"{item.source}: {item.refused}"
+                for item in others
+                if "navigation filter" not in str(item.refused)
+            ]
             there = f" ({'; '.join(refused)})" if refused else ""
-            yield finding(f"no_{stream}", f"Nothing in the log fills the stream {stream}{there}.", stream=stream)
+            yield finding(
+                f"no_{stream}",
+                f"Nothing in the log fills the stream {stream}{there}.",
+                stream=stream,
+            )
     if log.has("actuators") and not log.has("battery") and log.thrusters():
-        yield finding("no_battery", "The log has no battery voltage; thrust is not corrected for it.", stream="battery")
+        yield finding(
+            "no_battery",
+            "The log has no battery voltage; thrust is not corrected for it.",
+            stream="battery",
+        )
 
 
 def actuation_findings(log: Recorded) -> Iterator[Finding]:
     """Arming, activity and saturation of the outputs."""
     armed = _armed(log)
     if armed is False:
-        yield finding("never_armed", "The vehicle is disarmed from the first to the last record.", stream="mode")
+        yield finding(
+            "never_armed",
+            "The vehicle is disarmed from the first to the last record.",
+            stream="mode",
+        )
     if not log.has("actuators") or log.under_water is False:
         return
     moving = activity(log)
@@ -53,7 +82,12 @@ def actuation_findings(log: Recorded) -> Iterator[Finding]:
         return
     share = float(np.mean(moving))
     if not moving.any() and armed is not False:
-        yield finding("no_actuation", f"{_idle(log)}: the vehicle was not armed, or not driven.", stream="actuators", value=_largest(log))
+        yield finding(
+            "no_actuation",
+            f"{_idle(log)}: the vehicle was not armed, or not driven.",
+            stream="actuators",
+            value=_largest(log),
+        )
     elif moving.any() and share < limit("little_actuation"):
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
@@ -69,11 +103,15 @@ def _armed(log: Recorded) -> bool | None:
 
 
 def activity(log: Recorded) -> Mask | None:
-    """Samples (n,) of the actuators in which a thruster output left its dead band or another actuator acts; None without any column."""
+    """Samples (n,) of the actuators in which a thruster output left its dead band or
+    another actuator acts; None without any column.
+    """
     parts = []
     if log.thrusters():
         outputs = log.values("actuators", log.thrusters())
-        parts.append(((np.abs(outputs - NEUTRAL_US) > limit("no_actuation")) & (outputs > 0.0)).any(axis=1))
+        parts.append(
+            ((np.abs(outputs - NEUTRAL_US) > limit("no_actuation")) & (outputs > 0.0)).any(axis=1)
+        )
     if log.commands():
         parts.append((np.abs(log.values("actuators", log.commands())) > ACTIVE_COMMAND).any(axis=1))
     if "propeller_rev_s" in log.tables["actuators"].column_names:
@@ -89,12 +127,19 @@ def _largest(log: Recorded) -> float:
 def _idle(log: Recorded) -> str:
     if not log.thrusters():
         return "Every command is zero"
-    return f"Outputs {_numbers(log.thrusters())} stay within {_largest(log):.0f} us of {NEUTRAL_US:.0f} us"
+    return (
+        f"Outputs {_numbers(log.thrusters())} stay within {_largest(log):.0f} us of"
+        f" {NEUTRAL_US:.0f} us"
+    )
 
 
 def _numbers(names: list[str]) -> str:
     found = [int(name.split("_")[1]) for name in names]
-    return f"{found[0]} to {found[-1]}" if found == list(range(found[0], found[-1] + 1)) and len(found) > 1 else ", ".join(map(str, found))
+    return (
+        f"{found[0]} to {found[-1]}"
+        if found == list(range(found[0], found[-1] + 1)) and len(found) > 1
+        else ", ".join(map(str, found))
+    )
 
 
 def _active_span(log: Recorded, moving: Mask) -> str:
@@ -104,7 +149,10 @@ def _active_span(log: Recorded, moving: Mask) -> str:
 
 def _saturation(log: Recorded) -> Iterator[Finding]:
     given = log.info["parameters"]
-    low, high = (given.get(key) or usual for key, usual in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PWM_LIMITS_US, strict=True))
+    low, high = (
+        given.get(key) or usual
+        for key, usual in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PWM_LIMITS_US, strict=True)
+    )
     shares = []
     for name in log.thrusters():
         output = log.column("actuators", name)
@@ -113,9 +161,16 @@ def _saturation(log: Recorded) -> Iterator[Finding]:
     for name in log.commands():
         at_limit = np.abs(log.column("actuators", name)) >= FULL_COMMAND
         shares.append((float(np.mean(at_limit)), name.replace("_", " ")))
-    beyond = [(share, name) for share, name in sorted(shares, reverse=True) if share > limit("outputs_saturated")]
+    beyond = [
+        (share, name)
+        for share, name in sorted(shares, reverse=True)
+        if share > limit("outputs_saturated")
+    ]
     if beyond:
-        text = f"At the limit: {listed([f'{name} in {percent(share)} of the samples' for share, name in beyond])}."
+        text = (
+            "At the limit:"
+            f" {listed([f'{name} in {percent(share)} of the samples' for share, name in beyond])}."
+        )
         yield finding("outputs_saturated", text, stream="actuators", value=beyond[0][0])
 
 
@@ -126,28 +181,47 @@ def battery_findings(log: Recorded) -> Iterator[Finding]:
     volts = log.column("battery", "voltage_v")
     low, high = np.percentile(volts, (1.0, 95.0))
     if high > 0.0 and 1.0 - low / high > limit("battery_sag"):
-        text = f"The battery sags from {high:.2f} V (95th percentile) to {low:.2f} V (1st percentile)."
+        text = (
+            f"The battery sags from {high:.2f} V (95th percentile) to {low:.2f} V (1st percentile)."
+        )
         yield finding("battery_sag", text, stream="battery", value=float(1.0 - low / high))
     if "current_a" in log.tables["battery"].column_names:
         amperes = log.column("battery", "current_a")
-        current = float(np.median(amperes[np.isfinite(amperes)])) if np.isfinite(amperes).any() else 0.0
+        current = (
+            float(np.median(amperes[np.isfinite(amperes)])) if np.isfinite(amperes).any() else 0.0
+        )
         if current < limit("battery_current"):
-            yield finding("battery_current", f"The median current is {current:.1f} A.", stream="battery", value=current)
+            yield finding(
+                "battery_current",
+                f"The median current is {current:.1f} A.",
+                stream="battery",
+                value=current,
+            )
 
 
 def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
-    """What the log shows of each body velocity u v w p q r: times (n,), values (n,), where it comes from. Gyro without its median."""
+    """What the log shows of each body velocity u v w p q r: times (n,), values (n,),
+    where it comes from. Gyro without its median.
+    """
     found: dict[str, tuple[Array, Array, str]] = {}
     if log.has("velocity"):
         for axis, name in zip("uvw", VELOCITY, strict=True):
-            found[axis] = (log.t_s("velocity"), log.column("velocity", name), log.source("velocity"))
+            found[axis] = (
+                log.t_s("velocity"),
+                log.column("velocity", name),
+                log.source("velocity"),
+            )
     elif log.has("depth"):
         t_s, depth = log.t_s("depth"), log.column("depth", "depth_m")
         inside = (t_s >= t_s[0] + DEPTH_RATE_S / 2.0) & (t_s <= t_s[-1] - DEPTH_RATE_S / 2.0)
         at = t_s[inside]
         ends = [np.interp(at + side * DEPTH_RATE_S / 2.0, t_s, depth) for side in (-1.0, 1.0)]
         if at.size:
-            found["w"] = (at, (ends[1] - ends[0]) / DEPTH_RATE_S, f"rate of depth ({log.source('depth')})")
+            found["w"] = (
+                at,
+                (ends[1] - ends[0]) / DEPTH_RATE_S,
+                f"rate of depth ({log.source('depth')})",
+            )
     if log.has("imu"):
         for axis, name in zip("pqr", GYRO, strict=True):
             rate = log.column("imu", name)
@@ -164,18 +238,32 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
     names = log.thrusters() + log.commands()
     clock = clock_statistics(log.t_s("actuators"))
     moving = activity(log)
-    if not names or clock is None or clock.rate_hz < limit("low_actuator_rate") or moving is None or not moving.any():
+    if (
+        not names
+        or clock is None
+        or clock.rate_hz < limit("low_actuator_rate")
+        or moving is None
+        or not moving.any()
+    ):
         return
     commands = np.nan_to_num(log.values("actuators", names))
     said = []
     for axis, (at, motion, _) in motions(log).items():
         if float(np.std(motion)) < SMALLEST_MOTION:
             continue
-        found = response_lag(log.t_s("actuators"), commands, at, motion, lags_s=LAGS_S, rate_hz=RESPONSE_HZ)
+        found = response_lag(
+            log.t_s("actuators"), commands, at, motion, lags_s=LAGS_S, rate_hz=RESPONSE_HZ
+        )
         if found is None or found.explained < limit("command_lag") or found.lag_s >= LAGS_S[1]:
             continue
-        how = f"follows by {found.lag_s:.2f} s" if found.lag_s > 0.0 else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
-        said.append((found.explained, f"{AXES[axis]} {how}, {percent(round(found.explained, 2))} explained"))
+        how = (
+            f"follows by {found.lag_s:.2f} s"
+            if found.lag_s > 0.0
+            else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
+        )
+        said.append(
+            (found.explained, f"{AXES[axis]} {how}, {percent(round(found.explained, 2))} explained")
+        )
     if said:
         text = f"Motion against outputs: {'; '.join(words for _, words in said)}."
         yield finding("command_lag", text, stream="actuators", value=max(said)[0])
@@ -189,21 +277,32 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
         yield finding("simulated", f"The log holds messages of a simulator: {', '.join(messages)}.")
     firmware = info["vehicle"]
     if log.under_water is False:
-        shown = firmware or f"PX4 of another vehicle (MAV_TYPE {info['parameters']['MAV_TYPE']:.0f})"
+        shown = (
+            firmware or f"PX4 of another vehicle (MAV_TYPE {info['parameters']['MAV_TYPE']:.0f})"
+        )
         yield finding("not_underwater", f"The firmware is {shown}.")
     binary = any(not str(item["format"]).startswith("CSV") for item in info["files"])
     if binary and firmware is None and log.under_water is None:
         yield finding("firmware_unknown", "No text of the log names the firmware.")
     if binary and log.thrusters() and log.under_water is not False:
-        wanted = ("FRAME_CONFIG", *(f"MOT_{name.split('_')[1]}_DIRECTION" for name in log.thrusters()))
+        wanted = (
+            "FRAME_CONFIG",
+            *(f"MOT_{name.split('_')[1]}_DIRECTION" for name in log.thrusters()),
+        )
         missing = [name for name in wanted if name not in info["parameters"]]
         if missing:
-            shown = f"{missing[0]} and {len(missing) - 1} directions" if len(missing) > 2 else listed(missing)
+            shown = (
+                f"{missing[0]} and {len(missing) - 1} directions"
+                if len(missing) > 2
+                else listed(missing)
+            )
             text = f"Not in the log: {shown} ({len(info['parameters'])} parameters are)."
             yield finding("parameters_missing", text, stream="actuators", value=len(missing))
     for note in info["notes"]:
         if SEVERAL.match(note):
-            yield finding("several_vehicles", f"{note[0].upper()}{note[1:]}.", value=note.count(" messages)"))
+            yield finding(
+                "several_vehicles", f"{note[0].upper()}{note[1:]}.", value=note.count(" messages)")
+            )
         elif CHECKSUM.search(note):
             yield finding("wrong_checksum", f"{note[0].upper()}{note[1:]}.")
     recut = [note for note in info["notes"] if RECUT in note]
@@ -212,5 +311,7 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
         count = sum(int(digits) for _, types in parts for digits in NUMBERS.findall(types))
         said = "; ".join(f"{types} of {sender}" for sender, types in parts)
         yield finding(
-            "recut_messages", f"{count} messages lost trailing zeros in a router and are read all the same ({said}).", value=count
+            "recut_messages",
+            f"{count} messages lost trailing zeros in a router and are read all the same ({said}).",
+            value=count,
         )

@@ -1,11 +1,21 @@
-"""What the mapping of telemetry logs needs besides renaming: the vehicle's clock, pressure to depth, cells of the battery, modes."""
+"""What the mapping of telemetry logs needs besides renaming: the vehicle's clock,
+pressure to depth, cells of the battery, modes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
-from auvid.stages.ingest.streams.dataflash import PWM_OUTPUTS, apart, downward_score, floats, merge_modes, to_body
+from auvid.stages.ingest.streams.dataflash import (
+    PWM_OUTPUTS,
+    apart,
+    downward_score,
+    floats,
+    merge_modes,
+    to_body,
+)
 from auvid.stages.ingest.streams.flight_modes import mode_name
 from auvid.stages.ingest.streams.mapping import Columns, Rules, rate_hz
 
@@ -28,7 +38,9 @@ Array = npt.NDArray[np.float64]
 
 
 def own_time_us(messages: Messages) -> Ints | None:
-    """The sender's own time stamps in us: time_boot_ms or time_usec; None where there is none or it stands still."""
+    """The sender's own time stamps in us: time_boot_ms or time_usec; None where there
+    is none or it stands still.
+    """
     for name, factor in (("time_boot_ms", 1000), ("time_usec", 1)):
         if name in messages.columns:
             own = np.asarray(messages.columns[name]).astype(np.int64) * factor
@@ -38,15 +50,20 @@ def own_time_us(messages: Messages) -> Ints | None:
 
 
 def boot_offset(log: DecodedLog) -> Array | None:
-    """Recorder's clock minus the autopilot's boot clock in us as a straight line (slope, intercept) over the recorder's clock.
+    """Recorder's clock minus the autopilot's boot clock in us as a straight line
+    (slope, intercept) over the recorder's clock.
 
-    Robust: medians over blocks of the messages with boot time, of the longest session if the vehicle was restarted. The usual delay of
-    the link is in it. None if no message of the autopilot has boot time: the recorder's clock is then all there is.
+    Robust: medians over blocks of the messages with boot time, of the longest session
+    if the vehicle was restarted. The usual delay of the link is in it. None if no
+    message of the autopilot has boot time: the recorder's clock is then all there is.
     """
     messages = _timekeeper(log)
     if messages is None:
         return None
-    stamp, boot = stamps(messages), np.asarray(messages.columns["time_boot_ms"]).astype(np.int64) * 1000
+    stamp, boot = (
+        stamps(messages),
+        np.asarray(messages.columns["time_boot_ms"]).astype(np.int64) * 1000,
+    )
     session = _longest_session(boot)
     stamp, delay = stamp[session], (stamp[session] - boot[session]).astype(np.float64)
     if stamp[-1] - stamp[0] < DRIFT_SPAN_US:
@@ -60,7 +77,13 @@ def boot_offset(log: DecodedLog) -> Array | None:
 
 
 def _timekeeper(log: DecodedLog) -> Messages | None:
-    for name in ("ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "SYSTEM_TIME", "SCALED_IMU2"):
+    for name in (
+        "ATTITUDE",
+        "ATTITUDE_QUATERNION",
+        "GLOBAL_POSITION_INT",
+        "SYSTEM_TIME",
+        "SCALED_IMU2",
+    ):
         messages = log.messages.get(name)
         if messages is not None and len(messages) and _of_autopilot(messages, log):
             return messages
@@ -97,8 +120,9 @@ def to_boot(unix_us: Ints, log: DecodedLog) -> Ints:
 def clock(messages: Messages, log: DecodedLog) -> Ints | None:
     """Boot time of the autopilot in us.
 
-    Its own stamp where the message has one; of another component the own stamp set onto the recorder's clock by the median delay; else
-    the recorder's stamp. The latter two carry the delay of the link.
+    Its own stamp where the message has one; of another component the own stamp set onto
+    the recorder's clock by the median delay; else the recorder's stamp. The latter two
+    carry the delay of the link.
     """
     arrived = to_boot(stamps(messages), log)
     own = own_time_us(messages)
@@ -106,7 +130,10 @@ def clock(messages: Messages, log: DecodedLog) -> Ints | None:
         return arrived
     if own.max() >= UNIX_US or not _of_autopilot(messages, log):
         return own + int(np.median(arrived - own))
-    if messages.columns.get("time_usec") is not None and messages.columns["time_usec"].dtype == np.uint32:
+    if (
+        messages.columns.get("time_usec") is not None
+        and messages.columns["time_usec"].dtype == np.uint32
+    ):
         own = own + np.rint((arrived - own) / WRAP_US).astype(np.int64) * WRAP_US
     return own
 
@@ -119,14 +146,22 @@ def fast(messages: Messages, log: DecodedLog) -> str | None:
 
 
 def varies(messages: Messages, log: DecodedLog) -> str | None:
-    """Refuse an altitude that stands still over the whole log, as VFR_HUD.alt of some firmware does."""
-    name, factor = ("alt", 1.0) if "alt" in messages.columns and "groundspeed" in messages.columns else ("relative_alt", 1e-3)
+    """Refuse an altitude that stands still over the whole log, as VFR_HUD.alt of some
+    firmware does.
+    """
+    name, factor = (
+        ("alt", 1.0)
+        if "alt" in messages.columns and "groundspeed" in messages.columns
+        else ("relative_alt", 1e-3)
+    )
     spread = float(np.ptp(floats(messages, name))) * factor
     return None if spread > SMALLEST_CHANGE_M else "stands still over the whole log"
 
 
 def aided(messages: Messages, log: DecodedLog) -> str | None:
-    """Why velocity and position of the navigation filter mean nothing, or None if it had a velocity or position sensor."""
+    """Why velocity and position of the navigation filter mean nothing, or None if it
+    had a velocity or position sensor.
+    """
     report = log.messages.get("EKF_STATUS_REPORT")
     if report is not None and len(report):
         flags = np.asarray(report.columns["flags"]).astype(np.int64)
@@ -135,12 +170,21 @@ def aided(messages: Messages, log: DecodedLog) -> str | None:
             return None
         if not flags.any():
             return "the navigation filter was not running (EKF_STATUS_REPORT has no flag set)"
-        return "the navigation filter had no velocity or position sensor (constant-position mode in EKF_STATUS_REPORT)"
-    return None if log.counts.get("VISION_POSITION_DELTA") else "nothing shows that the navigation filter had a velocity or position sensor"
+        return (
+            "the navigation filter had no velocity or position sensor (constant-position mode in"
+            " EKF_STATUS_REPORT)"
+        )
+    return (
+        None
+        if log.counts.get("VISION_POSITION_DELTA")
+        else "nothing shows that the navigation filter had a velocity or position sensor"
+    )
 
 
 def displacement_over_interval(messages: Messages, log: DecodedLog) -> Columns:
-    """Body velocity in m/s from VISION_POSITION_DELTA: displacement over its own interval; NaN where the interval is not positive."""
+    """Body velocity in m/s from VISION_POSITION_DELTA: displacement over its own
+    interval; NaN where the interval is not positive.
+    """
     interval = floats(messages, "time_delta_usec") / 1e6
     delta = np.asarray(messages.columns["position_delta"], dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -153,7 +197,9 @@ def displacement_over_interval(messages: Messages, log: DecodedLog) -> Columns:
 
 
 def navigation_velocity(messages: Messages, log: DecodedLog) -> Columns:
-    """LOCAL_POSITION_NED velocity in body axes with the attitude of the latest two ATTITUDE messages; NaN outside of them."""
+    """LOCAL_POSITION_NED velocity in body axes with the attitude of the latest two
+    ATTITUDE messages; NaN outside of them.
+    """
     attitude = log.messages.get("ATTITUDE")
     names = ("u_m_s", "v_m_s", "w_m_s")
     if attitude is None or len(attitude) < 2:
@@ -161,19 +207,27 @@ def navigation_velocity(messages: Messages, log: DecodedLog) -> Columns:
     time_us, at = clock(messages, log), clock(attitude, log)
     assert time_us is not None
     assert at is not None
-    # At 4 Hz and more the angles between two samples are small enough for each to be taken as linear.
-    angles = [np.interp(time_us, at, np.unwrap(floats(attitude, name)), left=np.nan, right=np.nan) for name in ("roll", "pitch", "yaw")]
+    # At 4 Hz and more the angles between two samples are small enough for each to be
+    # taken as linear.
+    angles = [
+        np.interp(time_us, at, np.unwrap(floats(attitude, name)), left=np.nan, right=np.nan)
+        for name in ("roll", "pitch", "yaw")
+    ]
     ned = np.stack([floats(messages, name) for name in ("vx", "vy", "vz")])
     return dict(zip(names, to_body(ned, *angles), strict=True))
 
 
 def quaternion(messages: Messages, log: DecodedLog) -> Columns:
     """ZYX Euler angles of ATTITUDE_QUATERNION (w, x, y, z; NED to FRD)."""
-    return euler_from_quaternion(np.stack([floats(messages, f"q{number}") for number in range(1, 5)], axis=1))
+    return euler_from_quaternion(
+        np.stack([floats(messages, f"q{number}") for number in range(1, 5)], axis=1)
+    )
 
 
 def euler_from_quaternion(q: Array) -> Columns:
-    """Roll, pitch, yaw (ZYX) in rad of quaternions (n, 4), w first, that turn body FRD into NED. NaN for a quaternion of no length."""
+    """Roll, pitch, yaw (ZYX) in rad of quaternions (n, 4), w first, that turn body FRD
+    into NED. NaN for a quaternion of no length.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
     return {
@@ -184,21 +238,42 @@ def euler_from_quaternion(q: Array) -> Columns:
 
 
 def pressure_depth(messages: Messages, log: DecodedLog) -> Columns:
-    """Depth below the surface in m from the second barometer: (p - p_surface) / (1000 kg/m3 SPEC_GRAV g).
+    """Depth below the surface in m from the second barometer: (p - p_surface) / (1000
+    kg/m3 SPEC_GRAV g).
 
-    The surface pressure is the one that the vehicle calibrated (BARO2_GND_PRESS), else 1013.25 hPa; specific gravity is BARO_SPEC_GRAV,
-    else 1.
+    The surface pressure is the one that the vehicle calibrated (BARO2_GND_PRESS), else
+    1013.25 hPa; specific gravity is BARO_SPEC_GRAV, else 1.
     """
-    surface = next((log.parameters[key] for key in ("BARO2_GND_PRESS", "GND_ABS_PRESS2") if log.parameters.get(key, 0.0) > 0.0), None)
-    gravity = next((log.parameters[key] for key in ("BARO_SPEC_GRAV", "GND_SPEC_GRAV") if log.parameters.get(key, 0.0) > 0.0), 1.0)
+    surface = next(
+        (
+            log.parameters[key]
+            for key in ("BARO2_GND_PRESS", "GND_ABS_PRESS2")
+            if log.parameters.get(key, 0.0) > 0.0
+        ),
+        None,
+    )
+    gravity = next(
+        (
+            log.parameters[key]
+            for key in ("BARO_SPEC_GRAV", "GND_SPEC_GRAV")
+            if log.parameters.get(key, 0.0) > 0.0
+        ),
+        1.0,
+    )
     pressure = floats(messages, "press_abs") * 100.0
-    return {"depth_m": (pressure - (surface or STANDARD_PRESSURE_PA)) / (1000.0 * gravity * GRAVITY)}
+    return {
+        "depth_m": (pressure - (surface or STANDARD_PRESSURE_PA)) / (1000.0 * gravity * GRAVITY)
+    }
 
 
 def servo_outputs(messages: Messages, log: DecodedLog) -> Columns:
-    """Pulse widths of outputs 1 to 16 of the main port; outputs without any pulse are left out."""
+    """Pulse widths of outputs 1 to 16 of the main port; outputs without any pulse are
+    left out.
+    """
     names = {f"servo{number}_raw": f"pwm_{number}_us" for number in range(1, PWM_OUTPUTS + 1)}
-    columns: Columns = {field: floats(messages, name) for name, field in names.items() if name in messages.columns}
+    columns: Columns = {
+        field: floats(messages, name) for name, field in names.items() if name in messages.columns
+    }
     if "port" in messages.columns:
         aux = floats(messages, "port") != 0
         columns = {field: np.where(aux, np.nan, values) for field, values in columns.items()}
@@ -206,14 +281,22 @@ def servo_outputs(messages: Messages, log: DecodedLog) -> Columns:
 
 
 def propeller_and_fins(messages: Messages, log: DecodedLog) -> Columns:
-    """Propeller speed and fins from the first five numbers of the float array of that number; NaN for other arrays."""
+    """Propeller speed and fins from the first five numbers of the float array of that
+    number; NaN for other arrays.
+    """
     ours = np.asarray(messages.columns["array_id"]) == TWIN_ARRAY_ID
-    data = np.where(ours[:, None], np.asarray(messages.columns["data"], dtype=np.float64)[:, : len(TWIN_ARRAY)], np.nan)
+    data = np.where(
+        ours[:, None],
+        np.asarray(messages.columns["data"], dtype=np.float64)[:, : len(TWIN_ARRAY)],
+        np.nan,
+    )
     return dict(zip(TWIN_ARRAY, data.T, strict=True))
 
 
 def battery_cells(messages: Messages, log: DecodedLog) -> Columns:
-    """Voltage as the sum of the cells that are reported (ArduPilot puts the whole pack into the first), and current."""
+    """Voltage as the sum of the cells that are reported (ArduPilot puts the whole pack
+    into the first), and current.
+    """
     cells = np.asarray(messages.columns["voltages"]).astype(np.int64)
     used = cells != UNUSED_CELL
     volts = np.where(used.any(axis=1), np.sum(np.where(used, cells, 0), axis=1) / 1000.0, np.nan)
@@ -248,7 +331,9 @@ def texts(messages: Messages, log: DecodedLog) -> Columns:
 
 
 def utc_offset_us(log: DecodedLog) -> int | None:
-    """UTC minus boot clock in us: by the vehicle's own SYSTEM_TIME if it knew the time, else by the recorder's clock."""
+    """UTC minus boot clock in us: by the vehicle's own SYSTEM_TIME if it knew the time,
+    else by the recorder's clock.
+    """
     known = log.messages.get("SYSTEM_TIME")
     if known is not None and len(known):
         unix = np.asarray(known.columns["time_unix_usec"]).astype(np.int64)

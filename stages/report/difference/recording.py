@@ -1,4 +1,6 @@
-"""Two runs in one recording: signals of both over one another, their difference, and what changed in figures as text."""
+"""Two runs in one recording: signals of both over one another, their difference, and
+what changed in figures as text.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +9,42 @@ from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
+
 from auvid.stages.page.colours import AXES, ROLES, Ink, ink
 from auvid.stages.page.number_format import visible
 from auvid.stages.report.difference.signals import FORCE, MODEL, Pair, Side, Signals
-from auvid.stages.report.recording.blueprint import LEFT_OUT, MOST_VIEWS, Sent, in_pages, limited, opened, outer, time_plot
+from auvid.stages.report.recording.blueprint import (
+    LEFT_OUT,
+    MOST_VIEWS,
+    Sent,
+    in_pages,
+    limited,
+    opened,
+    outer,
+    time_plot,
+)
 from auvid.stages.report.recording.recording import make_clock
 from auvid.stages.report.recording.rerun_stream import Array, Recording
 
 FIRST, SECOND = ROLES["first"], ROLES["second"]
 
 
-def record_difference(first: Side, second: Side, found: Sequence[Pair], words: str, *, preview: bool = False) -> bytes:
-    """The recording as .rrd bytes; `words`: what changed, in Markdown. Times are those of the first run."""
+def record_difference(
+    first: Side, second: Side, found: Sequence[Pair], words: str, *, preview: bool = False
+) -> bytes:
+    """The recording as .rrd bytes; `words`: what changed, in Markdown. Times are those
+    of the first run.
+    """
     out = Recording(f"{first.name} against {second.name}", preview=preview)
     out.document("answer/text", words)
     starts = make_clock(first.segments, first.logs).logs
     sent: dict[str, dict[str, Sent]] = {}
     for pair in found:
-        shift = starts.get(str(first.segments[pair.segment]["log"]), 0.0) if pair.segment in first.segments else 0.0
+        shift = (
+            starts.get(str(first.segments[pair.segment]["log"]), 0.0)
+            if pair.segment in first.segments
+            else 0.0
+        )
         kind = _entity(pair.kind)
         for place, name in enumerate(pair.first.names):
             origin = _origin(first, pair, name)
@@ -32,7 +52,13 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
             for side, drawn, line in ((first, pair.first, FIRST), (second, pair.second, SECOND)):
                 entity = f"{origin}/{'first' if side is first else 'second'}"
                 lanes[origin] = _send(
-                    out, entity, _label(side, drawn, place), line, drawn.times + shift, drawn.values[:, place], lanes.get(origin)
+                    out,
+                    entity,
+                    _label(side, drawn, place),
+                    line,
+                    drawn.times + shift,
+                    drawn.values[:, place],
+                    lanes.get(origin),
                 )
             apart = f"difference/{origin}"
             others = sent.setdefault(f"difference/{kind}", {})
@@ -45,7 +71,11 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
                 pair.difference[:, place],
                 others.get(apart),
             )
-    units = {_origin(first, pair, name): unit for pair in found for name, unit in zip(pair.first.names, pair.first.units, strict=True)}
+    units = {
+        _origin(first, pair, name): unit
+        for pair in found
+        for name, unit in zip(pair.first.names, pair.first.units, strict=True)
+    }
     blueprint, left_out = _blueprint(found, sent, units)
     if left_out:
         out.document(LEFT_OUT, left_out)
@@ -53,7 +83,9 @@ def record_difference(first: Side, second: Side, found: Sequence[Pair], words: s
 
 
 def _origin(first: Side, pair: Pair, name: str) -> str:
-    """Segments follow one another on the clock of their log and share a plot; bench legs and flights begin at zero, each in its own."""
+    """Segments follow one another on the clock of their log and share a plot; bench
+    legs and flights begin at zero, each in its own.
+    """
     parts = [_entity(pair.kind), *([] if pair.segment in first.segments else [pair.segment]), name]
     return "/".join(rr.escape_entity_path_part(str(visible(part))) for part in parts)
 
@@ -70,34 +102,59 @@ def _difference_ink(name: str) -> Ink:
     return AXES.get(name.lower(), ink("difference"))
 
 
-def _send(out: Recording, entity: str, name: str, line: Ink, times: Array, values: Array, before: Sent | None) -> Sent:
+def _send(
+    out: Recording,
+    entity: str,
+    name: str,
+    line: Ink,
+    times: Array,
+    values: Array,
+    before: Sent | None,
+) -> Sent:
     column = values[:, None]
-    style = rr.SeriesLines(colors=[line.rgb], names=[str(visible(name))], widths=[line.width], aggregation_policy="MinMax")
+    style = rr.SeriesLines(
+        colors=[line.rgb],
+        names=[str(visible(name))],
+        widths=[line.width],
+        aggregation_policy="MinMax",
+    )
     out.static(entity, style)
     out.series(entity, times, column)
     return (before or Sent()).add(times, column)
 
 
-def _blueprint(found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> tuple[rrb.Blueprint, str]:
+def _blueprint(
+    found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]
+) -> tuple[rrb.Blueprint, str]:
     kinds = list(dict.fromkeys(pair.kind for pair in found))
     words: Any = rrb.TextDocumentView(origin="answer/text", name="What changed")
     opening = next((kind for kind in (MODEL, FORCE, *kinds) if kind in kinds), None)
     if opening is None:
         return opened([words]), ""
-    first = limited({opening: _plots(f"difference/{_entity(opening)}", sent, units)}, most=MOST_VIEWS // 4)[0][opening]
+    first = limited(
+        {opening: _plots(f"difference/{_entity(opening)}", sent, units)}, most=MOST_VIEWS // 4
+    )[0][opening]
     tabs = {kind: _plots(_entity(kind), sent, units) for kind in kinds}
     kept, left_out = limited(tabs, most=(MOST_VIEWS - len(first)) // 2)
     if left_out:
         words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
-    pages: list[Any] = [rrb.Horizontal(in_pages(first, None, 2), words, column_shares=[6, 4], name="Answer")]
+    pages: list[Any] = [
+        rrb.Horizontal(in_pages(first, None, 2), words, column_shares=[6, 4], name="Answer")
+    ]
     for kind, overlaid in kept.items():
         every = _plots(f"difference/{_entity(kind)}", sent, units)
         apart = {origin: every[origin] for origin in overlaid}
-        pages.append(rrb.Tabs(in_pages(overlaid, "both", 2), in_pages(apart, "second less first", 2), name=kind))
+        pages.append(
+            rrb.Tabs(
+                in_pages(overlaid, "both", 2), in_pages(apart, "second less first", 2), name=kind
+            )
+        )
     return opened(pages), left_out
 
 
-def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]) -> dict[str, rrb.TimeSeriesView]:
+def _plots(
+    kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]
+) -> dict[str, rrb.TimeSeriesView]:
     lanes = sent[kind]
     times = outer(item.times for item in lanes.values())
     plots: dict[str, rrb.TimeSeriesView] = {}
@@ -105,5 +162,7 @@ def _plots(kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str
         own = origin.removeprefix("difference/")
         change = "Δ" if origin != own else ""
         words = " ".join(own.split("/")[1:]).replace("\\", "")
-        plots[own] = time_plot(origin, f"{change}{words} [{units[own]}]", times, item.values, legend=not plots)
+        plots[own] = time_plot(
+            origin, f"{change}{words} [{units[own]}]", times, item.values, legend=not plots
+        )
     return plots

@@ -1,7 +1,9 @@
-"""Two runs side by side: how far signals, coefficients and named figures moved, and what has no partner.
+"""Two runs side by side: how far signals, coefficients and named figures moved, and
+what has no partner.
 
-Signals are compared on the clock of the leg; where the clocks differ, the second is interpolated linearly to the times of the first
-within their overlap, and nothing is extrapolated.
+Signals are compared on the clock of the leg; where the clocks differ, the second is
+interpolated linearly to the times of the first within their overlap, and nothing is
+extrapolated.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.stages.columns import ATTITUDE, AXES, AXIS_UNITS, VELOCITY, force_columns, rms
 from auvid.stages.report.recording.rerun_stream import Array
@@ -28,9 +31,11 @@ FORCE, MODEL = "residual force", "model"
 
 @dataclass(frozen=True)
 class Side:
-    """One of two: the run by name, its documents and its tables by segment; `model` narrows it to one model.
+    """One of two: the run by name, its documents and its tables by segment; `model`
+    narrows it to one model.
 
-    `viewed`: the signals that the views of a bench or control run name, by `place_of_view`.
+    `viewed`: the signals that the views of a bench or control run name, by
+    `place_of_view`.
     """
 
     name: str
@@ -47,7 +52,9 @@ class Side:
 
 @dataclass(frozen=True)
 class Signals:
-    """Signals of one kind over one segment: times (n,) in s on the clock of the log, values (n, k), a name and a unit for each."""
+    """Signals of one kind over one segment: times (n,) in s on the clock of the log,
+    values (n, k), a name and a unit for each.
+    """
 
     times: Array
     values: Array
@@ -57,7 +64,9 @@ class Signals:
 
 @dataclass(frozen=True)
 class Pair:
-    """The same signals of both sides, and their difference, second less first, at times that both have."""
+    """The same signals of both sides, and their difference, second less first, at times
+    that both have.
+    """
 
     segment: str
     kind: str
@@ -69,7 +78,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class SignalChange:
-    """How far one signal moved: RMS of the first, of the difference, and its largest magnitude with its time in s of the log."""
+    """How far one signal moved: RMS of the first, of the difference, and its largest
+    magnitude with its time in s of the log.
+    """
 
     segment: str
     kind: str
@@ -83,7 +94,9 @@ class SignalChange:
 
 @dataclass(frozen=True)
 class FigureChange:
-    """How far a coefficient or a named figure moved. `sigmas`: the change in standard errors of the difference, None without them."""
+    """How far a coefficient or a named figure moved. `sigmas`: the change in standard
+    errors of the difference, None without them.
+    """
 
     of: str
     name: str
@@ -105,27 +118,37 @@ class FigureChange:
 
 
 def differs(old: float | None, new: float | None, relative: float) -> bool:
-    """Whether two figures differ by more than a share of the larger; a figure and none always differ."""
+    """Whether two figures differ by more than a share of the larger; a figure and none
+    always differ.
+    """
     if old is None or new is None:
         return old is not new
     return abs(new - old) > relative * max(abs(old), abs(new))
 
 
 def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
-    """All signals of a side by segment and kind: state, residual force, and the force of each model.
+    """All signals of a side by segment and kind: state, residual force, and the force
+    of each model.
 
-    A side that is narrowed to one model calls its force `model`, so that two different ones are partners.
+    A side that is narrowed to one model calls its force `model`, so that two different
+    ones are partners.
     """
     found = dict(side.viewed)
     for segment, document in side.segments.items():
         start = float(document["leg_start_s"])
         if segment in side.fused:
             found[segment, "state"] = _signals(side.fused[segment], STATE, start)
-        if segment in side.residual and has_columns(side.residual[segment], force_columns("tau_bar")):
-            found[segment, FORCE] = _signals(side.residual[segment], force_columns("tau_bar"), start, AXES)
+        if segment in side.residual and has_columns(
+            side.residual[segment], force_columns("tau_bar")
+        ):
+            found[segment, FORCE] = _signals(
+                side.residual[segment], force_columns("tau_bar"), start, AXES
+            )
         if segment in side.predictions:
             table = side.predictions[segment]
-            for model in pc.unique(table["model"]).to_pylist() if side.model is None else [side.model]:
+            for model in (
+                pc.unique(table["model"]).to_pylist() if side.model is None else [side.model]
+            ):
                 kind = f"{MODEL} {model}" if side.model is None else MODEL
                 rows = table.filter(pc.equal(table["model"], model))
                 if rows.num_rows:
@@ -133,21 +156,29 @@ def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
     return found
 
 
-def _signals(table: pa.Table, columns: tuple[str, ...], start_s: float, names: tuple[str, ...] = ()) -> Signals:
+def _signals(
+    table: pa.Table, columns: tuple[str, ...], start_s: float, names: tuple[str, ...] = ()
+) -> Signals:
     short = names or tuple(name.split("_")[0] for name in columns)
-    units = tuple(AXIS_UNITS[name] for name in names) or tuple(UNITS[name.partition("_")[2]] for name in columns)
+    units = tuple(AXIS_UNITS[name] for name in names) or tuple(
+        UNITS[name.partition("_")[2]] for name in columns
+    )
     return Signals(column(table, "t_s") + start_s, matrix(table, columns), short, units)
 
 
 def place_of_view(group: Document) -> tuple[str, str]:
-    """What a group of a view belongs to (leg, swing, flight) and what it shows: `rlse/dive/mass/history` -> dive, mass history."""
+    """What a group of a view belongs to (leg, swing, flight) and what it shows:
+    `rlse/dive/mass/history` -> dive, mass history.
+    """
     parts = str(group["entity"]).split("/")
     own = parts[1:] if len(parts) > 2 else parts
     return own[0], " ".join(own[1:])
 
 
 def signals_of_view(group: Document, table: pa.Table) -> Signals | None:
-    """The series of a group of a view on their own clock; None for a table without one, or where nothing of it is left."""
+    """The series of a group of a view on their own clock; None for a table without one,
+    or where nothing of it is left.
+    """
     columns = tuple(map(str, group["columns"]))
     if not has_columns(table, ("t_s", *columns)):
         return None
@@ -169,7 +200,10 @@ def pairs(first: Side, second: Side) -> tuple[list[Pair], list[str]]:
             apart.append(f"{segment}: {kind} at no common time")
         else:
             found.append(pair)
-    alone = [*_alone([key for key in one if key not in two], first), *_alone([key for key in two if key not in one], second)]
+    alone = [
+        *_alone([key for key in one if key not in two], first),
+        *_alone([key for key in two if key not in one], second),
+    ]
     return found, [*alone, *apart]
 
 
@@ -179,13 +213,17 @@ def _alone(keys: Sequence[tuple[str, str]], side: Side) -> list[str]:
     for of, name in keys:
         names.setdefault(of, []).append(name)
     return [
-        f"{of}: {', '.join(few[:NAMED])}{f' and {len(few) - NAMED} more' if len(few) > NAMED else ''} only in {side.name}"
+        f"{of}:"
+        f" {', '.join(few[:NAMED])}{f' and {len(few) - NAMED} more' if len(few) > NAMED else ''}"
+        f" only in {side.name}"
         for of, few in names.items()
     ]
 
 
 def _pair(segment: str, kind: str, first: Signals, second: Signals) -> Pair | None:
-    same = first.times.size == second.times.size and bool(np.all(np.abs(first.times - second.times) < SAME_CLOCK_S))
+    same = first.times.size == second.times.size and bool(
+        np.all(np.abs(first.times - second.times) < SAME_CLOCK_S)
+    )
     if same:
         return Pair(segment, kind, first, second, first.times, second.values - first.values)
     if not first.times.size or not second.times.size:
@@ -209,11 +247,22 @@ def signal_changes(found: list[Pair]) -> Iterator[SignalChange]:
             at = int(np.nanargmax(np.abs(apart)))
             whole = pair.first.values[:, place]
             size = rms(whole[np.isfinite(whole)])
-            yield SignalChange(pair.segment, pair.kind, name, unit, size, rms(apart[good]), float(abs(apart[at])), float(pair.times[at]))
+            yield SignalChange(
+                pair.segment,
+                pair.kind,
+                name,
+                unit,
+                size,
+                rms(apart[good]),
+                float(abs(apart[at])),
+                float(pair.times[at]),
+            )
 
 
 def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], list[str]]:
-    """Every coefficient and named figure of both sides, and sentences on those that have no partner."""
+    """Every coefficient and named figure of both sides, and sentences on those that
+    have no partner.
+    """
     one, two = _figures(first), _figures(second)
     changes = []
     for of, name in (key for key in one if key in two):
@@ -231,16 +280,25 @@ def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], 
                 str(new.get("verdict") or ""),
             )
         )
-    return changes, [*_alone([key for key in one if key not in two], first), *_alone([key for key in two if key not in one], second)]
+    return changes, [
+        *_alone([key for key in one if key not in two], first),
+        *_alone([key for key in two if key not in one], second),
+    ]
 
 
 def _figures(side: Side) -> dict[tuple[str, str], Document]:
-    """(Model or stage, name) -> coefficient or figure; a side that is narrowed to one model has that one only, called `model`."""
+    """(Model or stage, name) -> coefficient or figure; a side that is narrowed to one
+    model has that one only, called `model`.
+    """
     found: dict[tuple[str, str], Document] = {}
     for name, card in side.cards.items():
         if side.model in (None, name):
             of = f"{MODEL} {name}" if side.model is None else MODEL
-            found |= {(of, f"{axis} {term['term']}"): term for axis, fit in card["axes"].items() for term in fit["terms"]}
+            found |= {
+                (of, f"{axis} {term['term']}"): term
+                for axis, fit in card["axes"].items()
+                for term in fit["terms"]
+            }
     if side.model is None:
         for name, document in side.results.items():
             found |= {(name, str(row["quantity"])): row for row in document["rows"]}

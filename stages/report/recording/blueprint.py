@@ -1,4 +1,6 @@
-"""How the recording opens: tabs of plots from the stages' views, the 3D path and the messages; the answer first, all of it in view."""
+"""How the recording opens: tabs of plots from the stages' views, the 3D path and the
+messages; the answer first, all of it in view.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+
 from auvid.data_schemas.errors import DataError, nearest
 from auvid.stages.page.colours import is_model
 from auvid.stages.page.number_format import visible
@@ -24,16 +27,22 @@ EVER = rrb.TimeRangeBoundary.infinite()
 MARGIN = 0.06
 MOST_PLOTS = 10
 MOST_VIEWS = 120
-"""Plots of one recording: Rerun 0.41 opens none whose blueprint has between 160 and 180 (measured), and says only that it is empty."""
+"""Plots of one recording: Rerun 0.41 opens none whose blueprint has between 160 and 180
+(measured), and says only that it is empty.
+"""
 LEFT_OUT = "answer/left_out"
 EYE = np.array([-0.5, -0.7, -0.65])
-"""Where the eye stands from the middle of the path, in diagonals of the box around it: south-west of it and above, NED."""
+"""Where the eye stands from the middle of the path, in diagonals of the box around it:
+south-west of it and above, NED.
+"""
 NO_RANGE = (np.inf, -np.inf)
 
 
 @dataclass(frozen=True)
 class Sent:
-    """What was sent to an entity: the range of its drawn series, and of their times in s."""
+    """What was sent to an entity: the range of its drawn series, and of their times in
+    s.
+    """
 
     values: tuple[float, float] = NO_RANGE
     times: tuple[float, float] = NO_RANGE
@@ -42,12 +51,16 @@ class Sent:
         """With these times (n,) and series (n, k)."""
         good = values[np.isfinite(values)]
         found = (float(good.min()), float(good.max())) if good.size else NO_RANGE
-        return Sent(outer([self.values, found]), outer([self.times, (float(times[0]), float(times[-1]))]))
+        return Sent(
+            outer([self.values, found]), outer([self.times, (float(times[0]), float(times[-1]))])
+        )
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What was sent: entity -> its ranges, path -> corners of its box, stages with texts, times of the spans if there are any."""
+    """What was sent: entity -> its ranges, path -> corners of its box, stages with
+    texts, times of the spans if there are any.
+    """
 
     sent: Mapping[str, Sent]
     paths: Mapping[str, Array] = field(default_factory=dict)
@@ -67,41 +80,63 @@ def parent(group: Document) -> str:
 
 
 def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> tuple[rrb.Blueprint, str]:
-    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of the views, texts of the stages, and messages.
+    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of
+    the views, texts of the stages, and messages.
 
-    `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty. Also returned is which series have no plot, for
-    the text `LEFT_OUT`; empty if all have. Raises `DataError` for a tab that there is not.
+    `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty.
+    Also returned is which series have no plot, for the text `LEFT_OUT`; empty if all
+    have. Raises `DataError` for a tab that there is not.
     """
     opening, _, leg = tab.partition("/")
     tabs: dict[str, list[Owned]] = {ANSWER: []}
     for owner, group in groups:
         tabs.setdefault(str(visible(group["tab"])), []).append((owner, group))
-    plots, left_out = limited({name: _plots(items, groups, seen) for name, items in tabs.items()}, leg)
+    plots, left_out = limited(
+        {name: _plots(items, groups, seen) for name, items in tabs.items()}, leg
+    )
     answer = plots.pop(ANSWER)
     words: Any = rrb.TextDocumentView(origin="answer/text", name="Summary")
     if left_out:
         words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
-    left = in_pages(answer, None, 2, leg) if answer else paths_view(seen.paths) if seen.paths else None
-    pages: list[Any] = [rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER) if left is not None else words]
+    left = (
+        in_pages(answer, None, 2, leg) if answer else paths_view(seen.paths) if seen.paths else None
+    )
+    pages: list[Any] = [
+        (
+            rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER)
+            if left is not None
+            else words
+        )
+    ]
     pages += [path_view("path", seen.paths, PATH)] if seen.paths else []
     pages += [in_pages(views, name, 2, leg) for name, views in plots.items() if views]
     texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
     spans = spans_view("Modes and segments", seen.spans) if seen.spans is not None else None
-    pages.append(rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log)
+    pages.append(
+        rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log
+    )
     return opened(pages, opening), left_out
 
 
 def limited(
     tabs: Mapping[str, Mapping[str, rrb.TimeSeriesView]], leg: str = "", most: int = MOST_VIEWS
 ) -> tuple[dict[str, dict[str, rrb.TimeSeriesView]], str]:
-    """At most `most` plots, shared among the tabs, those of `leg` first; and which there are none of, in Markdown."""
+    """At most `most` plots, shared among the tabs, those of `leg` first; and which
+    there are none of, in Markdown.
+    """
     found = {name: dict(plots) for name, plots in tabs.items()}
     spare = sum(map(len, tabs.values())) - most
     if spare <= 0:
         return found, ""
-    lines = ["Rerun opens no recording with more plots than these. The series below are in it, without a plot of their own.", ""]
+    lines = [
+        (
+            "Rerun opens no recording with more plots than these. The series below are in it,"
+            " without a plot of their own."
+        ),
+        "",
+    ]
     lines += ["A plot of each leg is made by `auvid inspect CAMPAIGN --tab TAB/LEG`.", ""]
     room, waiting = most, len(found)
     for name, plots in sorted(found.items(), key=lambda item: len(item[1])):
@@ -115,10 +150,14 @@ def limited(
 
 
 def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
-    """A blueprint of tabs that opens on the first or on the one of a name, with all panels but the timeline folded away."""
+    """A blueprint of tabs that opens on the first or on the one of a name, with all
+    panels but the timeline folded away.
+    """
     names = [str(page.name) for page in pages]
     if tab and tab not in names:
-        raise DataError("no such tab in this recording", value=tab, allowed=names, remedy=nearest(tab, names))
+        raise DataError(
+            "no such tab in this recording", value=tab, allowed=names, remedy=nearest(tab, names)
+        )
     return rrb.Blueprint(
         rrb.Tabs(*pages, active_tab=names.index(tab) if tab else 0),
         rrb.BlueprintPanel(state="collapsed"),
@@ -130,27 +169,44 @@ def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
 
 
 def paths_view(paths: Mapping[str, Array]) -> Any:
-    """The paths side by side, each in a view of its own; one view where there is one path."""
+    """The paths side by side, each in a view of its own; one view where there is one
+    path.
+    """
     if len(paths) == 1:
         return path_view("path", paths, PATH)
     columns = 1 if len(paths) == 2 else 2
     return rrb.Grid(
-        *(path_view(f"path/{rr.escape_entity_path_part(name)}", {name: box}, name) for name, box in paths.items()), grid_columns=columns
+        *(
+            path_view(f"path/{rr.escape_entity_path_part(name)}", {name: box}, name)
+            for name, box in paths.items()
+        ),
+        grid_columns=columns,
     )
 
 
 def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial3DView:
     """The 3D view of paths within boxes with these corners (2, 3) in m, NED."""
-    corners = np.array([np.min([box[0] for box in paths.values()], axis=0), np.max([box[1] for box in paths.values()], axis=0)])
+    corners = np.array(
+        [
+            np.min([box[0] for box in paths.values()], axis=0),
+            np.max([box[1] for box in paths.values()], axis=0),
+        ]
+    )
     middle, size = corners.mean(axis=0), max(float(np.linalg.norm(np.ptp(corners, axis=0))), 2.0)
-    eye = rrb.EyeControls3D(position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0))
+    eye = rrb.EyeControls3D(
+        position=middle + size * EYE, look_target=middle, eye_up=(0.0, 0.0, -1.0)
+    )
     floor = rr.components.Plane3D.XY.with_distance(float(corners[1, 2]) + 0.05 * size)
-    return rrb.Spatial3DView(origin=origin, name=name, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor))
+    return rrb.Spatial3DView(
+        origin=origin, name=name, eye_controls=eye, line_grid=rrb.LineGrid3D(plane=floor)
+    )
 
 
 def spans_view(name: str, times: tuple[float, float]) -> rrb.StateTimelineView:
     """The lanes of spans over a range of times in s."""
-    return rrb.StateTimelineView(origin="spans", name=name, time_view=rrb.TimeAxis(view_range=_time_range(times)))
+    return rrb.StateTimelineView(
+        origin="spans", name=name, time_view=rrb.TimeAxis(view_range=_time_range(times))
+    )
 
 
 def _time_range(times: tuple[float, float]) -> rrb.TimeRange:
@@ -159,9 +215,17 @@ def _time_range(times: tuple[float, float]) -> rrb.TimeRange:
 
 
 def time_plot(
-    origin: str, name: str, times: tuple[float, float], values: tuple[float, float], *, legend: bool = True, contents: Sequence[str] = ()
+    origin: str,
+    name: str,
+    times: tuple[float, float],
+    values: tuple[float, float],
+    *,
+    legend: bool = True,
+    contents: Sequence[str] = (),
 ) -> rrb.TimeSeriesView:
-    """A plot of the series below `origin` (or of `contents`) over a range of times in s, with a little room above and below."""
+    """A plot of the series below `origin` (or of `contents`) over a range of times in
+    s, with a little room above and below.
+    """
     return rrb.TimeSeriesView(
         origin=origin,
         contents=list(contents) or "$origin/**",
@@ -173,14 +237,22 @@ def time_plot(
     )
 
 
-def _plots(groups: Sequence[Owned], every: Sequence[Owned], seen: Seen) -> dict[str, rrb.TimeSeriesView]:
-    """One plot per parent entity below which all is of one unit and tab, else one per group; all plots of a tab over the same time.
+def _plots(
+    groups: Sequence[Owned], every: Sequence[Owned], seen: Seen
+) -> dict[str, rrb.TimeSeriesView]:
+    """One plot per parent entity below which all is of one unit and tab, else one per
+    group; all plots of a tab over the same time.
 
-    `groups`: those of the tab; `every`: those of all tabs. A legend that stands beside an earlier plot is not repeated.
+    `groups`: those of the tab; `every`: those of all tabs. A legend that stands beside
+    an earlier plot is not repeated.
     """
     below_of = {parent(group) for _, group in every}
     kinds = {
-        above: {(group["tab"], group["unit"]) for _, group in every if f"{visible(group['entity'])}/".startswith(f"{above}/")}
+        above: {
+            (group["tab"], group["unit"])
+            for _, group in every
+            if f"{visible(group['entity'])}/".startswith(f"{above}/")
+        }
         for above in below_of
     }
     chosen: dict[str, Document] = {}
@@ -190,9 +262,14 @@ def _plots(groups: Sequence[Owned], every: Sequence[Owned], seen: Seen) -> dict[
         origin = above if above and len(kinds[above]) == 1 and entity not in below_of else entity
         chosen.setdefault(origin, group)
         shown[origin] += map(str, group["names"])
-    below = {origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")] for origin in chosen}
+    below = {
+        origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")]
+        for origin in chosen
+    }
     times = outer(item.times for items in below.values() for item in items)
-    names = _names({origin: str(group["unit"]) for origin, group in chosen.items() if below[origin]})
+    names = _names(
+        {origin: str(group["unit"]) for origin, group in chosen.items() if below[origin]}
+    )
     plots: dict[str, rrb.TimeSeriesView] = {}
     explained: set[tuple[str, ...]] = set()
     for origin, name in names.items():
@@ -201,19 +278,33 @@ def _plots(groups: Sequence[Owned], every: Sequence[Owned], seen: Seen) -> dict[
         title = f"{name} [{group['unit']}]" if group["unit"] else name
         legend = not plots or (not models and lines not in explained)
         explained.add(lines)
-        plots[origin] = time_plot(origin, title, times, outer(item.values for item in below[origin]), legend=legend)
+        plots[origin] = time_plot(
+            origin, title, times, outer(item.values for item in below[origin]), legend=legend
+        )
     return plots
 
 
 def _names(units: Mapping[str, str]) -> dict[str, str]:
-    """A short name for each entity with its unit: the last part that says something, with the one before where that is not enough."""
-    parts = {origin: [part for part in origin.split("/") if part != _slug(unit)] or [origin] for origin, unit in units.items()}
+    """A short name for each entity with its unit: the last part that says something,
+    with the one before where that is not enough.
+    """
+    parts = {
+        origin: [part for part in origin.split("/") if part != _slug(unit)] or [origin]
+        for origin, unit in units.items()
+    }
     last = Counter((found[-1], units[origin]) for origin, found in parts.items())
-    return {origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:]) for origin, found in parts.items()}
+    return {
+        origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:])
+        for origin, found in parts.items()
+    }
 
 
-def in_pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = "") -> Any:
-    """The plots of a tab in a grid, or, where they are many, in pages that keep legs (second parts of entities) whole; `leg` is open."""
+def in_pages(
+    plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = ""
+) -> Any:
+    """The plots of a tab in a grid, or, where they are many, in pages that keep legs
+    (second parts of entities) whole; `leg` is open.
+    """
     if len(plots) <= MOST_PLOTS:
         return rrb.Grid(*plots.values(), grid_columns=columns if len(plots) > 2 else 1, name=name)
     clusters: dict[str, list[str]] = defaultdict(list)
@@ -226,8 +317,16 @@ def in_pages(plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns:
             if len(pages[-1]) + len(part) > MOST_PLOTS:
                 pages.append([])
             pages[-1] += part
-    grids = [rrb.Grid(*(plots[origin] for origin in page), grid_columns=columns, name=_page_name(page)) for page in pages if page]
-    places = [place for place, page in enumerate(filter(None, pages)) if any(origin.split("/")[1:2] == [leg] for origin in page)]
+    grids = [
+        rrb.Grid(*(plots[origin] for origin in page), grid_columns=columns, name=_page_name(page))
+        for page in pages
+        if page
+    ]
+    places = [
+        place
+        for place, page in enumerate(filter(None, pages))
+        if any(origin.split("/")[1:2] == [leg] for origin in page)
+    ]
     return rrb.Tabs(*grids, name=name, active_tab=places[0] if places else 0)
 
 
@@ -242,7 +341,9 @@ def _slug(unit: str) -> str:
 
 
 def with_room(span: tuple[float, float]) -> tuple[float, float]:
-    """A y-range with room around a span. Set by us, because the viewer takes the end of a line (an empty row) for a zero."""
+    """A y-range with room around a span. Set by us, because the viewer takes the end of
+    a line (an empty row) for a zero.
+    """
     low, high = span
     if not (np.isfinite(low) and np.isfinite(high)):
         return -1.0, 1.0

@@ -1,4 +1,6 @@
-"""Closed-loop flights in 3D: the desired path of each trajectory, and every flight along it, with the vehicle on the flown path."""
+"""Closed-loop flights in 3D: the desired path of each trajectory, and every flight
+along it, with the vehicle on the flown path.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.stages.page.colours import ROLES, Ink, inks_of, key
 from auvid.stages.page.number_format import visible
@@ -19,28 +22,45 @@ DESIRED_WIDTH, FLOWN_WIDTH, END_SIZE = -1.0, -1.8, -4.5
 DESIRED = tuple(f"desired_{name}" for name in PLACE)
 
 
-def send_flights(out: Recording, tables: Mapping[str, pa.Table], inks: Mapping[str, Ink]) -> dict[str, Array]:
-    """Send all tables of port `flights` (keys hold `trajectory-flight`); returns the corners (2, 3) of the box around each trajectory.
+def send_flights(
+    out: Recording, tables: Mapping[str, pa.Table], inks: Mapping[str, Ink]
+) -> dict[str, Array]:
+    """Send all tables of port `flights` (keys hold `trajectory-flight`); returns the
+    corners (2, 3) of the box around each trajectory.
 
-    A flight is a line with its name at the end, and a point that moves along it; `inks`: colours of the flights, as on the page. Empty
-    where there are no flights.
+    A flight is a line with its name at the end, and a point that moves along it;
+    `inks`: colours of the flights, as on the page. Empty where there are no flights.
     """
     flights: dict[str, dict[str, pa.Table]] = {}
     for name, table in tables.items():
         parts = name.split("/")
         if "flights" in parts and has_columns(table, (*PLACE, *DESIRED, "t_s")):
-            trajectory, _, flight = next(part for part in reversed(parts) if part != "flights").partition("-")
+            trajectory, _, flight = next(
+                part for part in reversed(parts) if part != "flights"
+            ).partition("-")
             flights.setdefault(trajectory, {})[flight] = table
     known = {**inks_of([flight for group in flights.values() for flight in group]), **inks}
-    return {trajectory: _trajectory(out, trajectory, group, known) for trajectory, group in flights.items()}
+    return {
+        trajectory: _trajectory(out, trajectory, group, known)
+        for trajectory, group in flights.items()
+    }
 
 
-def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table], inks: Mapping[str, Ink]) -> Array:
+def _trajectory(
+    out: Recording, trajectory: str, flights: Mapping[str, pa.Table], inks: Mapping[str, Ink]
+) -> Array:
     above = f"path/{rr.escape_entity_path_part(trajectory)}"
     desired = max((matrix(table, DESIRED) for table in flights.values()), key=_length)
     words = [str(visible(f"{trajectory}, desired"))]
     out.static(
-        f"{above}/desired", rr.LineStrips3D([desired], colors=[ROLES["desired"].rgb], radii=DESIRED_WIDTH, labels=words, show_labels=False)
+        f"{above}/desired",
+        rr.LineStrips3D(
+            [desired],
+            colors=[ROLES["desired"].rgb],
+            radii=DESIRED_WIDTH,
+            labels=words,
+            show_labels=False,
+        ),
     )
     places, ends = [desired], {}
     for flight, table in flights.items():
@@ -50,11 +70,24 @@ def _trajectory(out: Recording, trajectory: str, flights: Mapping[str, pa.Table]
             continue
         flown, times = flown[good], column(table, "t_s")[good]
         entity, ink = f"{above}/{rr.escape_entity_path_part(flight)}", inks[key(flight)].rgb
-        out.static(entity, rr.LineStrips3D([flown], colors=[ink], radii=FLOWN_WIDTH, labels=[str(visible(flight))], show_labels=False))
+        out.static(
+            entity,
+            rr.LineStrips3D(
+                [flown],
+                colors=[ink],
+                radii=FLOWN_WIDTH,
+                labels=[str(visible(flight))],
+                show_labels=False,
+            ),
+        )
         out.static(f"{entity}/end", rr.Points3D(flown[-1:], colors=[ink], radii=END_SIZE))
         ends[flight] = flown[-1]
         out.static(f"{entity}/vehicle", rr.Points3D.from_fields(colors=[ink], radii=[0.25]))
-        out.stream.send_columns(f"{entity}/vehicle", [rr.TimeColumn(TIMELINE, duration=times)], rr.Points3D.columns(positions=flown))
+        out.stream.send_columns(
+            f"{entity}/vehicle",
+            [rr.TimeColumn(TIMELINE, duration=times)],
+            rr.Points3D.columns(positions=flown),
+        )
         places.append(flown)
     whole = np.vstack(places)
     box = np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
@@ -69,7 +102,10 @@ def _near(ends: Mapping[str, Array], distance: float) -> list[list[str]]:
     """The flights in groups whose ends lie together, so that one label names them all."""
     groups: list[list[str]] = []
     for name, end in ends.items():
-        own = next((group for group in groups if float(np.linalg.norm(ends[group[0]] - end)) < distance), None)
+        own = next(
+            (group for group in groups if float(np.linalg.norm(ends[group[0]] - end)) < distance),
+            None,
+        )
         groups.append([name]) if own is None else own.append(name)
     return groups
 

@@ -1,7 +1,9 @@
-"""The recording of one raw log: every stream by group, modes and legs as spans, findings and messages as text, attitude and path in 3D.
+"""The recording of one raw log: every stream by group, modes and legs as spans,
+findings and messages as text, attitude and path in 3D.
 
-It opens on what the log can be used for. Seconds count from the log's first time-stamped record. The path is what the log says of its
-position; else it is reckoned from velocity and attitude, or stands on the spot, and its label says which.
+It opens on what the log can be used for. Seconds count from the log's first
+time-stamped record. The path is what the log says of its position; else it is reckoned
+from velocity and attitude, or stands on the spot, and its label says which.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, has_columns, matrix
@@ -43,7 +46,9 @@ MOST_LEGS = 40
 
 @dataclass(frozen=True)
 class Plot:
-    """One plot: its entity, its stream, unit, the range of its values, and how many lines it has."""
+    """One plot: its entity, its stream, unit, the range of its values, and how many
+    lines it has.
+    """
 
     entity: str
     stream: str
@@ -65,15 +70,22 @@ def record_log(
 ) -> bytes:
     """The recording of a log as .rrd bytes, which opens on `tab`.
 
-    `tables`: its streams, `info` and `health`: its documents (schemas `log_info`, `health`); `legs`: id, use, start_s and end_s of each.
+    `tables`: its streams, `info` and `health`: its documents (schemas `log_info`,
+    `health`); `legs`: id, use, start_s and end_s of each.
     """
     out = Recording(f"Log {name}", preview=preview)
     origin_us = int(info["start_us"])
-    clocks = {stream: (column(table, "time_us") - origin_us) * 1e-6 for stream, table in tables.items()}
+    clocks = {
+        stream: (column(table, "time_us") - origin_us) * 1e-6 for stream, table in tables.items()
+    }
     end = max((float(clock[-1]) for clock in clocks.values() if clock.size), default=1.0)
     span = (min(0.0, *(float(clock[0]) for clock in clocks.values() if clock.size)), end)
     out.document("answer/text", log_text(name, info, health))
-    plots = [plot for stream, table in tables.items() for plot in _send_stream(out, stream, table, clocks[stream])]
+    plots = [
+        plot
+        for stream, table in tables.items()
+        for plot in _send_stream(out, stream, table, clocks[stream])
+    ]
     lanes = _send_spans(out, tables, clocks, legs, end)
     _send_messages(out, tables, clocks, health)
     corners = _send_path(out, tables, clocks)
@@ -89,7 +101,12 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
     """One entity per unit of a stream; a pause longer than a second stays a gap."""
     units: dict[str, list[str]] = {}
     for item in schema(stream).columns.values():
-        for name in [item.name] if item.name in table.column_names and pa.types.is_floating(table.schema.field(item.name).type) else []:
+        for name in (
+            [item.name]
+            if item.name in table.column_names
+            and pa.types.is_floating(table.schema.field(item.name).type)
+            else []
+        ):
             units.setdefault(str(item.unit or ""), []).append(name)
     plots = []
     for unit, names in units.items():
@@ -99,65 +116,123 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
             continue
         entity = f"raw/{stream}/{unit.replace('/', '_').replace('^', '') or 'value'}"
         inks = line_inks(names, ["raw"] * len(names))
-        out.static(entity, rr.SeriesLines(colors=[item.rgb for item in inks], names=names, widths=1.5, aggregation_policy="MinMax"))
+        out.static(
+            entity,
+            rr.SeriesLines(
+                colors=[item.rgb for item in inks],
+                names=names,
+                widths=1.5,
+                aggregation_policy="MinMax",
+            ),
+        )
         out.series(entity, clock, values, pause_s=LONG_PAUSE_S)
         plots.append(Plot(entity, stream, unit, float(good.min()), float(good.max()), len(names)))
     return plots
 
 
-def _send_spans(out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array], legs: Sequence[Document], end: float) -> bool:
-    """Mode, arming and legs as lanes of spans, and the pauses of each stream; returns whether there is any."""
+def _send_spans(
+    out: Recording,
+    tables: Mapping[str, pa.Table],
+    clocks: Mapping[str, Array],
+    legs: Sequence[Document],
+    end: float,
+) -> bool:
+    """Mode, arming and legs as lanes of spans, and the pauses of each stream; returns
+    whether there is any.
+    """
     found = False
     if "mode" in tables and len(clocks["mode"]):
         table, clock = tables["mode"], clocks["mode"]
         modes = [str(mode) for mode in table["mode"].to_pylist()]
         out.states("spans/mode", [*clock, end], [*modes, None], distinct(modes))
         if has_columns(table, ("armed",)):
-            armed = [{True: "armed", False: "disarmed"}.get(value) for value in table["armed"].to_pylist()]
-            out.states("spans/armed", [*clock, end], [*armed, None], {"armed": Ink(*GREEN), "disarmed": Ink(*GREY)})
+            armed = [
+                {True: "armed", False: "disarmed"}.get(value)
+                for value in table["armed"].to_pylist()
+            ]
+            out.states(
+                "spans/armed",
+                [*clock, end],
+                [*armed, None],
+                {"armed": Ink(*GREEN), "disarmed": Ink(*GREY)},
+            )
         found = True
     for leg in legs[:MOST_LEGS]:
         use = str(leg.get("use") or "leg")
         times = [float(leg["start_s"]), float(leg["end_s"])]
-        out.states(f"spans/legs/{rr.escape_entity_path_part(str(leg['id']))}", times, [use, None], {use: ROLES.get(use, Ink(*GREY))})
+        out.states(
+            f"spans/legs/{rr.escape_entity_path_part(str(leg['id']))}",
+            times,
+            [use, None],
+            {use: ROLES.get(use, Ink(*GREY))},
+        )
         found = True
     for stream, clock in clocks.items():
         after = _pauses(stream, clock)
         if after.size:
             times = np.column_stack([clock[after], clock[after + 1]]).ravel().tolist()
-            out.states(f"spans/pauses/{stream}", times, ["pause", None] * after.size, {"pause": Ink(*VERMILLION)})
+            out.states(
+                f"spans/pauses/{stream}",
+                times,
+                ["pause", None] * after.size,
+                {"pause": Ink(*VERMILLION)},
+            )
             found = True
     return found
 
 
 def _pauses(stream: str, clock: Array) -> npt.NDArray[np.intp]:
-    """Indices of the samples after which a stream pauses; what is logged on change does not pause."""
+    """Indices of the samples after which a stream pauses; what is logged on change does
+    not pause.
+    """
     if stream in ("mode", "events") or clock.size < 3:
         return np.zeros(0, dtype=np.intp)
     steps = np.diff(clock)
     return np.flatnonzero(steps > max(LONG_PAUSE_S, 5.0 * float(np.median(steps))))
 
 
-def _send_messages(out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array], health: Document) -> None:
-    said = [(float(item.get("at_s") or 0.0), str(item["severity"]), f"{item['text']} {item['remedy']}") for item in health["findings"]]
+def _send_messages(
+    out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array], health: Document
+) -> None:
+    said = [
+        (float(item.get("at_s") or 0.0), str(item["severity"]), f"{item['text']} {item['remedy']}")
+        for item in health["findings"]
+    ]
     out.messages("log/findings", said)
     for stream, words in (("events", "text"), ("mode", "mode")):
         if stream in tables:
             texts = tables[stream][words].to_pylist()
             lead = "mode " if stream == "mode" else ""
             out.messages(
-                f"log/{stream}", [(time, "note", f"{lead}{text}") for time, text in zip(clocks[stream].tolist(), texts, strict=True)]
+                f"log/{stream}",
+                [
+                    (time, "note", f"{lead}{text}")
+                    for time, text in zip(clocks[stream].tolist(), texts, strict=True)
+                ],
             )
     for stream, clock in clocks.items():
         after = _pauses(stream, clock)
-        rows = [(float(clock[at]), "warning", f"{stream} pauses for {clock[at + 1] - clock[at]:.2f} s") for at in after[:MOST_PAUSES]]
+        rows = [
+            (float(clock[at]), "warning", f"{stream} pauses for {clock[at + 1] - clock[at]:.2f} s")
+            for at in after[:MOST_PAUSES]
+        ]
         if after.size > MOST_PAUSES:
-            rows.append((float(clock[after[MOST_PAUSES]]), "warning", f"{stream} pauses {after.size - MOST_PAUSES} times more"))
+            rows.append(
+                (
+                    float(clock[after[MOST_PAUSES]]),
+                    "warning",
+                    f"{stream} pauses {after.size - MOST_PAUSES} times more",
+                )
+            )
         out.messages(f"log/pauses/{stream}", rows)
 
 
-def _send_path(out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array]) -> Array | None:
-    """Path and attitude at 10 Hz, each the last sample before; returns the corners (2, 3) of its box in m, None without attitude."""
+def _send_path(
+    out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array]
+) -> Array | None:
+    """Path and attitude at 10 Hz, each the last sample before; returns the corners (2,
+    3) of its box in m, None without attitude.
+    """
     if "attitude" not in tables or clocks["attitude"].size < 2:
         return None
     clock, euler = clocks["attitude"], matrix(tables["attitude"], ATTITUDE)
@@ -165,17 +240,24 @@ def _send_path(out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[s
     if good.sum() < 2:
         return None
     clock, euler = clock[good], euler[good]
-    times = np.arange(clock[0], clock[-1], max(1.0 / PATH_RATE_HZ, (clock[-1] - clock[0]) / 200_000))
+    times = np.arange(
+        clock[0], clock[-1], max(1.0 / PATH_RATE_HZ, (clock[-1] - clock[0]) / 200_000)
+    )
     euler = held(times, clock, euler)
     place, source = _places(times, euler, tables, clocks)
     out.static("path", rr.ViewCoordinates.FRD)
-    out.static("path/line", rr.LineStrips3D([place], colors=[ROLES["fused"].rgb], labels=[f"path from {source}"]))
+    out.static(
+        "path/line",
+        rr.LineStrips3D([place], colors=[ROLES["fused"].rgb], labels=[f"path from {source}"]),
+    )
     out.body("path/vehicle", times, np.hstack([place, euler]))
     out.body_axes("path/vehicle")
     return np.array([place.min(axis=0), place.max(axis=0)])
 
 
-def _places(times: Array, euler: Array, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array]) -> tuple[Array, str]:
+def _places(
+    times: Array, euler: Array, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array]
+) -> tuple[Array, str]:
     """Places (n, 3) in m NED at `times` (n,) and what they were taken from."""
     depth = np.zeros(times.size)
     if "depth" in tables and clocks["depth"].size:
@@ -185,35 +267,73 @@ def _places(times: Array, euler: Array, tables: Mapping[str, pa.Table], clocks: 
         if np.isfinite(place[:, :2]).all(axis=1).any():
             place[:, 2] = np.where(np.isfinite(place[:, 2]), place[:, 2], depth)
             return np.nan_to_num(place), "logged positions"
-    if "velocity" in tables and clocks["velocity"].size and has_columns(tables["velocity"], VELOCITY):
-        velocity = np.nan_to_num(held(times, clocks["velocity"], matrix(tables["velocity"], VELOCITY)))
+    if (
+        "velocity" in tables
+        and clocks["velocity"].size
+        and has_columns(tables["velocity"], VELOCITY)
+    ):
+        velocity = np.nan_to_num(
+            held(times, clocks["velocity"], matrix(tables["velocity"], VELOCITY))
+        )
         step = np.diff(times, append=times[-1])[:, None]
-        place = np.cumsum(np.einsum("nij,nj->ni", rotation_body_to_ned(euler), velocity) * step, axis=0)
+        place = np.cumsum(
+            np.einsum("nij,nj->ni", rotation_body_to_ned(euler), velocity) * step, axis=0
+        )
         place[:, 2] = depth if "depth" in tables else place[:, 2]
         return place, "velocity and attitude, reckoned"
     return np.column_stack([np.zeros((times.size, 2)), depth]), "depth alone"
 
 
 def held(times: Array, clock: Array, values: Array) -> Array:
-    """The last of the values (m,) or (m, k) at `clock` (m,) before each of `times` (n,); the first before all of them."""
-    found: Array = values[np.clip(np.searchsorted(clock, times, side="right") - 1, 0, clock.size - 1)]
+    """The last of the values (m,) or (m, k) at `clock` (m,) before each of `times`
+    (n,); the first before all of them.
+    """
+    found: Array = values[
+        np.clip(np.searchsorted(clock, times, side="right") - 1, 0, clock.size - 1)
+    ]
     return found
 
 
 def log_text(name: str, info: Document, health: Document) -> str:
     """What the log is, what it can be used for, its findings and its streams."""
-    size = f"{health['bytes'] / 1e6:.2f} MB" if health["bytes"] >= 1e4 else f"{health['bytes']} bytes"
+    size = (
+        f"{health['bytes'] / 1e6:.2f} MB" if health["bytes"] >= 1e4 else f"{health['bytes']} bytes"
+    )
     lines = [f"# Log {name}", f"**{health['verdict']}**", ""]
-    about = [f"{health['vehicle'] or 'vehicle not named'}", *health["formats"], size, f"{health['duration_s']:.1f} s", health["status"]]
+    about = [
+        f"{health['vehicle'] or 'vehicle not named'}",
+        *health["formats"],
+        size,
+        f"{health['duration_s']:.1f} s",
+        health["status"],
+    ]
     lines += [", ".join(about), ""]
     marks = {"error": "✗", "warning": "!", "note": "·"}
-    lines += ["## Findings", *(f"- {marks[item['severity']]} {item['text']}" for item in health["findings"])] if health["findings"] else []
+    lines += (
+        [
+            "## Findings",
+            *(f"- {marks[item['severity']]} {item['text']}" for item in health["findings"]),
+        ]
+        if health["findings"]
+        else []
+    )
     lines += ["", "| stream | source | samples | Hz | longest gap |", "|---|---|---|---|---|"]
     for stream, item in health["streams"].items():
         rate = "" if item["rate_hz"] is None else f"{item['rate_hz']:.3g}"
-        lines.append(f"| {stream} | {_cell(item['source'])} | {item['rows']} | {rate} | {item['longest_gap_s']:.3g} s |")
+        lines.append(
+            f"| {stream} | {_cell(item['source'])} | {item['rows']} | {rate} |"
+            f" {item['longest_gap_s']:.3g} s |"
+        )
     cannot = [item for item in health["capabilities"] if not item["possible"]]
-    lines += ["", "## What it cannot be used for", *(f"- {item['name']}: {item['reason']}" for item in cannot)] if cannot else []
+    lines += (
+        [
+            "",
+            "## What it cannot be used for",
+            *(f"- {item['name']}: {item['reason']}" for item in cannot),
+        ]
+        if cannot
+        else []
+    )
     lines += ["", "## Notes", *(f"- {note}" for note in info["notes"])] if info["notes"] else []
     return "\n".join(lines)
 
@@ -222,15 +342,30 @@ def _cell(words: object) -> str:
     return str(visible(str(words))).replace("|", "\\|").replace("\n", " ")
 
 
-def _blueprint(plots: Sequence[Plot], lanes: bool, corners: Array | None, span: tuple[float, float], tab: str) -> rrb.Blueprint:
-    views = {plot.entity: time_plot(plot.entity, f"{plot.stream} [{plot.unit}]", span, (plot.low, plot.high)) for plot in plots}
+def _blueprint(
+    plots: Sequence[Plot], lanes: bool, corners: Array | None, span: tuple[float, float], tab: str
+) -> rrb.Blueprint:
+    views = {
+        plot.entity: time_plot(
+            plot.entity, f"{plot.stream} [{plot.unit}]", span, (plot.low, plot.high)
+        )
+        for plot in plots
+    }
     opening: list[Any] = [spans_view("Modes, legs and pauses", span)] if lanes else []
     opening += [views[f"raw/{name}"] for name in OPENING if f"raw/{name}" in views][:3]
     words = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    tabs: list[Any] = [rrb.Horizontal(rrb.Vertical(*opening), words, column_shares=[7, 3], name="Answer") if opening else words]
+    tabs: list[Any] = [
+        (
+            rrb.Horizontal(rrb.Vertical(*opening), words, column_shares=[7, 3], name="Answer")
+            if opening
+            else words
+        )
+    ]
     tabs += [paths_view({"path": corners})] if corners is not None else []
     for name, streams in TABS.items():
-        chosen = [views[plot.entity] for stream in streams for plot in plots if plot.stream == stream]
+        chosen = [
+            views[plot.entity] for stream in streams for plot in plots if plot.stream == stream
+        ]
         if chosen:
             tabs.append(rrb.Grid(*chosen, grid_columns=1 if len(chosen) < 4 else 2, name=name))
     return opened([*tabs, rrb.TextLogView(origin="log", name="Log")], tab)

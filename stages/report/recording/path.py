@@ -1,4 +1,6 @@
-"""The path in 3D: a line per segment, the vehicle on it with its axes and the residual force that acts on it, and forces along the path."""
+"""The path in 3D: a line per segment, the vehicle on it with its axes and the residual
+force that acts on it, and forces along the path.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import rerun as rr
+
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.page.colours import ROLES
@@ -31,43 +34,77 @@ def send_paths(
     starts: Mapping[str, float],
     rate_hz: float,
 ) -> Array | None:
-    """Send the path of each segment with the forces on it; returns the corners (2, 3) of the box around all in m NED, None for no path."""
+    """Send the path of each segment with the forces on it; returns the corners (2, 3)
+    of the box around all in m NED, None for no path.
+    """
     paths = {}
     for name, table in fused.items():
         pose = matrix(table, POSE)
         good = np.isfinite(pose).all(axis=1)
         times = column(table, "t_s")
         if good.any():
-            stride = max(1, round((times.size - 1) / max(times[-1] - times[0], 1e-9) / rate_hz)) if times.size > 1 else 1
+            stride = (
+                max(1, round((times.size - 1) / max(times[-1] - times[0], 1e-9) / rate_hz))
+                if times.size > 1
+                else 1
+            )
             paths[name] = np.flatnonzero(good)[::stride], times + starts[name], pose
     if not paths:
         return None
     places = np.vstack([pose[chosen, :3] for chosen, _, pose in paths.values()])
     corners = np.array([places.min(axis=0), places.max(axis=0)])
     forces = {name: _force(tables, name, paths[name][1].size) for name in paths}
-    known = np.concatenate([np.linalg.norm(force, axis=1) for force in forces.values() if force is not None] or [np.zeros(0)])
-    strongest = float(np.percentile(known[np.isfinite(known)], 95)) if np.isfinite(known).any() else 0.0
-    scale = LONGEST * max(float(np.ptp(corners, axis=0).max()), 2.0) / strongest if strongest > 0 else 0.0
+    known = np.concatenate(
+        [np.linalg.norm(force, axis=1) for force in forces.values() if force is not None]
+        or [np.zeros(0)]
+    )
+    strongest = (
+        float(np.percentile(known[np.isfinite(known)], 95)) if np.isfinite(known).any() else 0.0
+    )
+    scale = (
+        LONGEST * max(float(np.ptp(corners, axis=0).max()), 2.0) / strongest
+        if strongest > 0
+        else 0.0
+    )
     out.static("path", rr.ViewCoordinates.FRD)
     for name, (chosen, times, pose) in paths.items():
         use = str(segments[name]["use"])
         label = str(visible(f"{name} ({use})"))
         part = rr.escape_entity_path_part(name)
-        out.static(f"path/{part}", rr.LineStrips3D([pose[chosen, :3]], colors=[ROLES[use].rgb], labels=[label]))
+        out.static(
+            f"path/{part}",
+            rr.LineStrips3D([pose[chosen, :3]], colors=[ROLES[use].rgb], labels=[label]),
+        )
         out.body("path/vehicle", times[chosen], pose[chosen])
         force = forces[name]
         if force is not None and scale > 0:
-            _send_forces(out, f"path/{part}/forces", times[chosen], pose[chosen], scale * np.nan_to_num(force[chosen]))
-    out.static("path/vehicle/body", rr.Ellipsoids3D(half_sizes=[BODY_HALF_SIZE_M], colors=[ROLES["raw"].rgb], fill_mode="solid"))
+            _send_forces(
+                out,
+                f"path/{part}/forces",
+                times[chosen],
+                pose[chosen],
+                scale * np.nan_to_num(force[chosen]),
+            )
+    out.static(
+        "path/vehicle/body",
+        rr.Ellipsoids3D(
+            half_sizes=[BODY_HALF_SIZE_M], colors=[ROLES["raw"].rgb], fill_mode="solid"
+        ),
+    )
     out.body_axes("path/vehicle")
     if scale > 0:
         words = f"residual force, 1 m = {1 / scale:.3g} N"
-        out.static("path/vehicle/force", rr.Arrows3D.from_fields(colors=[ROLES["measured"].rgb], labels=[words], radii=[0.02]))
+        out.static(
+            "path/vehicle/force",
+            rr.Arrows3D.from_fields(colors=[ROLES["measured"].rgb], labels=[words], radii=[0.02]),
+        )
     return corners
 
 
 def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array | None:
-    """The residual force (n, 3) of a segment in body axes, in N; None where there is none."""
+    """The residual force (n, 3) of a segment in body axes, in N; None where there is
+    none.
+    """
     name = next((name for name in tables if name.split("/")[1:] == [segment, "residual"]), None)
     if name is None or not has_columns(tables[name], FORCE):
         return None
@@ -76,9 +113,22 @@ def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array 
 
 
 def _send_forces(out: Recording, entity: str, times: Array, pose: Array, vectors: Array) -> None:
-    """The force at the vehicle at each time, and `ARROWS` of them at even distances along the path; vectors (n, 3) in body axes, in m."""
-    out.stream.send_columns("path/vehicle/force", [rr.TimeColumn(TIMELINE, duration=times)], rr.Arrows3D.columns(vectors=vectors))
+    """The force at the vehicle at each time, and `ARROWS` of them at even distances
+    along the path; vectors (n, 3) in body axes, in m.
+    """
+    out.stream.send_columns(
+        "path/vehicle/force",
+        [rr.TimeColumn(TIMELINE, duration=times)],
+        rr.Arrows3D.columns(vectors=vectors),
+    )
     gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(pose[:, :3], axis=0), axis=1))])
-    some = np.unique(np.searchsorted(gone, np.linspace(0.0, gone[-1], ARROWS)).clip(0, times.size - 1))
+    some = np.unique(
+        np.searchsorted(gone, np.linspace(0.0, gone[-1], ARROWS)).clip(0, times.size - 1)
+    )
     turned = np.einsum("nij,nj->ni", rotation_body_to_ned(pose[some, 3:]), vectors[some])
-    out.static(entity, rr.Arrows3D(origins=pose[some, :3], vectors=turned, colors=[ROLES["measured"].rgb], radii=[0.006]))
+    out.static(
+        entity,
+        rr.Arrows3D(
+            origins=pose[some, :3], vectors=turned, colors=[ROLES["measured"].rgb], radii=[0.006]
+        ),
+    )

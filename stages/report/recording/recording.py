@@ -1,7 +1,9 @@
-"""The Rerun recording of a run: every group of series that the stages name in their views, the path in 3D, spans, messages, and texts.
+"""The Rerun recording of a run: every group of series that the stages name in their
+views, the path in 3D, spans, messages, and texts.
 
-One timeline `t`, in seconds of the log; later logs of a campaign follow one another with a gap. One entity per group of series that
-share a clock, sent in columns. The blueprint opens on the tab `Answer` and shows the whole time range.
+One timeline `t`, in seconds of the log; later logs of a campaign follow one another
+with a gap. One entity per group of series that share a clock, sent in columns. The
+blueprint opens on the tab `Answer` and shows the whole time range.
 """
 
 from __future__ import annotations
@@ -16,13 +18,32 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, has_columns, matrix
-from auvid.stages.page.colours import AXES, ROLES, Ink, distinct, ink, inks_of, is_model, key, roles_of
+from auvid.stages.page.colours import (
+    AXES,
+    ROLES,
+    Ink,
+    distinct,
+    ink,
+    inks_of,
+    is_model,
+    key,
+    roles_of,
+)
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.number_format import visible
 from auvid.stages.page.svg_plots import telling_range
-from auvid.stages.report.recording.blueprint import LEFT_OUT, Owned, Seen, Sent, outer, parent, whole_view
+from auvid.stages.report.recording.blueprint import (
+    LEFT_OUT,
+    Owned,
+    Seen,
+    Sent,
+    outer,
+    parent,
+    whole_view,
+)
 from auvid.stages.report.recording.flights import send_flights
 from auvid.stages.report.recording.path import send_paths
 from auvid.stages.report.recording.rerun_stream import Array, Recording
@@ -46,9 +67,11 @@ class Clock:
     boot_s: Mapping[str, float]
 
     def seconds(self, name: str, table: pa.Table) -> Array | None:
-        """The times (n,) of a table stored under `stage/item/port`; None if it has no clock or belongs to no log.
+        """The times (n,) of a table stored under `stage/item/port`; None if it has no
+        clock or belongs to no log.
 
-        A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run) keeps its own seconds.
+        A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run)
+        keeps its own seconds.
         """
         parts = name.split("/")
         log = next((part for part in parts if part in self.logs), None)
@@ -56,7 +79,9 @@ class Clock:
             return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])
         segment = next((part for part in parts if part in self.segments), None)
         if "t_s" in table.column_names:
-            return np.asarray(column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0))
+            return np.asarray(
+                column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0)
+            )
         return None
 
 
@@ -66,13 +91,18 @@ def log_seconds(log: Document) -> float:
 
 
 def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> Clock:
-    """Logs one after the other, `LOG_GAP_S` apart; a segment starts at its place in its log."""
+    """Logs one after the other, `LOG_GAP_S` apart; a segment starts at its place in its
+    log.
+    """
     starts, place = {}, 0.0
     for name, log in logs.items():
         starts[name] = place
         place += log_seconds(log) + LOG_GAP_S
     return Clock(
-        segments={name: starts.get(item["log"], 0.0) + item["leg_start_s"] for name, item in segments.items()},
+        segments={
+            name: starts.get(item["log"], 0.0) + item["leg_start_s"]
+            for name, item in segments.items()
+        },
         logs=starts,
         boot_s={name: log["start_us"] * 1e-6 for name, log in logs.items()},
     )
@@ -94,7 +124,8 @@ def record(
 ) -> bytes:
     """The recording as .rrd bytes, which opens on `tab` (see `whole_view`).
 
-    `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab per stage.
+    `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab
+    per stage.
     """
     out = Recording(title, preview=preview)
     clock = make_clock(segments, logs)
@@ -123,7 +154,11 @@ def record(
 
 
 def _preferred(summary: Summary) -> list[str]:
-    return list(dict.fromkeys(name for name in (summary.take, *(model.name for model in summary.models)) if name))[:MODELS_SHOWN]
+    return list(
+        dict.fromkeys(
+            name for name in (summary.take, *(model.name for model in summary.models)) if name
+        )
+    )[:MODELS_SHOWN]
 
 
 def _send_groups(
@@ -134,7 +169,9 @@ def _send_groups(
     clock: Clock,
     preferred: Sequence[str],
 ) -> dict[str, Sent]:
-    """Send every group that has its table; returns entity -> ranges of the series that are drawn at first, and of their times."""
+    """Send every group that has its table; returns entity -> ranges of the series that
+    are drawn at first, and of their times.
+    """
     sent: dict[str, Sent] = {}
     for entity, owner, bundle in _bundles(groups):
         name = find_table(names, owner, str(bundle[0]["table"]))
@@ -143,22 +180,36 @@ def _send_groups(
         table = load(name)
         parts = [_rows(table, group) for group in bundle]
         times = clock.seconds(name, parts[0])
-        if times is None or not len(times) or not all(has_columns(table, _columns(group)) for group in bundle):
+        if (
+            times is None
+            or not len(times)
+            or not all(has_columns(table, _columns(group)) for group in bundle)
+        ):
             continue
         if entity not in sent:
             out.static(entity, _lines(bundle, preferred))
-        values = np.hstack([_values(part, group, names, load, owner) for part, group in zip(parts, bundle, strict=True)])
+        values = np.hstack(
+            [
+                _values(part, group, names, load, owner)
+                for part, group in zip(parts, bundle, strict=True)
+            ]
+        )
         out.series(entity, times, values)
         shown = _shown(bundle, preferred)
         drawn = _settled(bundle, values)[:, shown]
-        limits = telling_range(list(drawn.T), [role for role, kept in zip(_roles_drawn(bundle), shown, strict=True) if kept])
+        limits = telling_range(
+            list(drawn.T),
+            [role for role, kept in zip(_roles_drawn(bundle), shown, strict=True) if kept],
+        )
         drawn = drawn if limits is None else np.clip(drawn, *limits)
         sent[entity] = sent.get(entity, Sent()).add(times, drawn)
     return sent
 
 
 def _edges_only(group: Document) -> bool:
-    """Whether a group with standard deviations is a band around lines that another group draws."""
+    """Whether a group with standard deviations is a band around lines that another
+    group draws.
+    """
     return set(group["roles"]) == {"band"}
 
 
@@ -172,12 +223,18 @@ def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
     found = []
     for group in bundle:
         lines = _lines_of(group)
-        found += [role for own in group["roles"] for role in ([str(own), "band", "band"] if lines == 3 else [str(own)] * lines)]
+        found += [
+            role
+            for own in group["roles"]
+            for role in ([str(own), "band", "band"] if lines == 3 else [str(own)] * lines)
+        ]
     return found
 
 
 def _settled(bundle: Sequence[Document], values: Array) -> Array:
-    """Series (n, k) for the range of a plot: of bands the later half, because estimates begin with any spread."""
+    """Series (n, k) for the range of a plot: of bands the later half, because estimates
+    begin with any spread.
+    """
     edges = [
         bool(group.get("spread")) and (_edges_only(group) or line > 0)
         for group in bundle
@@ -193,8 +250,16 @@ def _columns(group: Document) -> list[str]:
     return [*group["columns"], *(group.get("spread") or [])]
 
 
-def _values(part: pa.Table, group: Document, names: Collection[str], load: Callable[[str], pa.Table], owner: str) -> Array:
-    """The series of a group: its columns, less those of another table, or with twice their standard deviations around them."""
+def _values(
+    part: pa.Table,
+    group: Document,
+    names: Collection[str],
+    load: Callable[[str], pa.Table],
+    owner: str,
+) -> Array:
+    """The series of a group: its columns, less those of another table, or with twice
+    their standard deviations around them.
+    """
     values = matrix(part, group["columns"])
     if group.get("less"):
         other = find_table(names, owner, str(group["less"]["table"]))
@@ -203,15 +268,23 @@ def _values(part: pa.Table, group: Document, names: Collection[str], load: Calla
         return values - matrix(load(other), group["less"]["columns"])
     if group.get("spread"):
         spread = BAND * matrix(part, group["spread"])
-        lines = [values - spread, values + spread] if _edges_only(group) else [values, values - spread, values + spread]
+        lines = (
+            [values - spread, values + spread]
+            if _edges_only(group)
+            else [values, values - spread, values + spread]
+        )
         return np.stack(lines, axis=2).reshape(len(values), -1)
     return values
 
 
 def _shown(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
-    """Which series of an entity are drawn at first: all but the models that are not preferred."""
+    """Which series of an entity are drawn at first: all but the models that are not
+    preferred.
+    """
     liked = {key(name) for name in preferred}
-    roles = [str(role) for group in bundle for role in group["roles"] for _ in range(_lines_of(group))]
+    roles = [
+        str(role) for group in bundle for role in group["roles"] for _ in range(_lines_of(group))
+    ]
     return [not is_model(role) or not liked or key(role) in liked for role in roles]
 
 
@@ -222,7 +295,9 @@ def _rows(table: pa.Table, group: Document) -> pa.Table:
 
 
 def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
-    """(entity, owner, groups): groups that cut the same long table by a filter share its clock, so they become one entity."""
+    """(entity, owner, groups): groups that cut the same long table by a filter share
+    its clock, so they become one entity.
+    """
     bundles: dict[tuple[str, ...], list[Document]] = defaultdict(list)
     for owner, group in groups:
         cut = bool(group.get("filter")) and bool(parent(group))
@@ -237,7 +312,9 @@ def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
 
 
 def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
-    """The key of the table that a view of `owner` (stage/item) means: its own artefact, a full key, or another stage's of the same item."""
+    """The key of the table that a view of `owner` (stage/item) means: its own artefact,
+    a full key, or another stage's of the same item.
+    """
     own = f"{owner}/{wanted}"
     for name in (own, wanted):
         if name in tables:
@@ -251,12 +328,20 @@ def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
 
 
 def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLines:
-    """Names, colours and widths of the series of an entity; of many models only the preferred are drawn at first."""
+    """Names, colours and widths of the series of an entity; of many models only the
+    preferred are drawn at first.
+    """
     names, inks, opacity = [], [], []
     for group in bundle:
-        drawn = line_inks([str(name) for name in group["names"]], [str(role) for role in group["roles"]])
+        drawn = line_inks(
+            [str(name) for name in group["names"]], [str(role) for role in group["roles"]]
+        )
         for name, role, line in zip(group["names"], group["roles"], drawn, strict=True):
-            lines = [str(name), f"{name} − 2 sd", f"{name} + 2 sd"] if group.get("spread") else [str(name)]
+            lines = (
+                [str(name), f"{name} − 2 sd", f"{name} + 2 sd"]
+                if group.get("spread")
+                else [str(name)]
+            )
             lines = lines[-2:] if _lines_of(group) == 2 else lines
             names += [str(visible(words)) for words in lines]
             inks += [line] * len(lines)
@@ -271,7 +356,9 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
 
 
 def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
-    """Lines of different roles have the colours of their roles; lines of one role are told apart by axis, or else by their order."""
+    """Lines of different roles have the colours of their roles; lines of one role are
+    told apart by axis, or else by their order.
+    """
     if len(set(roles)) != 1 or len(names) == 1:
         found_of = inks_of(roles)
         return [found_of[key(role)] for role in roles]
@@ -282,9 +369,15 @@ def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
 
 
 def _send_messages(
-    out: Recording, tables: Mapping[str, pa.Table], segments: Mapping[str, Document], clock: Clock, summary: Summary
+    out: Recording,
+    tables: Mapping[str, pa.Table],
+    segments: Mapping[str, Document],
+    clock: Clock,
+    summary: Summary,
 ) -> None:
-    """Messages and mode changes of the vehicle, warnings of the stages, and the start of each segment, as text on the timeline."""
+    """Messages and mode changes of the vehicle, warnings of the stages, and the start
+    of each segment, as text on the timeline.
+    """
     start = min(clock.logs.values(), default=0.0)
     out.messages("log/warnings", [(start, "warning", words) for words in summary.warnings])
     lines: dict[str, list[tuple[float, str, str]]] = defaultdict(list)
@@ -297,8 +390,14 @@ def _send_messages(
         if times is not None:
             words = table["text" if port == "events" else "mode"].to_pylist()
             lead = "mode " if port == "mode" else ""
-            lines[f"log/{port}"] += [(time, "note", f"{lead}{line}") for time, line in zip(times.tolist(), words, strict=True)]
-    lines["log/segments"] = [(clock.segments[name], "note", f"{item['use']} segment {name} starts") for name, item in segments.items()]
+            lines[f"log/{port}"] += [
+                (time, "note", f"{lead}{line}")
+                for time, line in zip(times.tolist(), words, strict=True)
+            ]
+    lines["log/segments"] = [
+        (clock.segments[name], "note", f"{item['use']} segment {name} starts")
+        for name, item in segments.items()
+    ]
     for entity, rows in sorted(lines.items()):
         out.messages(entity, rows)
 
@@ -306,20 +405,33 @@ def _send_messages(
 def _send_spans(
     out: Recording, tables: Mapping[str, pa.Table], segments: Mapping[str, Document], clock: Clock
 ) -> tuple[float, float] | None:
-    """Modes of the vehicle and the segments as lanes of spans; returns the time from the first to the last, None without any."""
+    """Modes of the vehicle and the segments as lanes of spans; returns the time from
+    the first to the last, None without any.
+    """
     modes: list[tuple[float, str | None]] = []
     for name in tables:
-        if name.split("/")[-1] == "mode" and (starts := clock.seconds(name, tables[name])) is not None:
+        if (
+            name.split("/")[-1] == "mode"
+            and (starts := clock.seconds(name, tables[name])) is not None
+        ):
             modes += zip(starts.tolist(), map(str, tables[name]["mode"].to_pylist()), strict=True)
     if modes:
         named = sorted(modes, key=lambda row: row[0])
         words = [mode for _, mode in named]
-        out.states("spans/mode", [time for time, _ in named], words, distinct(str(mode) for mode in words))
+        out.states(
+            "spans/mode", [time for time, _ in named], words, distinct(str(mode) for mode in words)
+        )
     for use in dict.fromkeys(str(item["use"]) for item in segments.values()):
-        spans = [(clock.segments[name], item["duration_s"], name) for name, item in segments.items() if item["use"] == use]
+        spans = [
+            (clock.segments[name], item["duration_s"], name)
+            for name, item in segments.items()
+            if item["use"] == use
+        ]
         edges = [time for start, length, _ in sorted(spans) for time in (start, start + length)]
         states = [state for *_, name in sorted(spans) for state in (name, None)]
-        out.states(f"spans/{use}", edges, states, {name: ROLES.get(use, ink(use)) for *_, name in spans})
+        out.states(
+            f"spans/{use}", edges, states, {name: ROLES.get(use, ink(use)) for *_, name in spans}
+        )
     ends = [clock.segments[name] + float(item["duration_s"]) for name, item in segments.items()]
     times = [*(time for time, _ in modes), *clock.segments.values(), *ends]
     return outer((time, time) for time in times) if times else None

@@ -1,8 +1,10 @@
-"""What every recording is made of: a stream, columns of series in chunks, states, messages, documents, and a body that moves.
+"""What every recording is made of: a stream, columns of series in chunks, states,
+messages, documents, and a body that moves.
 
-One timeline `t` in seconds. Values keep 21 significant bits (5e-7 of their size, which no eye tells and which packs better); times are
-exact to the nanosecond. Lines end where the samples pause. Rerun stamps its chunks with the time of writing, so two recordings of the
-same are equal by `rerun rrd compare`, not byte for byte.
+One timeline `t` in seconds. Values keep 21 significant bits (5e-7 of their size, which
+no eye tells and which packs better); times are exact to the nanosecond. Lines end where
+the samples pause. Rerun stamps its chunks with the time of writing, so two recordings
+of the same are equal by `rerun rrd compare`, not byte for byte.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
+
 from auvid.stages.page.colours import AXES, Ink, key
 from auvid.stages.page.number_format import visible
 
@@ -27,10 +30,14 @@ AXIS_LENGTH_M = 0.6
 
 
 class Recording:
-    """One recording in memory. `preview`: series are thinned by minimum and maximum per bin, for pictures and for slow machines."""
+    """One recording in memory. `preview`: series are thinned by minimum and maximum per
+    bin, for pictures and for slow machines.
+    """
 
     def __init__(self, title: str, *, preview: bool = False) -> None:
-        self.stream = rr.RecordingStream("auvid", recording_id=key(title) or "campaign", send_properties=False)
+        self.stream = rr.RecordingStream(
+            "auvid", recording_id=key(title) or "campaign", send_properties=False
+        )
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
         self.preview = preview
@@ -50,21 +57,31 @@ class Recording:
         self._sink.read(flush=True)
 
     def static(self, entity: str, value: Any) -> None:
-        """One static value in a chunk of its own, so that chunks come in the same order every time."""
+        """One static value in a chunk of its own, so that chunks come in the same order
+        every time.
+        """
         self.stream.log(entity, value, static=True)
         self.stream.flush()
 
     def document(self, entity: str, markdown: str) -> None:
-        """A text in Markdown; characters that act on a terminal or turn the direction of writing are made visible."""
-        self.static(entity, rr.TextDocument(str(visible(markdown)), media_type=rr.MediaType.MARKDOWN))
+        """A text in Markdown; characters that act on a terminal or turn the direction
+        of writing are made visible.
+        """
+        self.static(
+            entity, rr.TextDocument(str(visible(markdown)), media_type=rr.MediaType.MARKDOWN)
+        )
 
     def series(self, entity: str, times: Array, values: Array, *, pause_s: float = np.inf) -> None:
-        """Series (n, k) at `times` (n,) in s; broken where samples pause longer than `pause_s`, and at the end."""
+        """Series (n, k) at `times` (n,) in s; broken where samples pause longer than
+        `pause_s`, and at the end.
+        """
         times, values = broken(times, values, pause_s)
         if self.preview:
             times, values = thinned(times, values, PREVIEW_BINS)
         values = rounded(values)
-        there = np.asarray(~np.isnan(values).all(axis=1))  # an empty row ends the line, also after the last sample
+        there = np.asarray(
+            ~np.isnan(values).all(axis=1)
+        )  # an empty row ends the line, also after the last sample
         for start in range(0, times.size, CHUNK_ROWS):
             part, kept = times[start : start + CHUNK_ROWS], there[start : start + CHUNK_ROWS]
             lengths = kept * values.shape[1]
@@ -72,31 +89,53 @@ class Recording:
                 step = times[-1] - times[-2] if times.size > 1 else 1e-3
                 part, lengths = np.append(part, times[-1] + max(step, 1e-6)), np.append(lengths, 0)
             columns = rr.Scalars.columns(scalars=values[start : start + CHUNK_ROWS][kept].ravel())
-            self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=part)], columns.partition(lengths))
+            self.stream.send_columns(
+                entity, [rr.TimeColumn(TIMELINE, duration=part)], columns.partition(lengths)
+            )
 
-    def states(self, entity: str, times: Sequence[float], states: Sequence[str | None], inks: Mapping[str, Ink]) -> None:
-        """A lane of spans: at each time in s the state that begins, None for none; `inks`: state -> its colour."""
+    def states(
+        self,
+        entity: str,
+        times: Sequence[float],
+        states: Sequence[str | None],
+        inks: Mapping[str, Ink],
+    ) -> None:
+        """A lane of spans: at each time in s the state that begins, None for none;
+        `inks`: state -> its colour.
+        """
         if inks:
             colours = [item.rgb for item in inks.values()]
-            self.static(entity, rr.StateConfiguration(values=[str(visible(name)) for name in inks], colors=colours))
+            self.static(
+                entity,
+                rr.StateConfiguration(values=[str(visible(name)) for name in inks], colors=colours),
+            )
         if not len(times):
             return
-        columns = rr.StateChange.columns(state=[str(visible(state or "")) for state in states])  # an empty state ends the span
+        columns = rr.StateChange.columns(
+            state=[str(visible(state or "")) for state in states]
+        )  # an empty state ends the span
         self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=list(times))], columns)
 
     def messages(self, entity: str, rows: Sequence[tuple[float, str, str]]) -> None:
-        """Messages (time in s, severity `error`, `warning` or `note`, text) in the order of time."""
+        """Messages (time in s, severity `error`, `warning` or `note`, text) in the
+        order of time.
+        """
         if not rows:
             return
         ordered = sorted(rows, key=lambda row: row[0])
         self.stream.send_columns(
             entity,
             [rr.TimeColumn(TIMELINE, duration=[time for time, _, _ in ordered])],
-            rr.TextLog.columns(text=[str(visible(words)) for *_, words in ordered], level=[LEVELS[level] for _, level, _ in ordered]),
+            rr.TextLog.columns(
+                text=[str(visible(words)) for *_, words in ordered],
+                level=[LEVELS[level] for _, level, _ in ordered],
+            ),
         )
 
     def body(self, entity: str, times: Array, pose: Array) -> None:
-        """A vehicle that moves along `pose` (n, 6): position in m NED, Euler angles in rad; its axes go with it."""
+        """A vehicle that moves along `pose` (n, 6): position in m NED, Euler angles in
+        rad; its axes go with it.
+        """
         self.stream.send_columns(
             entity,
             [rr.TimeColumn(TIMELINE, duration=times)],
@@ -106,7 +145,10 @@ class Recording:
     def body_axes(self, entity: str) -> None:
         """The axes x, y, z of a body, in the colours that axes have everywhere."""
         colours = [AXES[name].rgb for name in ("x", "y", "z")]
-        self.static(f"{entity}/axes", rr.Arrows3D(vectors=AXIS_LENGTH_M * np.eye(3), colors=colours, labels=["x", "y", "z"]))
+        self.static(
+            f"{entity}/axes",
+            rr.Arrows3D(vectors=AXIS_LENGTH_M * np.eye(3), colors=colours, labels=["x", "y", "z"]),
+        )
 
 
 def rounded(values: Array) -> Array:
@@ -117,7 +159,9 @@ def rounded(values: Array) -> Array:
 
 
 def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
-    """Times (n,) and series (n, k) with a row of NaN after each sample that is followed by a pause longer than `pause_s`."""
+    """Times (n,) and series (n, k) with a row of NaN after each sample that is followed
+    by a pause longer than `pause_s`.
+    """
     after = np.flatnonzero(np.diff(times) > pause_s)
     if not after.size:
         return times, values
@@ -126,10 +170,11 @@ def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
 
 
 def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
-    """At most two rows per bin: the smallest and the largest value of each series (n, k), in the order in which they come.
+    """At most two rows per bin: the smallest and the largest value of each series (n,
+    k), in the order in which they come.
 
-    They stand at the first and at the middle time of the bin, so a peak is at most one bin away from its place. Bins without a finite
-    value stay NaN.
+    They stand at the first and at the middle time of the bin, so a peak is at most one
+    bin away from its place. Bins without a finite value stay NaN.
     """
     n, count = times.size, values.shape[1]
     width = -(-n // bins)
@@ -143,7 +188,9 @@ def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
     lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
     low, high = lower.min(axis=1), upper.max(axis=1)
     rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
-    rows = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).reshape(2 * used, count)
+    rows = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).reshape(
+        2 * used, count
+    )
     rows[~np.isfinite(rows)] = np.nan
     first = np.arange(used) * width
     places = np.column_stack([first, np.minimum(first + width // 2, n - 1)]).ravel()
@@ -152,7 +199,14 @@ def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
 
 
 def quaternions(euler: Array) -> Array:
-    """Quaternions xyzw (n, 4), body to NED, of Euler angles phi theta psi (n, 3) in the order z y x (Fossen 2011, 2.2)."""
+    """Quaternions xyzw (n, 4), body to NED, of Euler angles phi theta psi (n, 3) in the
+    order z y x (Fossen 2011, 2.2).
+    """
     (cr, cp, cy), (sr, sp, sy) = np.cos(euler.T / 2), np.sin(euler.T / 2)
-    parts = [sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy]
+    parts = [
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    ]
     return np.column_stack(parts)

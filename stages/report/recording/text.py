@@ -1,4 +1,6 @@
-"""The texts of a recording as Markdown: the first screen beside the plots, and what each stage says in tables and remarks."""
+"""The texts of a recording as Markdown: the first screen beside the plots, and what
+each stage says in tables and remarks.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +16,33 @@ MOST_ROWS = 60
 MARKS = {"finding": "✓", "note": "·", "warning": "!"}
 
 
-def markdown(title: str, summary: Summary, segments: Mapping[str, Document], starts: Mapping[str, float]) -> str:
+def markdown(
+    title: str, summary: Summary, segments: Mapping[str, Document], starts: Mapping[str, float]
+) -> str:
     """The first screen; `starts`: where each segment begins on the timeline, in s."""
     lines = [f"# {title}", f"**{summary.headline}.** {summary.explanation}", ""]
     if summary.identified:
-        lines += ["## What was identified", *(f"- {item.label}: {'; '.join(item.figures)}. {item.note}" for item in summary.identified), ""]
+        lines += [
+            "## What was identified",
+            *(
+                f"- {item.label}: {'; '.join(item.figures)}. {item.note}"
+                for item in summary.identified
+            ),
+            "",
+        ]
     if summary.figures:
         parts: dict[str, list[list[str]]] = {}
         for item in summary.figures:
-            parts.setdefault(item.part, []).append([item.quantity, item.value, item.interval, item.verdict])
+            parts.setdefault(item.part, []).append(
+                [item.quantity, item.value, item.interval, item.verdict]
+            )
         for part, rows in parts.items():
             kept = [column for column in range(4) if column < 2 or any(row[column] for row in rows)]
             heads = ["figure", "value", "interval", "verdict"]
-            table = table_lines([heads[column] for column in kept], [[row[column] for column in kept] for row in rows])
+            table = table_lines(
+                [heads[column] for column in kept],
+                [[row[column] for column in kept] for row in rows],
+            )
             lines += [*([f"### {part}", ""] if len(parts) > 1 else []), *table, ""]
     if summary.bounds:
         lines += ["## Beside the print", *(f"- {words}" for words in summary.bounds), ""]
@@ -34,21 +50,41 @@ def markdown(title: str, summary: Summary, segments: Mapping[str, Document], sta
         heads = [f"J/J0, {summary.judged_on}", "all", *AXIS_WORDS]
         rows = []
         for model in summary.models:
-            ratios = [score.validation if summary.judged_on == "validation" else score.training for score in model.scores]
-            cells = ["–" if ratio is None else f"**{ratio:.2f}**" if ratio > 1 else f"{ratio:.2f}" for ratio in ratios]
+            ratios = [
+                score.validation if summary.judged_on == "validation" else score.training
+                for score in model.scores
+            ]
+            cells = [
+                "–" if ratio is None else f"**{ratio:.2f}**" if ratio > 1 else f"{ratio:.2f}"
+                for ratio in ratios
+            ]
             rows.append([model.title, *cells])
-        lines += [*table_lines(heads, rows), "", "Bold: above 1, no better than predicting no force.", ""]
+        lines += [
+            *table_lines(heads, rows),
+            "",
+            "Bold: above 1, no better than predicting no force.",
+            "",
+        ]
     if summary.missing:
-        lines += ["## What is missing or uncertain", *(f"- {words}" for words in summary.missing), ""]
+        lines += [
+            "## What is missing or uncertain",
+            *(f"- {words}" for words in summary.missing),
+            "",
+        ]
     if summary.warnings:
         lines += ["## Warnings", *(f"- {words}" for words in summary.warnings), ""]
     if segments:
-        lines += ["## Segments", *(_segment_line(name, item, starts[name]) for name, item in segments.items())]
+        lines += [
+            "## Segments",
+            *(_segment_line(name, item, starts[name]) for name, item in segments.items()),
+        ]
     return str(visible("\n".join(lines)))
 
 
 def stage_texts(sections: Mapping[str, Document]) -> dict[str, str]:
-    """What each stage says, its sections one after the other: texts, remarks and tables; plots stand in tabs of their own."""
+    """What each stage says, its sections one after the other: texts, remarks and
+    tables; plots stand in tabs of their own.
+    """
     found: dict[str, list[str]] = defaultdict(list)
     for name, document in sorted(sections.items(), key=lambda pair: int(pair[1]["order"])):
         lines = [line for block in document["blocks"] for line in _block(block)]
@@ -64,11 +100,22 @@ def _block(block: Document) -> list[str]:
         return [f"- {MARKS[block['level']]} {block['text']}", ""]
     if block["kind"] != "table":
         return []
-    heads = [f"{head['name']} [{head['unit']}]" if head["unit"] else str(head["name"]) for head in block["columns"]]
+    heads = [
+        f"{head['name']} [{head['unit']}]" if head["unit"] else str(head["name"])
+        for head in block["columns"]
+    ]
     rows = [[_cell(cell) for cell in row] for row in block["rows"][:MOST_ROWS]]
     more = len(block["rows"]) - len(rows)
     tail = [f"and {more} rows more, in the report"] if more else []
-    return [f"**{block['title']}**", "", *table_lines(heads, rows), "", *tail, str(block.get("note") or ""), ""]
+    return [
+        f"**{block['title']}**",
+        "",
+        *table_lines(heads, rows),
+        "",
+        *tail,
+        str(block.get("note") or ""),
+        "",
+    ]
 
 
 def table_lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -89,4 +136,7 @@ def _cell(value: Any) -> str:
 
 
 def _segment_line(name: str, item: Document, start: float) -> str:
-    return f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log {item['log']})"
+    return (
+        f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log"
+        f" {item['log']})"
+    )

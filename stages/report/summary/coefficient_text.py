@@ -1,4 +1,6 @@
-"""What a model card says about the vehicle, in the words of the first screen: coefficients with unit and interval, and what was assumed."""
+"""What a model card says about the vehicle, in the words of the first screen:
+coefficients with unit and interval, and what was assumed.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -22,9 +25,11 @@ Document = Mapping[str, Any]
 
 
 def findings(card: Document) -> tuple[Finding, ...]:
-    """Damping per axis where a term in that axis's own velocity is identified, then constant forces, then the number of couplings.
+    """Damping per axis where a term in that axis's own velocity is identified, then
+    constant forces, then the number of couplings.
 
-    Standard errors are those of the model card and take the assumed figures of the vehicle as exact.
+    Standard errors are those of the model card and take the assumed figures of the
+    vehicle as exact.
     """
     found = [
         Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
@@ -39,13 +44,22 @@ def findings(card: Document) -> tuple[Finding, ...]:
     ]
     if constant:
         found.append(
-            Finding("constant force per axis", tuple(constant), "Z below zero pushes up: net buoyancy. Moments: trim, or thrusters.")
+            Finding(
+                "constant force per axis",
+                tuple(constant),
+                "Z below zero pushes up: net buoyancy. Moments: trim, or thrusters.",
+            )
         )
-    crossed = [breaks_symmetry(axis, item["term"]) for axis, item in single if item["term"] != CONSTANT and not _own(axis, item["term"])]
+    crossed = [
+        breaks_symmetry(axis, item["term"])
+        for axis, item in single
+        if item["term"] != CONSTANT and not _own(axis, item["term"])
+    ]
     if crossed:
         words = f"{len(crossed)} identified, in Models and coefficients"
         note = (
-            f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at thrusters, sensor mounting and load first."
+            f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at"
+            " thrusters, sensor mounting and load first."
         )
         found.append(Finding("couplings", (words,), note if any(crossed) else ""))
     return tuple(found)
@@ -56,27 +70,51 @@ def _range(axis: str, conditions: Document) -> str:
     name = VELOCITY_OF[axis]
     seen = conditions[name]
     return true_minus(
-        f"Between {seen['low']:.2g} and {seen['high']:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'}, where the training legs went."
+        f"Between {seen['low']:.2g} and {seen['high']:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'},"
+        " where the training legs went."
     )
 
 
 def _damping(axis: str, part: Document) -> tuple[str, ...]:
-    """The identified terms in the axis's own velocity, and the determined sums of such terms, with 95 % intervals."""
-    lines = [_coefficient(axis, item, interval=True) for item in _identified(part) if _own(axis, item["term"])]
+    """The identified terms in the axis's own velocity, and the determined sums of such
+    terms, with 95 % intervals.
+    """
+    lines = [
+        _coefficient(axis, item, interval=True)
+        for item in _identified(part)
+        if _own(axis, item["term"])
+    ]
     for item in part["combinations"]:
         error = item.get("standard_error")
-        if error and abs(item["value"]) >= 2 * error and all(_own(axis, term) for term in item["weights"]):
+        if (
+            error
+            and abs(item["value"]) >= 2 * error
+            and all(_own(axis, term) for term in item["weights"])
+        ):
             units = {_unit(axis, term) for term in item["weights"]}
             if len(units) == 1:
                 name = " + ".join(
-                    f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}" for term, weight in item["weights"].items()
+                    f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}"
+                    for term, weight in item["weights"].items()
                 )
-                lines.append(_figure(name.replace("+ -1 ", "− "), item["value"], error, units.pop(), interval=True))
+                lines.append(
+                    _figure(
+                        name.replace("+ -1 ", "− "),
+                        item["value"],
+                        error,
+                        units.pop(),
+                        interval=True,
+                    )
+                )
     return tuple(lines)
 
 
 def _identified(part: Document) -> list[Document]:
-    return [item for item in part["terms"] if item["verdict"] == IDENTIFIED and item["value"] is not None and item["standard_error"]]
+    return [
+        item
+        for item in part["terms"]
+        if item["verdict"] == IDENTIFIED and item["value"] is not None and item["standard_error"]
+    ]
 
 
 def _factors(term: str) -> tuple[str, ...]:
@@ -89,7 +127,13 @@ def _own(axis: str, term: str) -> bool:
 
 
 def _coefficient(axis: str, item: Document, *, interval: bool = False) -> str:
-    return _figure(_symbol(axis, item["term"]), item["value"], item["standard_error"], _unit(axis, item["term"]), interval=interval)
+    return _figure(
+        _symbol(axis, item["term"]),
+        item["value"],
+        item["standard_error"],
+        _unit(axis, item["term"]),
+        interval=interval,
+    )
 
 
 def _symbol(axis: str, term: str) -> str:
@@ -102,21 +146,33 @@ def _unit(axis: str, term: str) -> str:
 
 
 def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:
-    """`X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two if it begins with 1."""
+    """`X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two
+    if it begins with 1.
+    """
     first = math.floor(math.log10(error))
     digits = max(0, (1 if error < 2 * 10.0**first else 0) - first)
     words = f"{symbol} = {value:.{digits}f} ± {error:.{digits}f} {unit}"
     if interval:
-        words += f" (95 %: {value - NORMAL_95 * error:.{digits}f} to {value + NORMAL_95 * error:.{digits}f})"
+        words += (
+            f" (95 %: {value - NORMAL_95 * error:.{digits}f} to"
+            f" {value + NORMAL_95 * error:.{digits}f})"
+        )
     return true_minus(words)
 
 
 def assumed_words(vehicle: Document) -> tuple[int, str]:
-    """How many figures of a vehicle document are assumed, and which: names and values, grouped, without their sources."""
+    """How many figures of a vehicle document are assumed, and which: names and values,
+    grouped, without their sources.
+    """
     groups: dict[str, list[str]] = {}
     for path, quantity in _assumed(vehicle, ()):
-        groups.setdefault("".join(path[-2:-1]).replace("_", " "), []).append(f"{_name(path[-1])}{_value(quantity)}")
-    words = [f"{group}: {', '.join(items)}" if group else ", ".join(items) for group, items in groups.items()]
+        groups.setdefault("".join(path[-2:-1]).replace("_", " "), []).append(
+            f"{_name(path[-1])}{_value(quantity)}"
+        )
+    words = [
+        f"{group}: {', '.join(items)}" if group else ", ".join(items)
+        for group, items in groups.items()
+    ]
     return sum(len(items) for items in groups.values()), "; ".join(words)
 
 
@@ -134,9 +190,15 @@ def _name(field: str) -> str:
 
 
 def _value(quantity: Document) -> str:
-    """` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`; nothing for a longer list, which the vehicle file holds."""
+    """` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`; nothing for a longer list, which the
+    vehicle file holds.
+    """
     value = np.asarray(quantity["value"], dtype=float)
-    if value.ndim == 2 and value.shape[0] == value.shape[1] and not np.any(value - np.diag(np.diag(value))):
+    if (
+        value.ndim == 2
+        and value.shape[0] == value.shape[1]
+        and not np.any(value - np.diag(np.diag(value)))
+    ):
         words = f" diag({_numbers(np.diag(value))})"
     elif value.size > LONGEST:
         return ""

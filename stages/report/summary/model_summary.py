@@ -1,8 +1,10 @@
-"""The first screen of the report: which model to take, how good it is, what it says about the vehicle, and what is missing.
+"""The first screen of the report: which model to take, how good it is, what it says
+about the vehicle, and what is missing.
 
-Everything here is computed from model cards, the error table and the documents of segments and logs; no stage writes its own praise.
-The rule for the model to take: of the models whose J on the validation legs is within `CLOSE` of the smallest, the one with the fewest
-terms; none, if the smallest J/J0 is 1 or more.
+Everything here is computed from model cards, the error table and the documents of
+segments and logs; no stage writes its own praise. The rule for the model to take: of
+the models whose J on the validation legs is within `CLOSE` of the smallest, the one
+with the fewest terms; none, if the smallest J/J0 is 1 or more.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
+
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.page.first_screen import AXES, AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
@@ -36,8 +39,14 @@ def summarise(
     judged = any(row["use"] == "validation" for row in rows)
     models = _scores(rows, cards, "validation" if judged else "training")
     take = choose(models)
-    card = next((card for card in cards.values() if take is not None and card["name"] == take.name), None)
-    missing = [*_missing(models, take, card, cards, segments, logs, judged), *_said_of(take, sections), *_unbounded(take, free_run)]
+    card = next(
+        (card for card in cards.values() if take is not None and card["name"] == take.name), None
+    )
+    missing = [
+        *_missing(models, take, card, cards, segments, logs, judged),
+        *_said_of(take, sections),
+        *_unbounded(take, free_run),
+    ]
     level, headline, explanation = _verdict(models, take, judged)
     return Summary(
         level=level,
@@ -54,25 +63,36 @@ def summarise(
 
 
 def choose(models: Sequence[ModelScore]) -> ModelScore | None:
-    """The model to take by the rule of this module; None if there is no model that beats no model."""
+    """The model to take by the rule of this module; None if there is no model that
+    beats no model.
+    """
     known = [model for model in models if model.j is not None]
     if not known or ((ratio := _judged(known[0].total)) is not None and ratio >= 1):
         return None
     smallest = known[0].j or 0.0
-    return min((model for model in known if (model.j or 0.0) <= CLOSE * smallest), key=lambda model: (model.terms, model.j))
+    return min(
+        (model for model in known if (model.j or 0.0) <= CLOSE * smallest),
+        key=lambda model: (model.terms, model.j),
+    )
 
 
 def _judged(score: Score) -> float | None:
     return score.validation if score.validation is not None else score.training
 
 
-def _scores(rows: Sequence[Mapping[str, Any]], cards: Mapping[str, Document], judge: str) -> tuple[ModelScore, ...]:
+def _scores(
+    rows: Sequence[Mapping[str, Any]], cards: Mapping[str, Document], judge: str
+) -> tuple[ModelScore, ...]:
     titles = {card["name"]: card["title"] for card in cards.values()}
     whole = {(row["use"], row["model"], row["axis"]): row for row in rows if row["leg"] == "all"}
     models = []
     for name in dict.fromkeys(row["model"] for row in rows):
         scores = tuple(
-            Score(axis, _ratio(whole.get(("validation", name, axis))), _ratio(whole.get(("training", name, axis))))
+            Score(
+                axis,
+                _ratio(whole.get(("validation", name, axis))),
+                _ratio(whole.get(("training", name, axis))),
+            )
             for axis in ("all", *AXES)
         )
         total = whole.get((judge, name, "all"), {})
@@ -87,7 +107,9 @@ def _scores(rows: Sequence[Mapping[str, Any]], cards: Mapping[str, Document], ju
                 scores=scores,
             )
         )
-    return tuple(sorted(models, key=lambda model: (math.inf if model.j is None else model.j, model.terms)))
+    return tuple(
+        sorted(models, key=lambda model: (math.inf if model.j is None else model.j, model.terms))
+    )
 
 
 def _ratio(row: Mapping[str, Any] | None) -> float | None:
@@ -95,9 +117,15 @@ def _ratio(row: Mapping[str, Any] | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
-def _verdict(models: Sequence[ModelScore], take: ModelScore | None, judged: bool) -> tuple[Level, str, str]:
+def _verdict(
+    models: Sequence[ModelScore], take: ModelScore | None, judged: bool
+) -> tuple[Level, str, str]:
     if not models:
-        return "poor", "No model was identified", "There is no error table: the chain did not reach validation."
+        return (
+            "poor",
+            "No model was identified",
+            "There is no error table: the chain did not reach validation.",
+        )
     best = models[0]
     if take is None:
         ratio = _judged(best.total)
@@ -105,32 +133,47 @@ def _verdict(models: Sequence[ModelScore], take: ModelScore | None, judged: bool
         return (
             "poor",
             "Take none of these models",
-            f"The best of them, {best.title}, has J/J0 = {_figure(ratio)} {where}: predicting no force at all does as well.",
+            (
+                f"The best of them, {best.title}, has J/J0 = {_figure(ratio)} {where}: predicting"
+                " no force at all does as well."
+            ),
         )
     if not judged:
         return (
             "poor",
             f"{take.title} fits best, but nothing judges it",
-            f"The campaign has no validation leg. J/J0 = {_figure(take.total.training)} is on the training legs alone "
-            "and says nothing about prediction.",
+            (
+                f"The campaign has no validation leg. J/J0 = {_figure(take.total.training)} is on"
+                " the training legs alone and says nothing about prediction."
+            ),
         )
     validation, training = take.total.validation, take.total.training
     failing = _failing(take)
     words = f"On the validation legs J/J0 = {_figure(validation)}"
     words += f" (training {_figure(training)})" if training is not None else ""
-    words += f": the error is {100 * (validation or 0):.0f} % of the force itself, with {take.terms} terms"
+    words += (
+        f": the error is {100 * (validation or 0):.0f} % of the force itself, with {take.terms}"
+        " terms"
+    )
     words += f", {take.rank} of which the data determine." if take.rank < take.terms else "."
     if take is not best:
-        words += f" {best.title} has a slightly smaller error ({_figure(best.total.validation)}) with {best.terms} terms."
+        words += (
+            f" {best.title} has a slightly smaller error ({_figure(best.total.validation)}) with"
+            f" {best.terms} terms."
+        )
     if failing:
-        words += f" It does not hold in {_listed(failing)}: there its error is larger than the force."
+        words += (
+            f" It does not hold in {_listed(failing)}: there its error is larger than the force."
+        )
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
     return level, f"Take {take.title}" + (", with care" if level == "fair" else ""), words
 
 
 def _failing(model: ModelScore) -> list[str]:
     return [
-        f"{AXIS_WORDS[score.axis]} ({score.axis})" for score in model.scores[1:] if score.validation is not None and score.validation > 1
+        f"{AXIS_WORDS[score.axis]} ({score.axis})"
+        for score in model.scores[1:]
+        if score.validation is not None and score.validation > 1
     ]
 
 
@@ -149,18 +192,39 @@ def _facts(
         note += f" in {len(chosen)} segments" if len(chosen) != legs else ""
         facts.append(Fact(use, f"{sum(item['duration_s'] for item in chosen):.0f} s", note))
     whole = sum(item["status"] == "complete" for item in logs.values())
-    facts.append(Fact("logs complete", f"{whole} of {len(logs)}", plural(sum(len(item["files"]) for item in logs.values()), "file")))
-    facts.append(Fact("models fitted", str(len(models)), f"{take.title} taken" if take else "none taken"))
+    facts.append(
+        Fact(
+            "logs complete",
+            f"{whole} of {len(logs)}",
+            plural(sum(len(item["files"]) for item in logs.values()), "file"),
+        )
+    )
+    facts.append(
+        Fact("models fitted", str(len(models)), f"{take.title} taken" if take else "none taken")
+    )
     if card is not None:
         counts = _verdicts(card)
         total = sum(counts.values()) - counts["not applicable"]
-        facts.append(Fact("coefficients identified", f"{counts['identified']} of {total}", f"in {card['title']}"))
+        facts.append(
+            Fact(
+                "coefficients identified",
+                f"{counts['identified']} of {total}",
+                f"in {card['title']}",
+            )
+        )
     return tuple(facts)
 
 
 def _verdicts(card: Document) -> Counter[str]:
-    """How many coefficients have which verdict; the constant force per axis is none of them."""
-    return Counter(term["verdict"] for axis in card["axes"].values() for term in axis["terms"] if term["term"] != CONSTANT)
+    """How many coefficients have which verdict; the constant force per axis is none of
+    them.
+    """
+    return Counter(
+        term["verdict"]
+        for axis in card["axes"].values()
+        for term in axis["terms"]
+        if term["term"] != CONSTANT
+    )
 
 
 def _missing(
@@ -175,20 +239,26 @@ def _missing(
     found = []
     if segments and not judged:
         found.append(
-            "There is no validation leg: give one leg `use: validation`, so that the models are judged on data they have not seen."
+            "There is no validation leg: give one leg `use: validation`, so that the models are"
+            " judged on data they have not seen."
         )
     shown = take or (models[0] if models else None)
     if shown is not None and judged:
         ratio = (shown.total.validation or 0) / (shown.total.training or math.inf)
         if ratio > OVERFIT:
-            found.append(f"{shown.title} fits the training legs {ratio:.1f} times better than it predicts the validation legs.")
+            found.append(
+                f"{shown.title} fits the training legs {ratio:.1f} times better than it predicts"
+                " the validation legs."
+            )
         never = [
             f"{AXIS_WORDS[axis]} ({axis})"
             for index, axis in enumerate(AXES, start=1)
             if models and all((model.scores[index].validation or 0) > 1 for model in models)
         ]
         if never:
-            found.append(f"No model predicts {_listed(never)} on the validation legs: every J/J0 is above 1.")
+            found.append(
+                f"No model predicts {_listed(never)} on the validation legs: every J/J0 is above 1."
+            )
     any_card = card or next(iter(cards.values()), None)
     if any_card is not None:
         found += _unexcited(any_card)
@@ -197,32 +267,57 @@ def _missing(
     for name, log in logs.items():
         if log["status"] != "complete":
             lost = sum(float(item.get("seconds_lost") or 0) for item in log["files"])
-            found.append(f"Log {name} is {log['status']}" + (f": {lost:.1f} s are lost." if lost else "."))
+            found.append(
+                f"Log {name} is {log['status']}" + (f": {lost:.1f} s are lost." if lost else ".")
+            )
     return found
 
 
 def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
     """What stages note about the model to take, by its title."""
-    return () if take is None else tuple(words for words in remarks(sections, "note") if words.startswith(f"{take.title} "))
+    return (
+        ()
+        if take is None
+        else tuple(
+            words for words in remarks(sections, "note") if words.startswith(f"{take.title} ")
+        )
+    )
 
 
 def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
-    """Whether the model to take holds when it is simulated by itself, which a small force error does not promise."""
-    rows = [row for row in (free_run.to_pylist() if free_run is not None else []) if take is not None and row["model"] == take.name]
+    """Whether the model to take holds when it is simulated by itself, which a small
+    force error does not promise.
+    """
+    rows = [
+        row
+        for row in (free_run.to_pylist() if free_run is not None else [])
+        if take is not None and row["model"] == take.name
+    ]
     gone = [row for row in rows if row["diverged"]]
     if take is None or not gone:
         return []
     worst = max(gone, key=lambda row: row["diverged"] / row["starts"])
     first = min(row["first_divergence_s"] for row in gone)
-    words = f"Simulated by itself from measured states, {take.title} leaves all bounds in {worst['diverged']} of {worst['starts']} runs"
-    return [f"{words} of {worst['horizon_s']:g} s, the first after {first:.1f} s: predict forces with it, do not put it into a simulator."]
+    words = (
+        f"Simulated by itself from measured states, {take.title} leaves all bounds in"
+        f" {worst['diverged']} of {worst['starts']} runs"
+    )
+    return [
+        f"{words} of {worst['horizon_s']:g} s, the first after {first:.1f} s: predict forces with"
+        " it, do not put it into a simulator."
+    ]
 
 
 def assumed_figures(vehicle: Document) -> tuple[str, ...]:
     count, words = assumed_words(vehicle)
     if not count:
         return ()
-    return (f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the coefficients shift or scale with them. {words}.",)
+    return (
+        (
+            f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the"
+            f" coefficients shift or scale with them. {words}."
+        ),
+    )
 
 
 def _unexcited(card: Document) -> list[str]:
@@ -231,7 +326,11 @@ def _unexcited(card: Document) -> list[str]:
         ("not excited", "The training legs do not excite", "damping there is not determined"),
         ("weak", "The training legs hardly excite", "damping there is not to be trusted"),
     ):
-        axes = [f"{AXIS_WORDS.get(axis, axis)} ({axis})" for axis, item in card["axes"].items() if item["excitation"] == state]
+        axes = [
+            f"{AXIS_WORDS.get(axis, axis)} ({axis})"
+            for axis, item in card["axes"].items()
+            if item["excitation"] == state
+        ]
         if axes:
             found.append(f"{words} {_listed(axes)}: {so}.")
     return found
@@ -258,7 +357,11 @@ def _warnings(sections: Mapping[str, Document]) -> tuple[str, ...]:
 
 def remarks(sections: Mapping[str, Document], level: str) -> list[str]:
     blocks = (block for document in sections.values() for block in document["blocks"])
-    return [str(block["text"]) for block in blocks if block["kind"] == "remark" and block["level"] == level]
+    return [
+        str(block["text"])
+        for block in blocks
+        if block["kind"] == "remark" and block["level"] == level
+    ]
 
 
 def _figure(value: float | None) -> str:

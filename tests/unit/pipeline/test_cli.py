@@ -1,4 +1,6 @@
-"""The command line: help, refusals, exit codes, and what a user sees when something goes wrong."""
+"""The command line: help, refusals, exit codes, and what a user sees when something
+goes wrong.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
+
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli
 from auvid.pipeline.campaigns.yaml_files import load_yaml
@@ -19,13 +23,24 @@ from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.stages import STAGES
 from auvid.stages.base import ports
-from typer.testing import CliRunner
-
 from tests.support import toy_stages
 from tests.support.toy_stages import write_campaign
 
 LOOKING = ("inspect", "diff", "history")
-COMMANDS = ("coefficients", "run", "report", *LOOKING, "check", "regress", "simulate", "reproduce", "stages", "models", "vehicles", "new")
+COMMANDS = (
+    "coefficients",
+    "run",
+    "report",
+    *LOOKING,
+    "check",
+    "regress",
+    "simulate",
+    "reproduce",
+    "stages",
+    "models",
+    "vehicles",
+    "new",
+)
 TEMPLATES = Path(cli.__file__).parent / "templates"
 
 
@@ -49,7 +64,9 @@ def toy_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def auvid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+def auvid(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, str, str]:
     """Exit code, standard output and standard error of a command in this process."""
     monkeypatch.setattr(sys, "argv", ["auvid", *words])
     code: Any = 0
@@ -69,7 +86,9 @@ def test_every_command_has_help_with_an_example(command: str) -> None:
 
 def test_commands_are_those_that_are_tested() -> None:
     names = {
-        str(command.name or getattr(command.callback, "__name__", "")) for command in cli.app.registered_commands if not command.hidden
+        str(command.name or getattr(command.callback, "__name__", ""))
+        for command in cli.app.registered_commands
+        if not command.hidden
     }
     assert names == set(COMMANDS)
 
@@ -77,18 +96,35 @@ def test_commands_are_those_that_are_tested() -> None:
 def test_help_loads_nothing_heavy() -> None:
     program = "import sys; sys.argv = ['auvid', '--help']\nfrom pipeline import cli\n"
     program += "try: cli.main()\nexcept SystemExit: pass\nprint(*sys.modules)"
-    loaded = set(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split())
+    loaded = set(
+        subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
     assert not loaded & {"numpy", "scipy", "pandas", "pyarrow", "rerun", "dvc", "numba"}
 
 
 def test_one_blas_thread_is_set_before_numpy() -> None:
-    program = "import pipeline, sys, os; print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
-    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env={"OMP_NUM_THREADS": "8"}).stdout
+    program = (
+        "import pipeline, sys, os; print('numpy' in sys.modules,"
+        " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"OMP_NUM_THREADS": "8"},
+    ).stdout
     assert said.split() == ["False", "1", "1"]
 
 
-@pytest.mark.parametrize("words", [("run",), ("run", "toy", "--fast"), ("fly",), ("run", "toy", "--jobs", "many")])
-def test_wrong_use_is_2(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "words", [("run",), ("run", "toy", "--fast"), ("fly",), ("run", "toy", "--jobs", "many")]
+)
+def test_wrong_use_is_2(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert auvid(monkeypatch, capsys, *words)[0] == 2
 
 
@@ -101,11 +137,15 @@ def test_run_says_what_ran_and_then_that_nothing_is_to_do(
     assert "spread: segment three" in err
     code, out, err = auvid(monkeypatch, capsys, "run", "campaigns/toy")
     assert (code, out.splitlines()[0]) == (0, "nothing to do: everything is up to date")
-    assert err.splitlines() == [f"{name}: up to date" for name in ("decode", "cut", "spread", "total")]
+    assert err.splitlines() == [
+        f"{name}: up to date" for name in ("decode", "cut", "spread", "total")
+    ]
     assert (toy_workspace / "runs" / ".code" / "decode.txt").read_text().startswith("decode ")
 
 
-def test_user_fault_is_one_line_and_1(toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_user_fault_is_one_line_and_1(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     (toy_workspace / "campaigns" / "toy" / "a.log").write_bytes(b"BAD")
     code, _, err = auvid(monkeypatch, capsys, "run", "toy")
     assert code == 1
@@ -123,14 +163,23 @@ def test_internal_fault_is_short_unless_the_traceback_is_wanted(
     assert "AUVID_TRACEBACK=1" in err
     assert "Traceback" not in err
     monkeypatch.setenv("AUVID_TRACEBACK", "1")
-    assert re.search(r"(?s)Traceback.*toy_stages.py.*ZeroDivisionError", auvid(monkeypatch, capsys, "run", "toy")[2])
+    assert re.search(
+        r"(?s)Traceback.*toy_stages.py.*ZeroDivisionError",
+        auvid(monkeypatch, capsys, "run", "toy")[2],
+    )
 
 
-def test_interrupt_says_so(toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_interrupt_says_so(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def interrupt(inputs: Any, params: Any) -> Any:
         raise KeyboardInterrupt
 
-    stages = (*toy_stages.STAGES[:2], replace(toy_stages.STAGES[2], run=interrupt), toy_stages.STAGES[3])
+    stages = (
+        *toy_stages.STAGES[:2],
+        replace(toy_stages.STAGES[2], run=interrupt),
+        toy_stages.STAGES[3],
+    )
     monkeypatch.setattr(session, "STAGES", stages)
     code, _, err = auvid(monkeypatch, capsys, "run", "toy")
     assert (code, err.splitlines()[-1]) == (130, "interrupted: what was finished is kept")
@@ -153,7 +202,9 @@ def test_report_that_is_not_there_says_how_to_get_it(
     assert (code, err.strip()) == (1, "error: there is no report yet; found 'toy'. auvid run toy")
 
 
-def test_stages_are_printed_from_their_declarations(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stages_are_printed_from_their_declarations(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("COLUMNS", "240")
     _, out, _ = auvid(monkeypatch, capsys, "stages")
     for stage in STAGES:
@@ -169,7 +220,9 @@ def test_stages_are_printed_from_their_declarations(monkeypatch: pytest.MonkeyPa
     assert "Did you mean 'resample'?" in err
 
 
-def test_models_and_vehicles_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_and_vehicles_are_listed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("COLUMNS", "240")
     _, out, _ = auvid(monkeypatch, capsys, "models")
     for model in MODELS:
@@ -178,7 +231,9 @@ def test_models_and_vehicles_are_listed(monkeypatch: pytest.MonkeyPatch, capsys:
     assert re.search(r"vt690 .*vt690.yaml", auvid(monkeypatch, capsys, "vehicles")[1])
 
 
-def test_new_refuses_to_overwrite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_new_refuses_to_overwrite(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = tmp_path / "ws"
     code, out, _ = auvid(monkeypatch, capsys, "new", str(target))
     assert code == 0

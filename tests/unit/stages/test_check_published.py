@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages import check_published
@@ -14,29 +15,59 @@ RESULTS = {
     "rlse/surge": {
         "title": "surge",
         "rows": [
-            {"quantity": "m - X_udot", "value": 34.0, "unit": "kg", "standard_error": 0.2, "verdict": "identified"},
-            {"quantity": "X_u|u|", "value": None, "unit": "kg/m", "verdict": "not persistently exciting"},
+            {
+                "quantity": "m - X_udot",
+                "value": 34.0,
+                "unit": "kg",
+                "standard_error": 0.2,
+                "verdict": "identified",
+            },
+            {
+                "quantity": "X_u|u|",
+                "value": None,
+                "unit": "kg/m",
+                "verdict": "not persistently exciting",
+            },
         ],
     },
-    "pipendulum": {"title": "swings", "rows": [{"quantity": "tray I", "value": 2.2, "unit": "kg*m^2"}]},
+    "pipendulum": {
+        "title": "swings",
+        "rows": [{"quantity": "tray I", "value": 2.2, "unit": "kg*m^2"}],
+    },
 }
 
 
 def row(**changes: Any) -> dict[str, Any]:
-    entry = {"quantity": "X_udot", "unit": "kg", "printed": -13.3967, "truth": -13.5778, "ours": "rlse/surge:m - X_udot"}
+    entry = {
+        "quantity": "X_udot",
+        "unit": "kg",
+        "printed": -13.3967,
+        "truth": -13.5778,
+        "ours": "rlse/surge:m - X_udot",
+    }
     return {**entry, "factor": -1.0, "offset": 20.9, **changes}
 
 
 def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> dict[str, Any]:
-    erratum = {"id": "A17", "where": "Table 3", "printed": "195.70 %", "corrected": "198.85 %", "confidence": "certain"}
-    tables = [{"id": "Table 4", "title": "varying steps", "errata": list(errata), "rows": list(rows)}]
+    erratum = {
+        "id": "A17",
+        "where": "Table 3",
+        "printed": "195.70 %",
+        "corrected": "198.85 %",
+        "confidence": "certain",
+    }
+    tables = [
+        {"id": "Table 4", "title": "varying steps", "errata": list(errata), "rows": list(rows)}
+    ]
     document = {"title": "Alberti", "source": "Alberti 2015", "tables": tables, "errata": [erratum]}
     check_document(document, "published_values")
     return document
 
 
 def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
-    outputs = check_published.run(check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params())
+    outputs = check_published.run(
+        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
+    )
     assert outputs.comparison is not None
     assert outputs.section is not None
     return outputs.comparison.to_pylist()
@@ -52,7 +83,9 @@ def test_errors_of_print_and_ours_are_against_the_same_truth():
 
 
 def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
-    missed, free, corrected = compared(row(most_relative_error=0.03), row(), row(truth=-13.1, most_relative_error=1e-9))
+    missed, free, corrected = compared(
+        row(most_relative_error=0.03), row(), row(truth=-13.1, most_relative_error=1e-9)
+    )
     assert missed["met"] is False
     assert free["met"] is None
     assert corrected["met"] is True
@@ -60,7 +93,10 @@ def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
 
 def test_limits_on_the_value_itself():
     held, low, high, both = compared(
-        row(least=-14.0, most=-13.0), row(least=-13.0), row(most=-13.2), row(most=-13.0, most_relative_error=0.03)
+        row(least=-14.0, most=-13.0),
+        row(least=-13.0),
+        row(most=-13.2),
+        row(most=-13.0, most_relative_error=0.03),
     )
     assert [found["met"] for found in (held, low, high, both)] == [True, False, False, False]
     assert (held["least"], held["most"], low["most"]) == (-14.0, -13.0, None)
@@ -70,15 +106,25 @@ def test_limits_on_the_value_itself():
 
 def test_a_missed_limit_is_told_in_the_unit_of_the_row():
     outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(row(most=-13.2), row(least=-13.0))), check_published.Params()
+        check_published.Inputs(collection(RESULTS), published(row(most=-13.2), row(least=-13.0))),
+        check_published.Params(),
     )
     assert outputs.section is not None
     warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"][1:]
-    assert warned == ["Table 4, X_udot: -13.1 kg, asked at most -13.2", "Table 4, X_udot: -13.1 kg, asked at least -13"]
+    assert warned == [
+        "Table 4, X_udot: -13.1 kg, asked at most -13.2",
+        "Table 4, X_udot: -13.1 kg, asked at least -13",
+    ]
 
 
 def test_without_truth_the_corrected_value_counts_then_the_printed():
-    entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, "ours": "pipendulum:tray I", "most_relative_error": 0.0}
+    entry = {
+        "quantity": "I_P",
+        "unit": "kg*m^2",
+        "printed": 2.0,
+        "ours": "pipendulum:tray I",
+        "most_relative_error": 0.0,
+    }
     first, second = compared({**entry, "corrected": 2.2}, entry)
     assert (first["truth"], first["met"]) == (2.2, True)
     assert (second["truth"], second["met"]) == (2.0, False)
@@ -87,7 +133,9 @@ def test_without_truth_the_corrected_value_counts_then_the_printed():
 def test_a_verdict_is_held_with_or_without_a_value():
     verdict = "not persistently exciting"
     entry = row(ours="rlse/surge:X_u|u|", verdict=verdict)
-    held, other, bounded = compared(entry, {**entry, "verdict": "identified"}, {**entry, "most_relative_error": 1.0})
+    held, other, bounded = compared(
+        entry, {**entry, "verdict": "identified"}, {**entry, "most_relative_error": 1.0}
+    )
     assert (held["met"], held["ours"], held["verdict"]) == (True, None, verdict)
     assert other["met"] is False
     assert bounded["met"] is False
@@ -95,36 +143,58 @@ def test_a_verdict_is_held_with_or_without_a_value():
 
 def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
     outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(row(most_relative_error=0.03))), check_published.Params()
+        check_published.Inputs(collection(RESULTS), published(row(most_relative_error=0.03))),
+        check_published.Params(),
     )
     assert outputs.section is not None
     titles = [block["title"] for block in outputs.section["blocks"] if block["kind"] == "table"]
     assert titles == ["Table 4: varying steps", "Errata of the source"]
-    warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
-    assert warned == ["0 of 1 bounds on the printed tables are met.", "Table 4, X_udot: off by 3.52 %, asked at most 3 %"]
+    warned = [
+        block["text"]
+        for block in outputs.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == "warning"
+    ]
+    assert warned == [
+        "0 of 1 bounds on the printed tables are met.",
+        "Table 4, X_udot: off by 3.52 %, asked at most 3 %",
+    ]
 
 
 def test_what_is_met_stands_among_the_results() -> None:
     rows = (row(most_relative_error=0.04), row(most_relative_error=0.03), row())
-    outputs = check_published.run(check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params())
+    outputs = check_published.run(
+        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
+    )
     assert outputs.bounds is not None
     check_document(outputs.bounds, "results")
     (found,) = outputs.bounds["rows"]
-    assert (found["quantity"], found["value"], found["verdict"]) == ("Table 4: bounds met of 2", 1.0, "missed")
+    assert (found["quantity"], found["value"], found["verdict"]) == (
+        "Table 4: bounds met of 2",
+        1.0,
+        "missed",
+    )
     assert found["note"] == "largest error 3.5 % (X_udot)"
-    free = check_published.run(check_published.Inputs(collection(RESULTS), published(row())), check_published.Params())
+    free = check_published.run(
+        check_published.Inputs(collection(RESULTS), published(row())), check_published.Params()
+    )
     assert free.bounds is None
 
 
 def test_a_campaign_without_printed_tables_gives_nothing():
-    outputs = check_published.run(check_published.Inputs(collection(RESULTS), None), check_published.Params())
+    outputs = check_published.run(
+        check_published.Inputs(collection(RESULTS), None), check_published.Params()
+    )
     assert outputs == check_published.Outputs(None, None, None)
 
 
 def test_unknown_figures_and_errata_are_refused_together():
-    document = published(row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"), errata=("A71",))
+    document = published(
+        row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"), errata=("A71",)
+    )
     with pytest.raises(PipelineError) as caught:
-        check_published.run(check_published.Inputs(collection(RESULTS), document), check_published.Params())
+        check_published.run(
+            check_published.Inputs(collection(RESULTS), document), check_published.Params()
+        )
     words = str(caught.value)
     assert "rlse/surge:m - X_udot" in words
     assert "tables[0].rows[1].ours" in words
@@ -135,4 +205,6 @@ def test_unknown_figures_and_errata_are_refused_together():
 def test_a_bound_without_a_figure_is_refused(bound):
     entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, **bound}
     with pytest.raises(PipelineError, match="a bound needs a figure"):
-        check_published.run(check_published.Inputs(collection(RESULTS), published(entry)), check_published.Params())
+        check_published.run(
+            check_published.Inputs(collection(RESULTS), published(entry)), check_published.Params()
+        )

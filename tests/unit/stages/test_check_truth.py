@@ -1,4 +1,6 @@
-"""Stage trust: errors of known size come out as such, bounds are held in words, and a truth that is missing is named."""
+"""Stage trust: errors of known size come out as such, bounds are held in words, and a
+truth that is missing is named.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table
 from auvid.stages import check_truth
 from auvid.stages.base import Collection, collection
-from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, Array, force_columns, named
+from auvid.stages.columns import (
+    ACCELERATION,
+    POSE,
+    POSE_RATE,
+    VELOCITY,
+    Array,
+    force_columns,
+    named,
+)
 
-VEHICLE: dict[str, Any] = yaml.safe_load((Path(__file__).parents[3] / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+VEHICLE: dict[str, Any] = yaml.safe_load(
+    (Path(__file__).parents[3] / "vehicles/vt690.yaml").read_text(encoding="utf-8")
+)
 START_S = 2.0
 T = np.arange(0.0, 4.0, 0.02)
 OFFSET = {"u_m_s": 0.03, "psi_rad": 0.01, "tau_bar_Y_N": 2.0}
@@ -22,14 +35,28 @@ OFFSET = {"u_m_s": 0.03, "psi_rad": 0.01, "tau_bar_Y_N": 2.0}
 
 
 def motion(t_s: Array, names: tuple[str, ...]) -> Array:
-    """Straight lines, so that interpolation is exact; the force of every axis has slope and value of its own."""
+    """Straight lines, so that interpolation is exact; the force of every axis has slope
+    and value of its own.
+    """
     return np.column_stack([0.1 * (index + 1) * (1.0 + t_s) for index, _ in enumerate(names)])
 
 
 def truth() -> Any:
     t_s = np.arange(0.0, 8.0, 0.05)
-    zero = {name: np.zeros_like(t_s) for part in ("viscous", "unsteady") for name in force_columns(part)}
-    zero |= {name: np.zeros_like(t_s) for name in ("propeller_rev_s", "fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad", *ACCELERATION)}
+    zero = {
+        name: np.zeros_like(t_s) for part in ("viscous", "unsteady") for name in force_columns(part)
+    }
+    zero |= {
+        name: np.zeros_like(t_s)
+        for name in (
+            "propeller_rev_s",
+            "fin_s_rad",
+            "fin_p_rad",
+            "fin_b_rad",
+            "fin_t_rad",
+            *ACCELERATION,
+        )
+    }
     columns = {"time_us": np.rint(t_s * 1e6).astype(np.int64), "t_s": t_s, **zero}
     for names in (POSE, VELOCITY, force_columns("tau_bar")):
         columns |= named(names, motion(t_s, names))
@@ -38,19 +65,32 @@ def truth() -> Any:
 
 def shifted(names: tuple[str, ...], turn: float = 0.0) -> dict[str, Array]:
     values = named(names, motion(T + START_S, names))
-    return {name: value + OFFSET.get(name, 0.0) + (turn if name == "psi_rad" else 0.0) for name, value in values.items()}
+    return {
+        name: value + OFFSET.get(name, 0.0) + (turn if name == "psi_rad" else 0.0)
+        for name, value in values.items()
+    }
 
 
-def inputs(*, turn: float = 0.0, truths: dict[str, Any] | None = None, accel_bias: list[float] | None = None) -> check_truth.Inputs:
+def inputs(
+    *,
+    turn: float = 0.0,
+    truths: dict[str, Any] | None = None,
+    accel_bias: list[float] | None = None,
+) -> check_truth.Inputs:
     rates = {name: np.zeros_like(T) for name in (*POSE_RATE, *ACCELERATION)}
     fused = make_table("fused", {"t_s": T, **shifted(POSE, turn), **shifted(VELOCITY), **rates})
-    residual = make_table("residual", {"t_s": T, **shifted(VELOCITY), **shifted(force_columns("tau_bar"))})
+    residual = make_table(
+        "residual", {"t_s": T, **shifted(VELOCITY), **shifted(force_columns("tau_bar"))}
+    )
     model = {"segment": ["leg"] * len(T), "model": ["linear"] * len(T), "t_s": T}
     force = motion(T + START_S, force_columns("tau"))
     predictions = make_table("predictions", {**model, **named(force_columns("tau"), 0.9 * force)})
     row = {name: [0.0] for name in ("sse", "mae", "mse", "rms", "mad", "j0")}
     counts = {"n_bar": [36], "rank": [36], "samples": [len(T)], "ratio": [0.1], **row}
-    table = make_table("error_table", {"use": ["validation"], "leg": ["all"], "model": ["linear"], "axis": ["all"], **counts})
+    table = make_table(
+        "error_table",
+        {"use": ["validation"], "leg": ["all"], "model": ["linear"], "axis": ["all"], **counts},
+    )
     fusion = {"gyro_bias_rad_s": [0.002, 0.0, 0.0], "accel_bias_m_s2": accel_bias}
     biases = {"gyro_rad_s": [0.001, 0.0, 0.0], "accel_m_s2": [0.1, 0.0, 0.0]}
 
@@ -71,17 +111,30 @@ def inputs(*, turn: float = 0.0, truths: dict[str, Any] | None = None, accel_bia
     )
 
 
-def errors(made: check_truth.Outputs, use: str = "all", segment: str = "all") -> dict[tuple[str, str], dict[str, Any]]:
+def errors(
+    made: check_truth.Outputs, use: str = "all", segment: str = "all"
+) -> dict[tuple[str, str], dict[str, Any]]:
     rows = made.truth_errors.to_pylist()
-    return {(row["quantity"], row["axis"]): row for row in rows if (row["use"], row["segment"]) == (use, segment)}
+    return {
+        (row["quantity"], row["axis"]): row
+        for row in rows
+        if (row["use"], row["segment"]) == (use, segment)
+    }
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0 * np.pi, -4.0 * np.pi])
 def test_errors_are_those_put_in(turn: float) -> None:
-    """Offsets of one velocity, the heading (whole turns aside), one force and one bias; all else agrees."""
+    """Offsets of one velocity, the heading (whole turns aside), one force and one bias;
+    all else agrees.
+    """
     made = check_truth.run(inputs(turn=turn), check_truth.Params())
     found = errors(made)
-    put_in = {("velocity", "u"): 0.03, ("attitude", "psi"): 0.01, ("force", "Y"): 2.0, ("gyro bias", "x"): 0.001}
+    put_in = {
+        ("velocity", "u"): 0.03,
+        ("attitude", "psi"): 0.01,
+        ("force", "Y"): 2.0,
+        ("gyro bias", "x"): 0.001,
+    }
     for key, row in found.items():
         if not key[0].startswith("model") and key[1] != "all":
             assert row["rms_error"] == pytest.approx(put_in.get(key, 0.0), abs=1e-9), key
@@ -90,11 +143,15 @@ def test_errors_are_those_put_in(turn: float) -> None:
     assert found[("force, all axes", "all")]["rms_error"] == pytest.approx(2.0 / np.sqrt(6.0))
     assert found[("force, all axes", "all")]["mean_error"] is None
     assert ("accelerometer bias", "x") not in found
-    assert errors(made, "validation", "leg") == {key: row | {"use": "validation", "segment": "leg"} for key, row in found.items()}
+    assert errors(made, "validation", "leg") == {
+        key: row | {"use": "validation", "segment": "leg"} for key, row in found.items()
+    }
 
 
 def test_models_are_judged_on_the_true_force() -> None:
-    """A prediction of nine tenths of the true force has J/J0 = 0.1 on every axis, whatever the residual force says."""
+    """A prediction of nine tenths of the true force has J/J0 = 0.1 on every axis,
+    whatever the residual force says.
+    """
     found = errors(check_truth.run(inputs(), check_truth.Params()), "validation")
     for axis in ("X", "Y", "Z", "K", "M", "N", "all"):
         row = found[("model linear", axis)]
@@ -109,13 +166,20 @@ def test_true_motion_is_on_the_clock_of_the_segment() -> None:
     made = check_truth.run(inputs(turn=2.0 * np.pi), check_truth.Params()).true_motion["leg"]
     np.testing.assert_allclose(column(made, "t_s"), T)
     np.testing.assert_allclose(column(made, "u_m_s"), 0.1 * (1.0 + T + START_S), atol=1e-12)
-    np.testing.assert_allclose(column(made, "psi_rad"), 0.6 * (1.0 + T + START_S) + 2.0 * np.pi, atol=1e-12)
+    np.testing.assert_allclose(
+        column(made, "psi_rad"), 0.6 * (1.0 + T + START_S) + 2.0 * np.pi, atol=1e-12
+    )
 
 
 def test_bounds_met_and_missed() -> None:
-    """RMS error of u, v, w is 0.03 / sqrt 3 = 0.0173 m/s, of the gyro bias 0.001 / sqrt 3 rad/s."""
+    """RMS error of u, v, w is 0.03 / sqrt 3 = 0.0173 m/s, of the gyro bias 0.001 / sqrt
+    3 rad/s.
+    """
     made = check_truth.run(
-        inputs(), check_truth.Params(velocity_error_m_s=0.017, gyro_bias_rad_s=6e-4, force_error=0.9, ratio={"linear": 0.2})
+        inputs(),
+        check_truth.Params(
+            velocity_error_m_s=0.017, gyro_bias_rad_s=6e-4, force_error=0.9, ratio={"linear": 0.2}
+        ),
     )
     held = {row["figure"]: row["met"] for row in made.trust_checks.to_pylist()}
     assert held == {
@@ -124,8 +188,14 @@ def test_bounds_met_and_missed() -> None:
         "RMS error of the gyro bias": True,
         "J/J0 of linear, validation": True,
     }
-    warned = [block["text"] for block in made.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
-    assert warned == ["Against the truth of the twin: RMS error of u, v, w is 0.0173, the bound is 0.017 m/s."]
+    warned = [
+        block["text"]
+        for block in made.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == "warning"
+    ]
+    assert warned == [
+        "Against the truth of the twin: RMS error of u, v, w is 0.0173, the bound is 0.017 m/s."
+    ]
 
 
 def test_without_bounds_nothing_is_checked() -> None:
@@ -147,7 +217,10 @@ def test_bounds_on_what_is_not_measured_are_refused(params: check_truth.Params, 
         check_truth.run(inputs(), params)
 
 
-@pytest.mark.parametrize(("truths", "words"), [({}, "no truth of log 'dive'"), ({"dive": truth().slice(0, 60)}, "does not cover")])
+@pytest.mark.parametrize(
+    ("truths", "words"),
+    [({}, "no truth of log 'dive'"), ({"dive": truth().slice(0, 60)}, "does not cover")],
+)
 def test_truth_that_is_missing_or_short_is_named(truths: dict[str, Any], words: str) -> None:
     with pytest.raises(DataError, match=words):
         check_truth.run(inputs(truths=truths), check_truth.Params())

@@ -1,4 +1,6 @@
-"""The stage `control`: what it gives for the H-AUV and for an identified vehicle, and what it refuses."""
+"""The stage `control`: what it gives for the H-AUV and for an identified vehicle, and
+what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.tables import column
@@ -28,21 +31,26 @@ CARD = json.loads((ROOT / "campaigns/vt690_control/linear.json").read_text())
 
 
 def short_hauv() -> dict[str, Any]:
-    """A quarter of the helix of campaign hauv with three flights, and a Monte Carlo of a few members."""
+    """A quarter of the helix of campaign hauv with three flights, and a Monte Carlo of
+    a few members.
+    """
     cases: dict[str, Any] = copy.deepcopy(read("campaigns/hauv/cases.yaml"))
     helix = cases["trajectories"]["helix"]
     flights = helix["flights"]
     for name in ("undisturbed", "side_force", "side_force_observer"):
         if "force" in flights[name]:
             flights[name]["force"]["start"]["value"] = 3
-    helix["flights"] = {name: flights[name] for name in ("undisturbed", "side_force", "side_force_observer")}
+    helix["flights"] = {
+        name: flights[name] for name in ("undisturbed", "side_force", "side_force_observer")
+    }
     helix["duration"]["value"], helix["step"]["value"], helix["transient"]["value"] = 12, 0.1, 5
     return {
         **cases,
         "trajectories": {"helix": helix},
         "redesign": ["corrected"],
         "open_loop": {
-            name: {**cases["open_loop"][name], "duration": {"value": 40, "unit": "s"}} for name in ("straight", "circle_banking")
+            name: {**cases["open_loop"][name], "duration": {"value": 40, "unit": "s"}}
+            for name in ("straight", "circle_banking")
         },
         "linear": ["straight", "circle_banking"],
         "monte_carlo": {**cases["monte_carlo"], "duration": {"value": 5, "unit": "s"}},
@@ -55,12 +63,18 @@ def short_vt690() -> dict[str, Any]:
     straight["duration"] = {"value": 8, "unit": "s"}
     straight["step"]["value"] = 0.1
     straight["transient"] = {"value": 2, "unit": "s"}
-    monte_carlo = {"trajectory": "straight", "flight": "undisturbed", "duration": {"value": 5, "unit": "s"}}
+    monte_carlo = {
+        "trajectory": "straight",
+        "flight": "undisturbed",
+        "duration": {"value": 5, "unit": "s"},
+    }
     return {**cases, "trajectories": {"straight": straight}, "monte_carlo": monte_carlo}
 
 
 def run(vehicle: Any, cases: Any, card: Any = None, **params: Any) -> control.Outputs:
-    return control.run(control.Inputs(vehicle, cases, card), control.Params(**{"members": 20, **params}))
+    return control.run(
+        control.Inputs(vehicle, cases, card), control.Params(**{"members": 20, **params})
+    )
 
 
 def figure(outputs: control.Outputs, name: str) -> dict[str, Any]:
@@ -80,14 +94,23 @@ def test_cases_of_the_campaigns_agree_with_their_schema() -> None:
 
 
 def test_outputs_agree_with_their_schemas_and_name_every_flight(hauv: control.Outputs) -> None:
-    assert set(hauv.flights) == {"helix-undisturbed", "helix-side_force", "helix-side_force_observer"}
+    assert set(hauv.flights) == {
+        "helix-undisturbed",
+        "helix-side_force",
+        "helix-side_force_observer",
+    }
     check_document(hauv.results, "results", file="results")
     check_document(hauv.section, "section", file="section")
     check_document(hauv.views, "views", file="views")
     names = [row["quantity"] for row in hauv.results["rows"]]
     assert len(names) == len(set(names))
     assert hauv.tracking.num_rows == 6 - 1  # the observer's flight is not flown by the redesign
-    assert set(hauv.gains["helix"].column("input").to_pylist()) == {"X_thrust", "delta_r", "delta_s_right", "delta_s_left"}
+    assert set(hauv.gains["helix"].column("input").to_pylist()) == {
+        "X_thrust",
+        "delta_r",
+        "delta_s_right",
+        "delta_s_left",
+    }
 
 
 def test_flight_table_holds_what_the_figures_say(hauv: control.Outputs) -> None:
@@ -108,18 +131,28 @@ def test_undisturbed_figures_meet_what_is_asked(hauv: control.Outputs) -> None:
     assert figure(hauv, "share of fins at limit, helix, undisturbed")["value"] < 0.05
     assert figure(hauv, "slowest closed-loop pole, frozen gains, helix")["value"] < 0.0
     assert figure(hauv, "Monte Carlo, members lost")["value"] == 0.0
-    assert figure(hauv, "linear against nonlinear, straight, trimmed, share of the way")["value"] < 1e-3
+    assert (
+        figure(hauv, "linear against nonlinear, straight, trimmed, share of the way")["value"]
+        < 1e-3
+    )
 
 
 def test_linear_model_follows_the_circle_with_its_bank(hauv: control.Outputs) -> None:
     name = "linear against nonlinear, circle_banking, {}, share of the way"
     assert figure(hauv, name.format("trimmed"))["value"] < 1e-3
-    assert 0.01 < figure(hauv, name.format("algorithm_1"))["value"] < 0.05  # no sideslip, but what it costs is small
+    assert (
+        0.01 < figure(hauv, name.format("algorithm_1"))["value"] < 0.05
+    )  # no sideslip, but what it costs is small
 
 
 def test_share_of_the_error_that_the_observer_leaves(hauv: control.Outputs) -> None:
-    with_, without = (figure(hauv, f"rms cross-track, helix, {name}")["value"] for name in ("side_force_observer", "side_force"))
-    share = figure(hauv, "rms cross-track over that without observer, helix, side_force_observer")["value"]
+    with_, without = (
+        figure(hauv, f"rms cross-track, helix, {name}")["value"]
+        for name in ("side_force_observer", "side_force")
+    )
+    share = figure(hauv, "rms cross-track over that without observer, helix, side_force_observer")[
+        "value"
+    ]
     assert share == pytest.approx(with_ / without)
 
 
@@ -151,30 +184,68 @@ def test_an_unstable_model_is_refused_unless_told() -> None:
     [
         (lambda c: c["trajectories"]["helix"].update(weights="gentle"), "no such weights"),
         (lambda c: c["trajectories"]["helix"]["speed"].update(unit="N"), "wrong unit"),
-        (lambda c: c["trajectories"]["helix"]["path"]["radius"].update(value=-3), "must be positive"),
-        (lambda c: c["trajectories"]["helix"]["path"]["radius"].update(value=1.5), "tightest level turn"),
+        (
+            lambda c: c["trajectories"]["helix"]["path"]["radius"].update(value=-3),
+            "must be positive",
+        ),
+        (
+            lambda c: c["trajectories"]["helix"]["path"]["radius"].update(value=1.5),
+            "tightest level turn",
+        ),
         (lambda c: c["trajectories"]["helix"]["speed"].update(value=3.0), "cannot hold 3"),
-        (lambda c: c["trajectories"]["helix"]["path"]["pitch"].update(value=-60), "more pitch than allowed"),
-        (lambda c: c["weights"]["thrust_mode"]["R"].update(value=[1, 1, 1]), r"the cases.*weights\.thrust_mode\.R.*weights do not fit"),
-        (lambda c: c["limits"]["fins"].update(value=-20), r"the cases.*limits\.fins.*must be positive"),
-        (lambda c: c["trajectories"]["helix"]["step"].update(value=0), r"helix\.step.*must be positive"),
+        (
+            lambda c: c["trajectories"]["helix"]["path"]["pitch"].update(value=-60),
+            "more pitch than allowed",
+        ),
+        (
+            lambda c: c["weights"]["thrust_mode"]["R"].update(value=[1, 1, 1]),
+            r"the cases.*weights\.thrust_mode\.R.*weights do not fit",
+        ),
+        (
+            lambda c: c["limits"]["fins"].update(value=-20),
+            r"the cases.*limits\.fins.*must be positive",
+        ),
+        (
+            lambda c: c["trajectories"]["helix"]["step"].update(value=0),
+            r"helix\.step.*must be positive",
+        ),
         (lambda c: c["trajectories"]["helix"]["step"].update(value=1e-7), "too many steps"),
-        (lambda c: c["trajectories"]["helix"]["waiting"]["lead"].update(value=0), r"waiting\.lead.*must be positive"),
+        (
+            lambda c: c["trajectories"]["helix"]["waiting"]["lead"].update(value=0),
+            r"waiting\.lead.*must be positive",
+        ),
         (lambda c: c["trajectories"]["helix"].update(flights={}), "there is no flight"),
-        (lambda c: c["trajectories"]["helix"]["path"]["turns"].update(value=-1), r"trajectories\.helix\.path\.turns.*must be positive"),
-        (lambda c: c["monte_carlo"]["duration"].update(value="long"), r"monte_carlo\.duration\.value.*not numbers"),
+        (
+            lambda c: c["trajectories"]["helix"]["path"]["turns"].update(value=-1),
+            r"trajectories\.helix\.path\.turns.*must be positive",
+        ),
+        (
+            lambda c: c["monte_carlo"]["duration"].update(value="long"),
+            r"monte_carlo\.duration\.value.*not numbers",
+        ),
         (lambda c: c["monte_carlo"]["duration"].update(value=1e9), "longer than what is flown"),
         (lambda c: c["monte_carlo"].update(flight="calm"), "no such flight"),
         (lambda c: c.update(linear=["loop"]), "no such open-loop case"),
-        (lambda c: c["open_loop"]["straight"].update(duration={"value": 4, "unit": "s"}), "too short to linearise about"),
-        (lambda c: c["trajectories"]["helix"]["transient"].update(value=50), "longer than the flight"),
+        (
+            lambda c: c["open_loop"]["straight"].update(duration={"value": 4, "unit": "s"}),
+            "too short to linearise about",
+        ),
+        (
+            lambda c: c["trajectories"]["helix"]["transient"].update(value=50),
+            "longer than the flight",
+        ),
         (lambda c: c.update(trajectories={}), "no trajectory to fly"),
-        (lambda c: c["open_loop"]["straight"].update(mass={"value": 80, "unit": "kg"}), "outside the range of the buoyancy engine"),
+        (
+            lambda c: c["open_loop"]["straight"].update(mass={"value": 80, "unit": "kg"}),
+            "outside the range of the buoyancy engine",
+        ),
     ],
 )
 def test_bad_cases_are_named(change: Any, words: str) -> None:
     cases = short_hauv()
-    cases["trajectories"]["helix"]["flights"] = {"undisturbed": cases["trajectories"]["helix"]["flights"]["undisturbed"]}
+    cases["trajectories"]["helix"]["flights"] = {
+        "undisturbed": cases["trajectories"]["helix"]["flights"]["undisturbed"]
+    }
     cases["redesign"] = []
     change(cases)
     with pytest.raises(CampaignError, match=words):

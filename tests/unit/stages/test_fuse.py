@@ -1,4 +1,6 @@
-"""The stage fuse: known truth from ideal sensors, what the thesis's procedure does wrong, filters, edges, and what is missing."""
+"""The stage fuse: known truth from ideal sensors, what the thesis's procedure does
+wrong, filters, edges, and what is missing.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
@@ -16,7 +19,6 @@ from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import fuse, resample
 from auvid.stages.columns import ACCELERATION, ACCELEROMETER, POSE, VELOCITY, Array
 from auvid.stages.fuse import methods
-
 from tests.support.motions import (
     IDEAL,
     ODD,
@@ -40,7 +42,11 @@ def motion() -> Motion:
 
 def inputs(table: pa.Table, sensors: Sensors, *, gyro: bool = True, **log: Any) -> fuse.Inputs:
     return fuse.Inputs(
-        segment_document(gyro=gyro), table, mounted_vehicle(sensors), log_document(**log), imu_samples(table) if gyro else None
+        segment_document(gyro=gyro),
+        table,
+        mounted_vehicle(sensors),
+        log_document(**log),
+        imu_samples(table) if gyro else None,
     )
 
 
@@ -48,11 +54,23 @@ def imu_samples(table: pa.Table) -> pa.Table | None:
     """Samples of the gyro on the segment's own clock, where the table has rates."""
     if "p_rad_s" not in table.column_names:
         return None
-    gyro = {name: column(table, source) for name, source in zip(resample.GYRO, VELOCITY[3:], strict=True)}
-    return make_table("samples_imu", {"t_s": column(table, "t_s"), **gyro, **dict.fromkeys(ACCELEROMETER, np.full(table.num_rows, np.nan))})
+    gyro = {
+        name: column(table, source)
+        for name, source in zip(resample.GYRO, VELOCITY[3:], strict=True)
+    }
+    return make_table(
+        "samples_imu",
+        {
+            "t_s": column(table, "t_s"),
+            **gyro,
+            **dict.fromkeys(ACCELEROMETER, np.full(table.num_rows, np.nan)),
+        },
+    )
 
 
-def run(motion: Motion, sensors: Sensors = IDEAL, *, without: tuple[str, ...] = (), **params: Any) -> fuse.Outputs:
+def run(
+    motion: Motion, sensors: Sensors = IDEAL, *, without: tuple[str, ...] = (), **params: Any
+) -> fuse.Outputs:
     chosen = fuse.Params(**{"cutoff_hz": None, "edge_s": 0.0, **params})
     found = fuse.run(inputs(resampled_table(motion, sensors, without=without), sensors), chosen)
     check_document(found.fusion, "fusion")
@@ -65,25 +83,40 @@ def inner(values: Array, seconds: float = 1.0) -> Array:
     return values[cut:-cut]
 
 
-@pytest.mark.parametrize("sensors", [IDEAL, ODD], ids=["at the origin", "arms, mountings and gyro bias"])
+@pytest.mark.parametrize(
+    "sensors", [IDEAL, ODD], ids=["at the origin", "arms, mountings and gyro bias"]
+)
 def test_kinematic_recovers_the_truth(motion: Motion, sensors: Sensors) -> None:
     found = run(motion, sensors)
-    # the gyro bias is found from attitude at 50 Hz: integration by splines is good to 1e-8 rad/s
-    np.testing.assert_allclose(found.fusion["gyro_bias_rad_s"], sensors.gyro_bias, rtol=0.0, atol=1e-7)
-    np.testing.assert_allclose(matrix(found.fused, VELOCITY), motion.nu, rtol=0.0, atol=1e-7)  # m/s, rad/s
-    np.testing.assert_allclose(matrix(found.fused, POSE[2:]), motion.eta[:, 2:], rtol=0.0, atol=1e-12)  # m, rad
+    # the gyro bias is found from attitude at 50 Hz: integration by splines is good to
+    # 1e-8 rad/s
+    np.testing.assert_allclose(
+        found.fusion["gyro_bias_rad_s"], sensors.gyro_bias, rtol=0.0, atol=1e-7
+    )
+    np.testing.assert_allclose(
+        matrix(found.fused, VELOCITY), motion.nu, rtol=0.0, atol=1e-7
+    )  # m/s, rad/s
+    np.testing.assert_allclose(
+        matrix(found.fused, POSE[2:]), motion.eta[:, 2:], rtol=0.0, atol=1e-12
+    )  # m, rad
     # spline derivative of waves up to 0.6 Hz at 50 Hz
-    np.testing.assert_allclose(inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(
+        inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=2e-5
+    )
     assert found.fusion["accel_bias_m_s2"] is None
 
 
 def test_track_is_the_integral_of_the_velocity(motion: Motion) -> None:
     track = matrix(run(motion).fused, POSE[:2])
-    np.testing.assert_allclose(track - track[0], motion.eta[:, :2] - motion.eta[0, :2], rtol=0.0, atol=1e-6)  # m over 60 m
+    np.testing.assert_allclose(
+        track - track[0], motion.eta[:, :2] - motion.eta[0, :2], rtol=0.0, atol=1e-6
+    )  # m over 60 m
 
 
 def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
-    """Samples of each sensor at its own rate, the velocity 0.2 s late: resampling and fusing give the truth back."""
+    """Samples of each sensor at its own rate, the velocity 0.2 s late: resampling and
+    fusing give the truth back.
+    """
     lag, sensors = 0.2, ODD
     vehicle = mounted_vehicle(sensors)
     vehicle["sensors"]["dvl"]["lag"] = {"value": lag, "unit": "s", "source": "test"}
@@ -93,19 +126,27 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
     cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
     assert cut.samples_imu is not None
-    given_fuse = fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"])
+    given_fuse = fuse.Inputs(
+        cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"]
+    )
     found = fuse.run(given_fuse, fuse.Params(cutoff_hz=None, edge_s=2.0))
     t_s = column(found.fused, "t_s") + float(cut.segment["one"]["leg_start_s"])
     truth = np.column_stack([np.interp(t_s, motion.t_s, motion.nu[:, index]) for index in range(6)])
-    # 5 Hz samples of waves up to 0.6 Hz: the spline between them is good to a few mm/s; an uncorrected lag costs 0.1 m/s
+    # 5 Hz samples of waves up to 0.6 Hz: the spline between them is good to a few mm/s;
+    # an uncorrected lag costs 0.1 m/s
     assert np.abs(matrix(found.fused, VELOCITY) - truth).max() < 5e-3
 
 
 def sampled(dense: pa.Table, lag_s: float) -> dict[str, pa.Table]:
-    """Raw streams at the sensors' own rates from a dense table; the velocity is stamped late."""
+    """Raw streams at the sensors' own rates from a dense table; the velocity is stamped
+    late.
+    """
     t = column(dense, "t_s")
     names = {
-        "imu": dict(zip(("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"), VELOCITY[3:], strict=True)) | {n: n for n in ACCELEROMETER},
+        "imu": (
+            dict(zip(("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"), VELOCITY[3:], strict=True))
+            | {n: n for n in ACCELEROMETER}
+        ),
         "attitude": {name: name for name in POSE[3:]},
         "depth": {"depth_m": "z_m"},
         "velocity": {name: name for name in VELOCITY[:3]},
@@ -113,8 +154,16 @@ def sampled(dense: pa.Table, lag_s: float) -> dict[str, pa.Table]:
     streams = {}
     for stream, columns in names.items():
         rows = np.arange(0, t.size, max(int(RATE_HZ / SAMPLES[stream]), 1))
-        time_us = np.round((t[rows] + (lag_s if stream == "velocity" else 0.0)) * 1e6).astype(np.int64)
-        streams[stream] = make_table(stream, {"time_us": time_us, **{field: column(dense, name)[rows] for field, name in columns.items()}})
+        time_us = np.round((t[rows] + (lag_s if stream == "velocity" else 0.0)) * 1e6).astype(
+            np.int64
+        )
+        streams[stream] = make_table(
+            stream,
+            {
+                "time_us": time_us,
+                **{field: column(dense, name)[rows] for field, name in columns.items()},
+            },
+        )
     return streams
 
 
@@ -123,9 +172,15 @@ def test_thesis_as_corrected_recovers_velocity_and_biases(motion: Motion, conven
     sensors = replace(ODD, convention=convention)
     found = run(motion, sensors, method="thesis")
     assert found.fusion["accelerometer"] == convention
-    np.testing.assert_allclose(found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=1e-5)  # m/s^2
-    np.testing.assert_allclose(matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4)  # m/s, 40 s of integration
-    np.testing.assert_allclose(inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=1e-3)  # m/s^2, rad/s^2
+    np.testing.assert_allclose(
+        found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=1e-5
+    )  # m/s^2
+    np.testing.assert_allclose(
+        matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
+    )  # m/s, 40 s of integration
+    np.testing.assert_allclose(
+        inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=1e-3
+    )  # m/s^2, rad/s^2
     assert found.fusion["integrated_sway_rms_m_s"] < 1e-4
     assert found.fusion["warnings"] == []
 
@@ -134,13 +189,25 @@ def test_convention_comes_from_parameter_then_log_then_vehicle(motion: Motion) -
     table, sensors = resampled_table(motion, ODD), replace(ODD, convention="inertial")
     params = fuse.Params(method="thesis", cutoff_hz=None)
     assert fuse.run(inputs(table, sensors), params).fusion["accelerometer"] == "inertial"
-    assert fuse.run(inputs(table, sensors, accelerometer="specific_force"), params).fusion["accelerometer"] == "specific_force"
+    assert (
+        fuse.run(inputs(table, sensors, accelerometer="specific_force"), params).fusion[
+            "accelerometer"
+        ]
+        == "specific_force"
+    )
     chosen = replace(params, accelerometer="derivative")
-    assert fuse.run(inputs(table, sensors, accelerometer="specific_force"), chosen).fusion["accelerometer"] == "derivative"
+    assert (
+        fuse.run(inputs(table, sensors, accelerometer="specific_force"), chosen).fusion[
+            "accelerometer"
+        ]
+        == "derivative"
+    )
 
 
 def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
-    """The accelerometer taken for v_dot: the error of the rate is omega x v up to the constant that the bias takes up, and it is told."""
+    """The accelerometer taken for v_dot: the error of the rate is omega x v up to the
+    constant that the bias takes up, and it is told.
+    """
     sensors = replace(IDEAL, convention="inertial")
     found = run(motion, sensors, method="thesis", as_published=True)
     error = matrix(found.fused, ACCELERATION[:3]) - motion.nu_dot[:, :3]
@@ -150,13 +217,21 @@ def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
     assert np.sqrt(np.mean(error**2)) > 0.05
     assert found.fusion["integrated_sway_rms_m_s"] > methods.SWAY_WARNING_M_S
     assert "sway" in found.fusion["warnings"][0]
-    assert [block["level"] for block in found.section["blocks"] if block["kind"] == "remark"] == ["warning"]
+    assert [block["level"] for block in found.section["blocks"] if block["kind"] == "remark"] == [
+        "warning"
+    ]
 
 
-def test_as_published_is_right_for_what_the_thesis_takes_the_accelerometer_for(motion: Motion) -> None:
-    """Negative control: with a rate of change of body velocity in the accelerometer's columns the printed procedure holds."""
+def test_as_published_is_right_for_what_the_thesis_takes_the_accelerometer_for(
+    motion: Motion,
+) -> None:
+    """Negative control: with a rate of change of body velocity in the accelerometer's
+    columns the printed procedure holds.
+    """
     found = run(motion, replace(IDEAL, convention="derivative"), method="thesis", as_published=True)
-    np.testing.assert_allclose(matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4)  # m/s
+    np.testing.assert_allclose(
+        matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
+    )  # m/s
     assert found.fusion["warnings"] == []
 
 
@@ -166,12 +241,25 @@ def test_as_published_belongs_to_the_thesis_method(motion: Motion) -> None:
 
 
 def test_the_depth_gives_the_vertical_velocity_of_method_thesis(motion: Motion) -> None:
-    """A wrong heave of the velocity sensor is replaced by the rate of the depth (McCarter 2.77)."""
+    """A wrong heave of the velocity sensor is replaced by the rate of the depth
+    (McCarter 2.77).
+    """
     rate = np.zeros((motion.t_s.size, 3))
-    to_ned_down = np.column_stack([-np.sin(motion.eta[:, 4]), *(np.cos(motion.eta[:, 4]) * f(motion.eta[:, 3]) for f in (np.sin, np.cos))])
+    to_ned_down = np.column_stack(
+        [
+            -np.sin(motion.eta[:, 4]),
+            *(np.cos(motion.eta[:, 4]) * f(motion.eta[:, 3]) for f in (np.sin, np.cos)),
+        ]
+    )
     rate[:] = 0.2 * to_ned_down  # 0.2 m/s down, in body axes
-    fixed = methods.with_depth_rate(motion.nu[:, :3] + rate, motion.eta[:, 3:], np.gradient(motion.eta[:, 2], motion.t_s, edge_order=2))
-    np.testing.assert_allclose(inner(fixed), inner(motion.nu[:, :3]), rtol=0.0, atol=1e-3)  # m/s; second-order differences at 50 Hz
+    fixed = methods.with_depth_rate(
+        motion.nu[:, :3] + rate,
+        motion.eta[:, 3:],
+        np.gradient(motion.eta[:, 2], motion.t_s, edge_order=2),
+    )
+    np.testing.assert_allclose(
+        inner(fixed), inner(motion.nu[:, :3]), rtol=0.0, atol=1e-3
+    )  # m/s; second-order differences at 50 Hz
 
 
 def test_low_pass_has_no_phase_and_halves_the_amplitude_at_its_frequency() -> None:
@@ -183,14 +271,22 @@ def test_low_pass_has_no_phase_and_halves_the_amplitude_at_its_frequency() -> No
     for cutoff, gain in ((1.0, 0.5), (4.0, 1.0)):
         fused = column(run(still, cutoff_hz=cutoff, edge_s=5.0).fused, "u_m_s")
         expected = gain * wave[250:-250]
-        np.testing.assert_allclose(fused, expected, rtol=0.0, atol=2e-3 * 0.3)  # bilinear frequency at 50 Hz
-        assert abs(fused @ np.cos(2.0 * np.pi * t[250:-250])) / fused.size < 1e-6  # m/s out of phase
+        np.testing.assert_allclose(
+            fused, expected, rtol=0.0, atol=2e-3 * 0.3
+        )  # bilinear frequency at 50 Hz
+        assert (
+            abs(fused @ np.cos(2.0 * np.pi * t[250:-250])) / fused.size < 1e-6
+        )  # m/s out of phase
 
 
 def test_all_channels_pass_the_same_filter(motion: Motion) -> None:
     fused = run(motion, cutoff_hz=1.0, fit_gyro_bias=False).fused
-    expected = zero_phase_lowpass(motion.t_s, np.hstack([motion.nu, motion.eta[:, 2:]]), cutoff_hz=1.0)
-    np.testing.assert_allclose(matrix(fused, (*VELOCITY, *POSE[2:])), expected, rtol=0.0, atol=1e-12)
+    expected = zero_phase_lowpass(
+        motion.t_s, np.hstack([motion.nu, motion.eta[:, 2:]]), cutoff_hz=1.0
+    )
+    np.testing.assert_allclose(
+        matrix(fused, (*VELOCITY, *POSE[2:])), expected, rtol=0.0, atol=1e-12
+    )
 
 
 def test_edges_are_cut_on_both_sides(motion: Motion) -> None:
@@ -207,7 +303,9 @@ def test_a_segment_shorter_than_its_edges_is_refused(motion: Motion) -> None:
 
 @pytest.mark.parametrize(("cutoff", "edge"), [(None, 0.5), (10.0, 0.5), (1.0, 1.915)])
 def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: float) -> None:
-    """The zone in which the low-pass follows its continuation, ln(100) / (2 pi f sin(pi / 8)), and at least half a second."""
+    """The zone in which the low-pass follows its continuation, ln(100) / (2 pi f sin(pi
+    / 8)), and at least half a second.
+    """
     found = run(motion, cutoff_hz=cutoff, edge_s=None)
     assert found.fusion["edge_s"] == pytest.approx(edge, abs=1e-3)
     t_s = column(found.fused, "t_s")
@@ -216,15 +314,30 @@ def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: f
 
 
 def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
-    """A spline that cuts off at 0.8 Hz under a low-pass of 3 Hz: both figures in the section."""
+    """A spline that cuts off at 0.8 Hz under a low-pass of 3 Hz: both figures in the
+    section.
+    """
     given = inputs(resampled_table(motion, IDEAL), IDEAL)
-    smoothing = {**given.segment["smoothing"], "z_m": {"cutoff_hz": 0.8}, "u_m_s": {"cutoff_hz": 5.0}}
+    smoothing = {
+        **given.segment["smoothing"],
+        "z_m": {"cutoff_hz": 0.8},
+        "u_m_s": {"cutoff_hz": 5.0},
+    }
     narrow = replace(given, segment={**given.segment, "smoothing": smoothing})
     for cutoff, expected in ((3.0, 1), (0.5, 0), (None, 0)):
         blocks = fuse.run(narrow, fuse.Params(cutoff_hz=cutoff)).section["blocks"]
-        told = [block["text"] for block in blocks if block["kind"] == "remark" and block["level"] == "note"]
+        told = [
+            block["text"]
+            for block in blocks
+            if block["kind"] == "remark" and block["level"] == "note"
+        ]
         assert len(told) == expected
-        assert all("Below the low-pass of 3 Hz" in words and "z 0.8 Hz." in words and "u " not in words.split(":")[1] for words in told)
+        assert all(
+            "Below the low-pass of 3 Hz" in words
+            and "z 0.8 Hz." in words
+            and "u " not in words.split(":")[1]
+            for words in told
+        )
 
 
 @pytest.mark.parametrize(
@@ -236,8 +349,12 @@ def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
         (ACCELEROMETER, {"method": "thesis"}, "imu"),
     ],
 )
-def test_what_is_missing_is_named(motion: Motion, without: tuple[str, ...], params: Mapping[str, Any], stream: str) -> None:
-    with pytest.raises(DataError, match=f"stage fuse needs .*stream '{stream}'.*can come from") as caught:
+def test_what_is_missing_is_named(
+    motion: Motion, without: tuple[str, ...], params: Mapping[str, Any], stream: str
+) -> None:
+    with pytest.raises(
+        DataError, match=f"stage fuse needs .*stream '{stream}'.*can come from"
+    ) as caught:
         run(motion, without=without, **params)
     assert "DataFlash" in str(caught.value)
 
@@ -250,12 +367,16 @@ def test_mounting_of_the_gyro_is_not_applied_to_rates_from_the_attitude(motion: 
     sensors = replace(IDEAL, imu_mounting=np.array([0.0, 0.0, 1.0]))
     table = resampled_table(motion, IDEAL)
     found = fuse.run(inputs(table, sensors, gyro=False), fuse.Params(cutoff_hz=None, edge_s=0.0))
-    np.testing.assert_allclose(matrix(found.fused, VELOCITY[3:]), motion.nu[:, 3:], rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(
+        matrix(found.fused, VELOCITY[3:]), motion.nu[:, 3:], rtol=0.0, atol=1e-7
+    )
 
 
 def test_biases_belong_to_their_segment() -> None:
     for seed, bias in ((1, 0.01), (2, -0.02)):
-        sensors = replace(IDEAL, gyro_bias=np.array([0.0, bias, 0.0]), accel_bias=np.array([bias, 0.0, 0.0]))
+        sensors = replace(
+            IDEAL, gyro_bias=np.array([0.0, bias, 0.0]), accel_bias=np.array([bias, 0.0, 0.0])
+        )
         found = run(rich_motion(30.0, seed=seed), sensors, method="thesis").fusion
         assert found["gyro_bias_rad_s"] == pytest.approx([0.0, bias, 0.0], abs=1e-6)
         assert found["accel_bias_m_s2"] == pytest.approx([bias, 0.0, 0.0], abs=1e-4)
@@ -265,7 +386,9 @@ def test_gyro_bias_can_be_left_alone(motion: Motion) -> None:
     sensors = replace(IDEAL, gyro_bias=np.array([0.01, 0.0, 0.0]))
     found = run(motion, sensors, fit_gyro_bias=False)
     assert found.fusion["gyro_bias_rad_s"] == [0.0, 0.0, 0.0]
-    np.testing.assert_allclose(column(found.fused, "p_rad_s"), motion.nu[:, 3] + 0.01, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        column(found.fused, "p_rad_s"), motion.nu[:, 3] + 0.01, rtol=0.0, atol=1e-12
+    )
 
 
 def test_section_shows_raw_in_body_axes_beside_fused(motion: Motion) -> None:

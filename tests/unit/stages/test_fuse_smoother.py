@@ -1,4 +1,6 @@
-"""The stage fuse with method smoother: samples at the sensors' own times, through resample, against a known motion."""
+"""The stage fuse with method smoother: samples at the sensors' own times, through
+resample, against a known motion.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
@@ -15,9 +18,17 @@ from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages import fuse, resample
 from auvid.stages.columns import ACCELERATION, POSE_RATE, VELOCITY, named
 from auvid.stages.fuse.presentation import installation_blocks
+from tests.support.motions import (
+    ODD,
+    RATE_HZ,
+    Motion,
+    Sensors,
+    log_document,
+    mounted_vehicle,
+    resampled_table,
+    rich_motion,
+)
 from tests.unit.stages.test_fuse import sampled
-
-from tests.support.motions import ODD, RATE_HZ, Motion, Sensors, log_document, mounted_vehicle, resampled_table, rich_motion
 
 
 @pytest.fixture(scope="module")
@@ -26,18 +37,27 @@ def motion() -> Motion:
 
 
 def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fuse.Inputs:
-    """What resample gives of the motion as `sensors` see it, with the vehicle file that `told` describes."""
+    """What resample gives of the motion as `sensors` see it, with the vehicle file that
+    `told` describes.
+    """
     vehicle = mounted_vehicle(told or sensors)
     streams = sampled(resampled_table(motion, sensors), 0.0)
-    log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention)
+    log = log_document(
+        end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention
+    )
     given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
     cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
-    samples = {name: getattr(cut, name)["one"] for name in ("samples_imu", "samples_velocity", "samples_depth")}
+    samples = {
+        name: getattr(cut, name)["one"]
+        for name in ("samples_imu", "samples_velocity", "samples_depth")
+    }
     return fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log, **samples)
 
 
 def run(given: fuse.Inputs, **params: Any) -> fuse.Outputs:
-    found = fuse.run(given, fuse.Params(**{"method": "smoother", "cutoff_hz": None, "edge_s": 2.0, **params}))
+    found = fuse.run(
+        given, fuse.Params(**{"method": "smoother", "cutoff_hz": None, "edge_s": 2.0, **params})
+    )
     check_document(found.fusion, "fusion")
     return found
 
@@ -56,10 +76,13 @@ def test_recovers_velocity_rate_and_bias(motion: Motion, convention: str) -> Non
     sensors = replace(ODD, convention=convention)
     found = run(inputs(motion, sensors))
     velocity, rate = errors(found, motion)
-    # exact sensors sampled at 5 to 100 Hz: what is left is interpolation of attitude and rates between samples
+    # exact sensors sampled at 5 to 100 Hz: what is left is interpolation of attitude
+    # and rates between samples
     assert velocity < 2e-3
     assert rate < 2e-2
-    np.testing.assert_allclose(found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=5e-3)
+    np.testing.assert_allclose(
+        found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=5e-3
+    )
     assert found.fusion["warnings"] == []
 
 
@@ -75,27 +98,45 @@ def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> Non
     blind = run(inputs(motion, ODD, told=unknown))
     found = run(inputs(motion, ODD, told=unknown), estimate_dvl_arm=True)
     assert all(found.fusion["installation"]["dvl_arm_determined"])
-    np.testing.assert_allclose(found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02)  # m
+    np.testing.assert_allclose(
+        found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02
+    )  # m
     assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
     assert "Velocity sensor as found to sit" in str(found.section)
     assert "Velocity sensor as found to sit" not in str(blind.section)
-    # m/s: sway is held against the velocity log as it was found to sit, not as the vehicle file says.
+    # m/s: sway is held against the velocity log as it was found to sit, not as the
+    # vehicle file says.
     turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
     assert found.fusion["integrated_sway_rms_m_s"] < 0.5 * turned
 
 
 def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
-    found = {"dvl_arm_m": [0.4, 0.1, None], "dvl_arm_sd_m": [0.01, 0.2, None], "dvl_arm_determined": [True, False, False]}
-    found |= {"dvl_mounting_rad": [None] * 3, "dvl_mounting_sd_rad": [None] * 3, "dvl_mounting_determined": [False] * 3}
+    found = {
+        "dvl_arm_m": [0.4, 0.1, None],
+        "dvl_arm_sd_m": [0.01, 0.2, None],
+        "dvl_arm_determined": [True, False, False],
+    }
+    found |= {
+        "dvl_mounting_rad": [None] * 3,
+        "dvl_mounting_sd_rad": [None] * 3,
+        "dvl_mounting_determined": [False] * 3,
+    }
     warning, shown = installation_blocks(found)
-    assert "does not determine the velocity sensor's arm y: the vehicle file's word stands there" in str(warning)
+    assert (
+        "does not determine the velocity sensor's arm y: the vehicle file's word stands there"
+        in str(warning)
+    )
     assert [row[0] for row in shown["rows"]] == ["arm x", "arm y"]
     assert installation_blocks(None) == []
 
 
 def test_refuses_without_its_sensors(motion: Motion) -> None:
     given = inputs(motion, ODD)
-    for name, word in (("samples_imu", "accelerometer"), ("samples_velocity", "velocity"), ("samples_depth", "depth")):
+    for name, word in (
+        ("samples_imu", "accelerometer"),
+        ("samples_velocity", "velocity"),
+        ("samples_depth", "depth"),
+    ):
         with pytest.raises(DataError, match=word):
             run(replace(given, **{name: None}))
 
@@ -111,7 +152,9 @@ CURRENT = np.array([0.25, -0.15, 0.0])
 
 
 def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)) -> fuse.Inputs:
-    """As `inputs`, in water that moves with `CURRENT` north, east, down, with water track from the same sensor (`samples` of it)."""
+    """As `inputs`, in water that moves with `CURRENT` north, east, down, with water
+    track from the same sensor (`samples` of it).
+    """
     given = inputs(motion, sensors)
     track = given.samples_velocity
     assert track is not None
@@ -120,12 +163,16 @@ def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
     mounting = vehicle_from_document(given.vehicle).dvl.rotation
     through = matrix(track, VELOCITY[:3]) - drift @ mounting
-    water = make_table("samples_water", {"t_s": t_s[samples], **named(VELOCITY[:3], through[samples])})
+    water = make_table(
+        "samples_water", {"t_s": t_s[samples], **named(VELOCITY[:3], through[samples])}
+    )
     return replace(given, samples_water=water)
 
 
 def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: Motion) -> None:
-    """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate are over ground."""
+    """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate
+    are over ground.
+    """
     found = run(in_current(motion, ODD), estimate_current=True)
     told = found.fusion["current"]
     assert told["verdict"] == "observable"
@@ -134,24 +181,39 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
     velocity = matrix(found.fused, VELOCITY[:3]) - (motion.nu[rows, :3] - drift)
-    rate = matrix(found.fused, ACCELERATION[:3]) - (motion.nu_dot[rows, :3] + np.cross(motion.nu[rows, 3:], drift))
+    rate = matrix(found.fused, ACCELERATION[:3]) - (
+        motion.nu_dot[rows, :3] + np.cross(motion.nu[rows, 3:], drift)
+    )
     assert np.sqrt(np.mean(velocity**2)) < 4e-3
     assert np.sqrt(np.mean(rate**2)) < 2e-2
     still = run(inputs(motion, ODD))
-    np.testing.assert_allclose(matrix(found.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3)
-    assert next(block["title"] for block in found.section["blocks"] if block["kind"] == "table") == "Water current"
+    np.testing.assert_allclose(
+        matrix(found.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3
+    )
+    assert (
+        next(block["title"] for block in found.section["blocks"] if block["kind"] == "table")
+        == "Water current"
+    )
 
 
 @pytest.mark.parametrize("samples", [None, slice(0, 3)])
-def test_current_without_water_track_is_not_observable(motion: Motion, samples: slice | None) -> None:
-    """Nothing is invented: verdict, reason and a warning, and the state is that over ground."""
+def test_current_without_water_track_is_not_observable(
+    motion: Motion, samples: slice | None
+) -> None:
+    """Nothing is invented: verdict, reason and a warning, and the state is that over
+    ground.
+    """
     given = inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
     found, plain = run(given, estimate_current=True), run(given)
     assert found.fusion["current"]["verdict"] == "not observable"
     assert "stream water_velocity" in found.fusion["current"]["reason"]
     assert found.fusion["current"]["ned_m_s"] is None
     assert found.fused.equals(plain.fused)
-    warned = [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
+    warned = [
+        block["text"]
+        for block in found.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == "warning"
+    ]
     assert any(words.startswith("Water current: not observable, because ") for words in warned)
     assert plain.fusion["current"] is None
 

@@ -1,4 +1,6 @@
-"""Stage pipendulum on swings and decays of known truth: figures, what it says of the recorder, and what it refuses."""
+"""Stage pipendulum on swings and decays of known truth: figures, what it says of the
+recorder, and what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +13,25 @@ import numpy.typing as npt
 import pyarrow as pa
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.simulation.bench_motion import PhysicalPendulum, Quadrifilar, free_decay, swing
+from auvid.hydro.dynamics.simulation.bench_motion import (
+    PhysicalPendulum,
+    Quadrifilar,
+    free_decay,
+    swing,
+)
 from auvid.stages import pipendulum
 from auvid.stages.base import collection
-from scipy.spatial.transform import Rotation
 
 Array = npt.NDArray[np.float64]
-VEHICLE = yaml.safe_load((Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
+VEHICLE = yaml.safe_load(
+    (Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8")
+)
 G, START_US, HELD_S = 9.80665, 3_000_000, 2.0
 ARM, WEIGHT = 3.66, 10.55
 INERTIA = {"tray": 2.1970, "tube": 2.8590, "vehicle": 2.1970 + 1.7428}
@@ -48,14 +58,26 @@ APPARATUS: dict[str, Any] = {
                 "role": "object",
                 "mass": quantity(2.38, "kg"),
                 "legs": ["tube"],
-                "cylinder": {"length": quantity(1.82, "m"), "outer_radius": quantity(25.4, "mm"), "inner_radius": quantity(21.9, "mm")},
+                "cylinder": {
+                    "length": quantity(1.82, "m"),
+                    "outer_radius": quantity(25.4, "mm"),
+                    "inner_radius": quantity(21.9, "mm"),
+                },
             },
-            {"id": "thaus_x", "role": "object", "axis": "x", "mass": quantity(38.10, "kg"), "legs": ["vehicle"]},
+            {
+                "id": "thaus_x",
+                "role": "object",
+                "axis": "x",
+                "mass": quantity(38.10, "kg"),
+                "legs": ["vehicle"],
+            },
         ],
     },
     "free_decay": {
         "arm": quantity(ARM, "m"),
-        "parts": [{"name": "pole and weight", "mass": quantity(WEIGHT, "kg"), "arm": quantity(ARM, "m")}],
+        "parts": [
+            {"name": "pole and weight", "mass": quantity(WEIGHT, "kg"), "arm": quantity(ARM, "m")}
+        ],
         "decays": [
             {"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["decay", "check"]},
             {"id": "empty", "role": "empty_pendulum", "legs": ["empty"]},
@@ -63,45 +85,79 @@ APPARATUS: dict[str, Any] = {
     },
 }
 LEGS: list[dict[str, Any]] = [
-    {"id": name, "log": name, "use": "validation" if name == "check" else "training"} for name in (*INERTIA, "decay", "check", "empty")
+    {"id": name, "log": name, "use": "validation" if name == "check" else "training"}
+    for name in (*INERTIA, "decay", "check", "empty")
 ]
 
 
 def states_of(name: str, t: Array) -> Array:
     """Angle and rate (n, 2) after the release."""
     if name in INERTIA:
-        return swing(Quadrifilar(INERTIA[name], MASS[name], 0.47, 0.47, 4.23, 0.004, G), np.radians(6.0), 60.0)(t)[0]
+        return swing(
+            Quadrifilar(INERTIA[name], MASS[name], 0.47, 0.47, 4.23, 0.004, G),
+            np.radians(6.0),
+            60.0,
+        )(t)[0]
     loaded = name != "empty"
     inertia = (WEIGHT - POLE + loaded * (38.10 - X_UDOT)) * ARM**2
     pendulum = PhysicalPendulum(inertia, WEIGHT * G * ARM, (-1.0 + loaded * X_U) * ARM**2, 0.0)
     return free_decay(pendulum, np.radians(18.0 if name == "check" else 22.0), 60.0)(t)[0]
 
 
-def log_of(name: str, *, turn: Rotation | None = None, noise: float = 0.0, clip: float = np.inf, drift: float = 0.0) -> dict[str, pa.Table]:
-    """Streams of a recorder: pole and tray turn it in pitch or yaw; `turn` is how it is mounted."""
+def log_of(
+    name: str,
+    *,
+    turn: Rotation | None = None,
+    noise: float = 0.0,
+    clip: float = np.inf,
+    drift: float = 0.0,
+) -> dict[str, pa.Table]:
+    """Streams of a recorder: pole and tray turn it in pitch or yaw; `turn` is how it is
+    mounted.
+    """
     t = np.arange(-HELD_S, 50.0, 0.02)
     states = states_of(name, t)
     axis = np.array([0.0, 0.0, 1.0] if name in INERTIA else [0.0, 1.0, 0.0])
     body = turn or Rotation.identity()
     attitude = Rotation.from_rotvec(np.outer(states[:, 0], axis)) * body
     rng = np.random.default_rng(1)
-    gyro = np.outer(states[:, 1], body.inv().apply(axis)) + noise * rng.standard_normal((t.size, 3)) + drift * (1.0 + 0.01 * t)[:, None]
+    gyro = (
+        np.outer(states[:, 1], body.inv().apply(axis))
+        + noise * rng.standard_normal((t.size, 3))
+        + drift * (1.0 + 0.01 * t)[:, None]
+    )
     accel = attitude.inv().apply(np.tile([0.0, 0.0, -G], (t.size, 1)))
     euler = attitude.as_euler("ZYX")[:, ::-1]
     time = START_US + np.rint(1e6 * (t + HELD_S)).astype(np.int64)
     gyro = np.clip(gyro, -clip, clip)
-    imu = {f"gyro_{n}_rad_s": gyro[:, i] for i, n in enumerate("xyz")} | {f"accel_{n}_m_s2": accel[:, i] for i, n in enumerate("xyz")}
+    imu = {f"gyro_{n}_rad_s": gyro[:, i] for i, n in enumerate("xyz")} | {
+        f"accel_{n}_m_s2": accel[:, i] for i, n in enumerate("xyz")
+    }
     angles = {f"{n}_rad": euler[:, i] for i, n in enumerate(("phi", "theta", "psi"))}
-    return {"imu": make_table("imu", {"time_us": time, **imu}), "attitude": make_table("attitude", {"time_us": time, **angles})}
+    return {
+        "imu": make_table("imu", {"time_us": time, **imu}),
+        "attitude": make_table("attitude", {"time_us": time, **angles}),
+    }
 
 
 def run(apparatus: dict[str, Any], logs: dict[str, dict[str, pa.Table]]) -> pipendulum.Outputs:
     check_document(apparatus, "apparatus")
     info = {name: {"start_us": START_US, "end_us": START_US + 60_000_000} for name in logs}
-    streams = {stream: collection({name: log[stream] for name, log in logs.items() if stream in log}) for stream in ("imu", "attitude")}
+    streams = {
+        stream: collection({name: log[stream] for name, log in logs.items() if stream in log})
+        for stream in ("imu", "attitude")
+    }
     legs = [leg for leg in LEGS if leg["log"] in logs]
     return pipendulum.run(
-        pipendulum.Inputs({"legs": legs}, VEHICLE, collection(info), apparatus, streams["imu"], streams["attitude"]), pipendulum.Params()
+        pipendulum.Inputs(
+            {"legs": legs},
+            VEHICLE,
+            collection(info),
+            apparatus,
+            streams["imu"],
+            streams["attitude"],
+        ),
+        pipendulum.Params(),
     )
 
 
@@ -120,7 +176,11 @@ def figures(outputs: pipendulum.Outputs) -> dict[str, dict[str, Any]]:
 
 def remarks(outputs: pipendulum.Outputs, level: str) -> str:
     assert outputs.section is not None
-    return " ".join(block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark" and block["level"] == level)
+    return " ".join(
+        block["text"]
+        for block in outputs.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == level
+    )
 
 
 SWINGS = tuple(INERTIA)
@@ -138,12 +198,18 @@ def test_whole_bench() -> None:
     assert found["surge: X_udot"]["value"] == pytest.approx(X_UDOT, rel=1e-5)
     assert found["surge: X_u"]["value"] == pytest.approx(X_U, rel=1e-5)
     assert found["empty: added mass"]["value"] == pytest.approx(POLE, rel=1e-4)
-    assert found["surge: X_udot (point mass)"]["value"] == pytest.approx(X_UDOT, rel=1e-5)  # every mass of this bench is at the arm
+    assert found["surge: X_udot (point mass)"]["value"] == pytest.approx(
+        X_UDOT, rel=1e-5
+    )  # every mass of this bench is at the arm
     for method in ("recursive", "batch"):
-        assert found[f"surge: X_udot (linear, {method})"]["value"] == pytest.approx(X_UDOT, rel=0.01)
+        assert found[f"surge: X_udot (linear, {method})"]["value"] == pytest.approx(
+            X_UDOT, rel=0.01
+        )
     # I = G/k: 1 % of G is 1 % of all inertia over the square of the arm.
     total = WEIGHT - POLE + 38.10 - X_UDOT
-    assert found["surge: X_udot per 1 % of restoring moment"]["value"] == pytest.approx(-0.01 * total, rel=1e-4)
+    assert found["surge: X_udot per 1 % of restoring moment"]["value"] == pytest.approx(
+        -0.01 * total, rel=1e-4
+    )
     assert "linear damping predicts the validation leg best" in remarks(outputs, "finding")
     assert "correlation 1" in remarks(outputs, "note")
     check_document(outputs.inertia, "inertia")
@@ -166,7 +232,10 @@ def test_timed_oscillations_in_the_place_of_logs() -> None:
     swings = apparatus["quadrifilar"]["swings"]
     for entry, seconds in zip(swings[:2], (83.142, 85.076), strict=True):
         del entry["legs"]
-        entry["timed"] = [{"oscillations": 20, "duration_s": seconds}, {"oscillations": 20, "duration_s": seconds}]
+        entry["timed"] = [
+            {"oscillations": 20, "duration_s": seconds},
+            {"oscillations": 20, "duration_s": seconds},
+        ]
     apparatus["quadrifilar"]["swings"] = swings[:2]
     found = figures(run(apparatus, {}))
     assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
@@ -174,7 +243,9 @@ def test_timed_oscillations_in_the_place_of_logs() -> None:
     assert found["T of tray"]["standard_error"] == pytest.approx(0.01 / np.sqrt(2.0))
     # A swing of 40 degrees is 0.7 % slow; said so, the period is taken back.
     swings[0]["timed"] = [{"oscillations": 20, "duration_s": 83.142, "amplitude_deg": 40.0}]
-    assert figures(run(apparatus, {}))["T of tray"]["value"] == pytest.approx(4.1571 * (1.0 - np.radians(40.0) ** 2 / 16.0), rel=1e-3)
+    assert figures(run(apparatus, {}))["T of tray"]["value"] == pytest.approx(
+        4.1571 * (1.0 - np.radians(40.0) ** 2 / 16.0), rel=1e-3
+    )
 
 
 def test_turned_and_drifting_recorder() -> None:
@@ -194,10 +265,20 @@ def test_gyro_or_attitude_is_enough(stream: str) -> None:
     logs = {name: {stream: log_of(name)[stream]} for name in (*SWINGS, *DECAYS)}
     found = figures(run(APPARATUS, logs))
     assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
-    for suffix in ("", " (linear and quadratic)", " (linear, recursive)", " (linear and quadratic, recursive)"):
-        # The regression integrates noise-free samples at 50 Hz; without an angle it needs the constants of the gyro.
-        assert found[f"surge: X_udot{suffix}"]["value"] == pytest.approx(X_UDOT, rel=0.01 if "recursive" in suffix else 2e-3)
-        assert found[f"empty: added mass{suffix}"]["value"] == pytest.approx(POLE, rel=0.02 if "recursive" in suffix else 2e-3)
+    for suffix in (
+        "",
+        " (linear and quadratic)",
+        " (linear, recursive)",
+        " (linear and quadratic, recursive)",
+    ):
+        # The regression integrates noise-free samples at 50 Hz; without an angle it
+        # needs the constants of the gyro.
+        assert found[f"surge: X_udot{suffix}"]["value"] == pytest.approx(
+            X_UDOT, rel=0.01 if "recursive" in suffix else 2e-3
+        )
+        assert found[f"empty: added mass{suffix}"]["value"] == pytest.approx(
+            POLE, rel=0.02 if "recursive" in suffix else 2e-3
+        )
 
 
 def test_clipped_gyro() -> None:
@@ -208,7 +289,10 @@ def test_clipped_gyro() -> None:
 
 def test_clipped_gyro_of_a_turned_recorder() -> None:
     turn = Rotation.from_euler("ZYX", [35.0, 30.0, 20.0], degrees=True)
-    outputs = run(part("quadrifilar"), {name: log_of(name, turn=turn, noise=0.001, clip=0.1) for name in SWINGS})
+    outputs = run(
+        part("quadrifilar"),
+        {name: log_of(name, turn=turn, noise=0.001, clip=0.1) for name in SWINGS},
+    )
     assert "The gyro is clipped in" in remarks(outputs, "warning")
     assert figures(outputs)["I of tube"]["value"] == pytest.approx(0.6620, rel=5e-3)
     with pytest.raises(DataError, match="leg 'tray' is clipped in"):
@@ -218,8 +302,13 @@ def test_clipped_gyro_of_a_turned_recorder() -> None:
 def test_attitude_that_shows_less_than_the_gyro() -> None:
     logs = {name: log_of(name, noise=0.001) for name in DECAYS}
     for log in logs.values():
-        angles = {name: 0.9 * log["attitude"][name].to_numpy() for name in ("phi_rad", "theta_rad", "psi_rad")}
-        log["attitude"] = make_table("attitude", {"time_us": log["attitude"]["time_us"].to_numpy(), **angles})
+        angles = {
+            name: 0.9 * log["attitude"][name].to_numpy()
+            for name in ("phi_rad", "theta_rad", "psi_rad")
+        }
+        log["attitude"] = make_table(
+            "attitude", {"time_us": log["attitude"]["time_us"].to_numpy(), **angles}
+        )
     outputs = run(part("free_decay"), logs)
     assert "shows 90 % of the swing that the gyro shows" in remarks(outputs, "warning")
     found = figures(outputs)["surge: X_udot"]
@@ -227,7 +316,9 @@ def test_attitude_that_shows_less_than_the_gyro() -> None:
 
 
 def test_leg_of_the_other_pendulum() -> None:
-    apparatus = part("free_decay", decays=[{"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["tray"]}])
+    apparatus = part(
+        "free_decay", decays=[{"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["tray"]}]
+    )
     outputs = run(apparatus, {"tray": log_of("tray")})
     warned = remarks(outputs, "warning")
     assert "should be level: is this the right leg?" in warned
@@ -235,7 +326,9 @@ def test_leg_of_the_other_pendulum() -> None:
 
 
 def test_overdamped_and_short_decays(monkeypatch: pytest.MonkeyPatch) -> None:
-    apparatus = part("free_decay", decays=[{"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["decay"]}])
+    apparatus = part(
+        "free_decay", decays=[{"id": "surge", "role": "vehicle", "dof": "surge", "legs": ["decay"]}]
+    )
     log = log_of("decay")
     short = {name: table.slice(0, 200) for name, table in log.items()}
     with pytest.raises(DataError, match="leg 'decay': the pendulum does not swing back"):
@@ -269,15 +362,51 @@ def test_exchanged_recordings_give_no_negative_inertia() -> None:
 @pytest.mark.parametrize(
     ("change", "field", "message"),
     [
-        (lambda a: a["quadrifilar"]["swings"].pop(0), "quadrifilar.swings", "one swing of the empty tray"),
-        (lambda a: a["quadrifilar"]["swings"][1].pop("mass"), "quadrifilar.swings[1].mass", "needs its mass"),
-        (lambda a: a["quadrifilar"]["swings"][1].update(legs=["tubee"]), "quadrifilar.swings[1].legs", "no such leg"),
-        (lambda a: a["quadrifilar"]["swings"][1].pop("legs"), "quadrifilar.swings[1]", "needs legs that recorded it, or timed"),
-        (lambda a: a["quadrifilar"].update(line_length=quantity(-4.23, "m")), "quadrifilar", "not positive"),
-        (lambda a: a["quadrifilar"].update(radius_ceiling=quantity(5.0, "m")), "quadrifilar.line_length", "shorter than"),
-        (lambda a: a["free_decay"]["decays"][0].pop("dof"), "free_decay.decays[0].dof", "needs its direction"),
-        (lambda a: a["free_decay"]["decays"][0].update(legs=["check"]), "free_decay.decays[0].legs", "needs a leg of use training"),
-        (lambda a: a["free_decay"].update(arm=quantity(0.0, "m")), "free_decay.arm", "not positive"),
+        (
+            lambda a: a["quadrifilar"]["swings"].pop(0),
+            "quadrifilar.swings",
+            "one swing of the empty tray",
+        ),
+        (
+            lambda a: a["quadrifilar"]["swings"][1].pop("mass"),
+            "quadrifilar.swings[1].mass",
+            "needs its mass",
+        ),
+        (
+            lambda a: a["quadrifilar"]["swings"][1].update(legs=["tubee"]),
+            "quadrifilar.swings[1].legs",
+            "no such leg",
+        ),
+        (
+            lambda a: a["quadrifilar"]["swings"][1].pop("legs"),
+            "quadrifilar.swings[1]",
+            "needs legs that recorded it, or timed",
+        ),
+        (
+            lambda a: a["quadrifilar"].update(line_length=quantity(-4.23, "m")),
+            "quadrifilar",
+            "not positive",
+        ),
+        (
+            lambda a: a["quadrifilar"].update(radius_ceiling=quantity(5.0, "m")),
+            "quadrifilar.line_length",
+            "shorter than",
+        ),
+        (
+            lambda a: a["free_decay"]["decays"][0].pop("dof"),
+            "free_decay.decays[0].dof",
+            "needs its direction",
+        ),
+        (
+            lambda a: a["free_decay"]["decays"][0].update(legs=["check"]),
+            "free_decay.decays[0].legs",
+            "needs a leg of use training",
+        ),
+        (
+            lambda a: a["free_decay"].update(arm=quantity(0.0, "m")),
+            "free_decay.arm",
+            "not positive",
+        ),
     ],
 )
 def test_faulty_apparatus(change: Any, field: str, message: str) -> None:

@@ -6,9 +6,21 @@ import json
 
 import numpy as np
 import pytest
-from auvid.stages.presentation import SHOWN_POINTS, equation, panel, plot, remark, section, series, table, text, thin
 from hypothesis import given
 from hypothesis import strategies as st
+
+from auvid.stages.presentation import (
+    SHOWN_POINTS,
+    equation,
+    panel,
+    plot,
+    remark,
+    section,
+    series,
+    table,
+    text,
+    thin,
+)
 
 
 def test_section_is_a_document_of_plain_values() -> None:
@@ -16,8 +28,16 @@ def test_section_is_a_document_of_plain_values() -> None:
         text("words"),
         remark("look", "warning"),
         equation("x", "x"),
-        table("t", ["a", ("b", "N")], [[np.float64(1.5), np.int64(2)], [None, float("nan")], ["c", np.bool_(True)]]),
-        plot("p", [panel("u", "m/s", [series("raw", np.arange(3), [1.0, np.nan, np.inf], "raw")])], group="time"),
+        table(
+            "t",
+            ["a", ("b", "N")],
+            [[np.float64(1.5), np.int64(2)], [None, float("nan")], ["c", np.bool_(True)]],
+        ),
+        plot(
+            "p",
+            [panel("u", "m/s", [series("raw", np.arange(3), [1.0, np.nan, np.inf], "raw")])],
+            group="time",
+        ),
     ]
     made = section("title", blocks, order=3, look_for="this")
     assert json.loads(json.dumps(made, allow_nan=False)) == made

@@ -1,4 +1,6 @@
-"""Reproduction: the bounds, the words and tables of the page, true states in place of fused ones, and documents refused in words."""
+"""Reproduction: the bounds, the words and tables of the page, true states in place of
+fused ones, and documents refused in words.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -22,7 +25,9 @@ from auvid.stages.reproduce.text import sections, summary
 
 ROOT = Path(__file__).parents[3]
 TWIN = ROOT / "campaigns/vt690_twin"
-VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
+VT690 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+)
 RATIOS = {"mcfarland": 0.20, "linear": 0.25, "uncoupled": 0.78, "fossen": 0.79}
 N_BAR = {"mcfarland": 216, "linear": 36, "uncoupled": 24, "fossen": 12}
 
@@ -30,7 +35,9 @@ N_BAR = {"mcfarland": 216, "linear": 36, "uncoupled": 24, "fossen": 12}
 def found(ratios: dict[str, float], *, j0: float = 12.0, error: float = 8.0) -> Found:
     sets = ("training", "validation")
     scores = {
-        (use, name): Score(name.title(), N_BAR[name], N_BAR[name], value * j0, value) for use in sets for name, value in ratios.items()
+        (use, name): Score(name.title(), N_BAR[name], N_BAR[name], value * j0, value)
+        for use in sets
+        for name, value in ratios.items()
     }
     return Found(
         scores=scores,
@@ -62,10 +69,20 @@ def bound(**entry: Any) -> dict[str, Any]:
     [
         (bound(figure="j0", low=11.5, high=13.5), True, 12.0, 12.0),
         (bound(figure="j0", low=12.5), False, 12.0, 12.0),
-        (bound(figure="ratio", models=["uncoupled", "fossen"], low=0.74, high=0.83), True, 0.78, 0.79),
+        (
+            bound(figure="ratio", models=["uncoupled", "fossen"], low=0.74, high=0.83),
+            True,
+            0.78,
+            0.79,
+        ),
         (bound(figure="ratio", high=0.5), False, 0.20, 0.79),
         (bound(figure="ratio", models=["linear"], sets=["training"], high=0.25), True, 0.25, 0.25),
-        (bound(figure="order", groups=[["mcfarland"], ["linear"], ["uncoupled", "fossen"]]), True, 0.25 / 0.78, 0.8),
+        (
+            bound(figure="order", groups=[["mcfarland"], ["linear"], ["uncoupled", "fossen"]]),
+            True,
+            0.25 / 0.78,
+            0.8,
+        ),
         (bound(figure="order", groups=[["mcfarland", "fossen"], ["linear"]]), False, 3.16, 3.16),
         (bound(figure="force_error", high=0.9), False, 8.0, 8.0),
         (bound(figure="velocity_error", high=0.0174), True, 0.0003**0.5, 0.0003**0.5),
@@ -73,7 +90,9 @@ def bound(**entry: Any) -> dict[str, Any]:
         (bound(figure="sway_gap", low=0.1), True, 0.2, 0.2),
     ],
 )
-def test_bounds_are_held_against_every_value(entry: dict[str, Any], met: bool, least: float, most: float) -> None:
+def test_bounds_are_held_against_every_value(
+    entry: dict[str, Any], met: bool, least: float, most: float
+) -> None:
     (held,) = checks(document(expected=[entry]), {"matched/as_published": found(RATIOS)})
     assert held.met is met
     assert (held.least, held.most) == (pytest.approx(least), pytest.approx(most))
@@ -95,9 +114,15 @@ def test_bounds_on_nothing_are_refused(entry: dict[str, Any], words: str) -> Non
 
 def told(**change: Any) -> Told:
     """Two variants on the plan of the tables, and the first again with another seed."""
-    right = found({"mcfarland": 0.19, "linear": 0.22, "uncoupled": 0.32, "fossen": 0.34}, j0=8.0, error=1.0)
+    right = found(
+        {"mcfarland": 0.19, "linear": 0.22, "uncoupled": 0.32, "fossen": 0.34}, j0=8.0, error=1.0
+    )
     wrong, again = found(RATIOS), found(RATIOS | {"linear": 0.22})
-    by_key = {"matched/as_published": wrong, "matched/corrected": right, "matched_seed_1/as_published": again}
+    by_key = {
+        "matched/as_published": wrong,
+        "matched/corrected": right,
+        "matched_seed_1/as_published": again,
+    }
     value = document(expected=[bound(figure="j0", low=11.5, high=13.5)])
     setting = open_setting(str(TWIN))
     rows = [
@@ -106,7 +131,11 @@ def told(**change: Any) -> Told:
         {"table": "5.1", "set": "validation", "model": "uncoupled", "n_bar_printed": 24, "J": 9.408, "J0": 12.338, "ratio_printed": 0.763,
          "ratio_recomputed": 0.7625, "note": ""},
     ]  # fmt: skip
-    published = {"source": "a.csv", "rows": rows, "coefficients": {"mcfarland": {"Y": {"r*|u|": 127.5}}}}
+    published = {
+        "source": "a.csv",
+        "rows": rows,
+        "coefficients": {"mcfarland": {"Y": {"r*|u|": 127.5}}},
+    }
     plan = yaml.safe_load((TWIN / "plans/matched.yaml").read_text(encoding="utf-8"))
     plans = dict.fromkeys(("matched", "matched_seed_1"), plan)
     assert setting.campaign.name == "vt690_twin"
@@ -121,7 +150,11 @@ def test_transport_term_is_that_of_the_masses() -> None:
 
 def test_tables_put_published_figures_beside_ours() -> None:
     ratio, size, *_ = list(error_tables(told(), "matched", printed=True))
-    assert [head["name"] for head in ratio["columns"]][-3:] == ["J/J0 thesis", "J/J0 (a)", "J/J0 (b)"]
+    assert [head["name"] for head in ratio["columns"]][-3:] == [
+        "J/J0 thesis",
+        "J/J0 (a)",
+        "J/J0 (b)",
+    ]
     assert ratio["rows"][0] == ["Uncoupled", 24, 24, 24, 0.7625, 0.78, 0.32]
     assert size["rows"][-1][0] == "no model: J0"
     assert size["rows"][-1][-3:] == [12.338, 12.0, 8.0]
@@ -139,11 +172,16 @@ def test_other_seeds_stand_beside_one_another() -> None:
         assert shown["title"].endswith(f"with other random numbers, {use}: J/J0")
         linear = next(row for row in shown["rows"] if row[0] == "Linear")
         assert linear[1:3] == [0.25, 0.22]
-        assert [head["name"] for head in shown["columns"]][1:3] == ["J/J0 seed of the manifest", "J/J0 seed 1"]
+        assert [head["name"] for head in shown["columns"]][1:3] == [
+            "J/J0 seed of the manifest",
+            "J/J0 seed 1",
+        ]
 
 
 def test_first_screen_says_whether_the_table_came_out() -> None:
-    assert summary(told()).headline.startswith("The published table comes out when the accelerometer")
+    assert summary(told()).headline.startswith(
+        "The published table comes out when the accelerometer"
+    )
     missed = Check("matched", "as_published", "J0", 13.0, None, 12.0, 12.0)
     screen = summary(told(checks=(missed,)))
     assert screen.headline == "The published table does not come out"
@@ -170,9 +208,21 @@ def test_sections_name_the_evidence() -> None:
 def truth_table(t_s: np.ndarray[Any, Any]) -> Any:
     """A motion of sines, whose splines are good to 1e-6 at 50 Hz."""
     pose = 0.3 * np.sin(np.outer(t_s, np.arange(1, 7) * 0.5))
-    nu, rate = 0.3 * np.cos(np.outer(t_s, np.arange(1, 7) * 0.5)), -0.1 * np.sin(np.outer(t_s, np.arange(1, 7) * 0.5))
-    columns = {"time_us": (t_s * 1e6).astype(np.int64), "t_s": t_s, **named(POSE, pose), **named(VELOCITY, nu), **named(ACCELERATION, rate)}
-    columns |= {"propeller_rev_s": np.ones_like(t_s), **{f"fin_{name}_rad": np.zeros_like(t_s) for name in "spbt"}}
+    nu, rate = (
+        0.3 * np.cos(np.outer(t_s, np.arange(1, 7) * 0.5)),
+        -0.1 * np.sin(np.outer(t_s, np.arange(1, 7) * 0.5)),
+    )
+    columns = {
+        "time_us": (t_s * 1e6).astype(np.int64),
+        "t_s": t_s,
+        **named(POSE, pose),
+        **named(VELOCITY, nu),
+        **named(ACCELERATION, rate),
+    }
+    columns |= {
+        "propeller_rev_s": np.ones_like(t_s),
+        **{f"fin_{name}_rad": np.zeros_like(t_s) for name in "spbt"},
+    }
     for part in ("viscous", "unsteady", "tau_bar"):
         columns |= named(force_columns(part), np.zeros((len(t_s), 6)))
     return make_table("truth", columns)
@@ -188,7 +238,9 @@ def true_states(*, last_s: float = 20.0, log: str = "a") -> replace_state.Output
     )  # fmt: skip
     segment = {"id": "a", "log": "a", "leg_start_s": 2.107}
     truth = collection({log: truth_table(np.arange(0.0, last_s, 0.02))})
-    return replace_state.run(replace_state.Inputs(segment, resampled, truth), replace_state.Params())
+    return replace_state.run(
+        replace_state.Inputs(segment, resampled, truth), replace_state.Params()
+    )
 
 
 def test_true_states_stand_at_the_times_of_the_segment() -> None:
@@ -199,10 +251,15 @@ def test_true_states_stand_at_the_times_of_the_segment() -> None:
     expected = 0.3 * np.cos(np.outer(t + 2.107, np.arange(1, 7) * 0.5))
     assert np.max(np.abs(matrix(out.fused, VELOCITY) - expected)) < 1e-6
     assert out.fusion["method"] == "truth"
-    assert out.fusion["rms"]["u_m_s"] == pytest.approx(np.sqrt(np.mean((0.5 - expected[:, 0]) ** 2)))
+    assert out.fusion["rms"]["u_m_s"] == pytest.approx(
+        np.sqrt(np.mean((0.5 - expected[:, 0]) ** 2))
+    )
 
 
-@pytest.mark.parametrize(("change", "words"), [({"log": "b"}, "no truth of log 'a'"), ({"last_s": 11.0}, "does not cover segment 'a'")])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"log": "b"}, "no truth of log 'a'"), ({"last_s": 11.0}, "does not cover segment 'a'")],
+)
 def test_true_states_need_the_truth_of_the_segment(change: dict[str, Any], words: str) -> None:
     with pytest.raises(DataError, match=words):
         true_states(**change)
@@ -224,22 +281,42 @@ def copy(folder: Path, change: Callable[[dict[str, Any]], None]) -> str:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda value: value["compared"].update(published="as_publishd"), "Did you mean 'as_published'?"),
-        (lambda value: value["plans"][2].update(variants=["corected"]), "Did you mean 'corrected'?"),
+        (
+            lambda value: value["compared"].update(published="as_publishd"),
+            "Did you mean 'as_published'?",
+        ),
+        (
+            lambda value: value["plans"][2].update(variants=["corected"]),
+            "Did you mean 'corrected'?",
+        ),
         (lambda value: value["variants"][0].update(id="flight"), "not a name of its own"),
         (lambda value: value["plans"][1].update(id="matched"), "not a name of its own"),
         (lambda value: value["plans"][0].update(id="page"), "not a name of its own"),
         (lambda value: value["variants"][0]["stages"].update(fues={}), "Did you mean 'fuse'?"),
-        (lambda value: value["variants"][3]["stages"].update(fuse={}), "not a stage of this variant"),
-        (lambda value: value["variants"][0]["stages"].update(simulate={}), "not a stage of this variant"),
+        (
+            lambda value: value["variants"][3]["stages"].update(fuse={}),
+            "not a stage of this variant",
+        ),
+        (
+            lambda value: value["variants"][0]["stages"].update(simulate={}),
+            "not a stage of this variant",
+        ),
         (lambda value: value.update(plans=[]), "the list is empty"),
-        (lambda value: value["expected"][0].update(plan="matchd"), "Did you mean 'matched/as_published'?"),
-        (lambda value: value["expected"][-1].update(variant="as_published"), "no such variant of a plan"),
+        (
+            lambda value: value["expected"][0].update(plan="matchd"),
+            "Did you mean 'matched/as_published'?",
+        ),
+        (
+            lambda value: value["expected"][-1].update(variant="as_published"),
+            "no such variant of a plan",
+        ),
         (lambda value: value.update(plan="x"), "unknown key"),
         (lambda value: value["expected"][0].update(figure="j1"), "unknown value"),
     ],
 )
-def test_documents_are_refused_in_words(tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str) -> None:
+def test_documents_are_refused_in_words(
+    tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str
+) -> None:
     with pytest.raises(PipelineError) as refused:
         open_setting(copy(tmp_path, change))
     assert words in str(refused.value)

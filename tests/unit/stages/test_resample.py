@@ -1,4 +1,6 @@
-"""The resample stage: one leg on a uniform clock; lags, gaps, segments, derivatives, and what it refuses."""
+"""The resample stage: one leg on a uniform clock; lags, gaps, segments, derivatives,
+and what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
@@ -18,12 +21,16 @@ VEHICLE = yaml.safe_load((Path(__file__).parents[3] / "vehicles/bluerov2_heavy.y
 DVL_LAG_S = 0.15
 START_US = 50_000_000
 OMEGA = 2.0 * np.pi * 0.1
-"""A slow sine: far below the sample rates, so that splines follow it to their own accuracy."""
+"""A slow sine: far below the sample rates, so that splines follow it to their own
+accuracy.
+"""
 Array = np.ndarray[Any, Any]
 
 
 def times(rate_hz: float, end_s: float = 60.0, start_s: float = 0.0) -> Array:
-    return START_US + np.rint(np.arange(start_s * rate_hz, end_s * rate_hz) * (1e6 / rate_hz)).astype(np.int64)
+    return START_US + np.rint(
+        np.arange(start_s * rate_hz, end_s * rate_hz) * (1e6 / rate_hz)
+    ).astype(np.int64)
 
 
 def seconds(time_us: Array) -> Array:
@@ -32,30 +39,52 @@ def seconds(time_us: Array) -> Array:
 
 def imu(time_us: Array) -> pa.Table:
     t = seconds(time_us)
-    rates = {f"gyro_{axis}_rad_s": scale * np.sin(OMEGA * t) for axis, scale in zip("xyz", (0.1, 0.2, 0.3), strict=True)}
-    return make_table("imu", {"time_us": time_us, **rates, **{f"accel_{axis}_m_s2": np.full(t.size, -1.0) for axis in "xyz"}})
+    rates = {
+        f"gyro_{axis}_rad_s": scale * np.sin(OMEGA * t)
+        for axis, scale in zip("xyz", (0.1, 0.2, 0.3), strict=True)
+    }
+    return make_table(
+        "imu",
+        {
+            "time_us": time_us,
+            **rates,
+            **{f"accel_{axis}_m_s2": np.full(t.size, -1.0) for axis in "xyz"},
+        },
+    )
 
 
 def attitude(time_us: Array) -> pa.Table:
-    """A steady turn to starboard at 0.5 rad/s that wraps several times, level otherwise."""
+    """A steady turn to starboard at 0.5 rad/s that wraps several times, level
+    otherwise.
+    """
     t = seconds(time_us)
-    angles = {"phi_rad": np.full(t.size, 0.02), "theta_rad": np.full(t.size, -0.03), "psi_rad": np.mod(0.5 * t + 3.0, 2.0 * np.pi)}
+    angles = {
+        "phi_rad": np.full(t.size, 0.02),
+        "theta_rad": np.full(t.size, -0.03),
+        "psi_rad": np.mod(0.5 * t + 3.0, 2.0 * np.pi),
+    }
     return make_table("attitude", {"time_us": time_us, **angles})
 
 
 def depth(time_us: Array, noise: float = 0.0) -> pa.Table:
     error = noise * np.random.default_rng(6).normal(size=time_us.size)
-    return make_table("depth", {"time_us": time_us, "depth_m": 5.0 + np.sin(OMEGA * seconds(time_us)) + error})
+    return make_table(
+        "depth", {"time_us": time_us, "depth_m": 5.0 + np.sin(OMEGA * seconds(time_us)) + error}
+    )
 
 
 def velocity(time_us: Array) -> pa.Table:
     """What the sensor reports at a time is the velocity of `DVL_LAG_S` before."""
     sine = np.sin(OMEGA * (seconds(time_us) - DVL_LAG_S))
-    return make_table("velocity", {"time_us": time_us, "u_m_s": sine, "v_m_s": 2.0 * sine, "w_m_s": 3.0 * sine})
+    return make_table(
+        "velocity", {"time_us": time_us, "u_m_s": sine, "v_m_s": 2.0 * sine, "w_m_s": 3.0 * sine}
+    )
 
 
 def actuators(time_us: Array) -> pa.Table:
-    return make_table("actuators", {"time_us": time_us, "pwm_1_us": 1500.0 + 10.0 * seconds(time_us)})
+    return make_table(
+        "actuators", {"time_us": time_us, "pwm_1_us": 1500.0 + 10.0 * seconds(time_us)}
+    )
 
 
 def battery(time_us: Array) -> pa.Table:
@@ -63,14 +92,26 @@ def battery(time_us: Array) -> pa.Table:
 
 
 def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
-    whole = {"imu": imu(times(50)), "attitude": attitude(times(10)), "depth": depth(times(10)), "velocity": velocity(times(8))}
+    whole = {
+        "imu": imu(times(50)),
+        "attitude": attitude(times(10)),
+        "depth": depth(times(10)),
+        "velocity": velocity(times(8)),
+    }
     return {**whole, "actuators": actuators(times(10)), "battery": battery(times(1)), **changes}
 
 
-def run(leg: dict[str, Any] | None = None, params: dict[str, Any] | None = None, **changes: pa.Table | None) -> resample.Outputs:
+def run(
+    leg: dict[str, Any] | None = None,
+    params: dict[str, Any] | None = None,
+    **changes: pa.Table | None,
+) -> resample.Outputs:
     info = {"start_us": START_US, "end_us": START_US + 60_000_000}
     inputs = resample.Inputs(
-        leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})}, log_info=info, vehicle=VEHICLE, **streams(**changes)
+        leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})},
+        log_info=info,
+        vehicle=VEHICLE,
+        **streams(**changes),
     )
     return resample.run(inputs, resample.Params(**(params or {})))
 
@@ -93,7 +134,8 @@ def test_documents_and_clock() -> None:
     steps = np.diff(column(table, "t_s"))
     assert column(table, "t_s")[0] == 0.0
     assert steps == pytest.approx(0.02, abs=1e-12)
-    # The velocity sample of 10.25 s was measured at 10.1 s, and no other sensor starts later.
+    # The velocity sample of 10.25 s was measured at 10.1 s, and no other sensor starts
+    # later.
     assert segment["leg_start_s"] == pytest.approx(10.1, abs=1e-9)
     assert segment["start_us"] == START_US + 10_100_000
     assert 10.1 + segment["duration_s"] <= 40.0
@@ -106,11 +148,18 @@ def test_signals_and_derivatives_are_those_that_were_sampled() -> None:
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
     rows = away_from_ends(table)
     t = column(table, "t_s") + segment["leg_start_s"]
-    # 1e-4 of the amplitude: interpolation error of cubic splines at ten and more samples per radian.
+    # 1e-4 of the amplitude: interpolation error of cubic splines at ten and more
+    # samples per radian.
     assert column(table, "z_m")[rows] == pytest.approx((5.0 + np.sin(OMEGA * t))[rows], abs=1e-4)
-    assert column(table, "z_dot_m_s")[rows] == pytest.approx((OMEGA * np.cos(OMEGA * t))[rows], abs=1e-3)
-    assert column(table, "r_dot_rad_s2")[rows] == pytest.approx((0.3 * OMEGA * np.cos(OMEGA * t))[rows], abs=1e-4)
-    assert column(table, "w_dot_m_s2")[rows] == pytest.approx((3.0 * OMEGA * np.cos(OMEGA * t))[rows], abs=3e-3)
+    assert column(table, "z_dot_m_s")[rows] == pytest.approx(
+        (OMEGA * np.cos(OMEGA * t))[rows], abs=1e-3
+    )
+    assert column(table, "r_dot_rad_s2")[rows] == pytest.approx(
+        (0.3 * OMEGA * np.cos(OMEGA * t))[rows], abs=1e-4
+    )
+    assert column(table, "w_dot_m_s2")[rows] == pytest.approx(
+        (3.0 * OMEGA * np.cos(OMEGA * t))[rows], abs=3e-3
+    )
     assert column(table, "pwm_1_us") == pytest.approx(1500.0 + 10.0 * t, abs=1e-9)
     # The battery is sampled at 1 Hz: its last sample ends the segment.
     assert t[-1] == pytest.approx(59.0, abs=0.02)
@@ -150,7 +199,9 @@ def test_noise_is_found_and_taken_off() -> None:
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
     rows, t = away_from_ends(table), column(table, "t_s") + segment["leg_start_s"]
     error = column(table, "z_m")[rows] - (5.0 + np.sin(OMEGA * t))[rows]
-    assert segment["smoothing"]["z_m"]["noise_sd"] == pytest.approx(noise, rel=0.2)  # 600 samples: 3 % standard error
+    assert segment["smoothing"]["z_m"]["noise_sd"] == pytest.approx(
+        noise, rel=0.2
+    )  # 600 samples: 3 % standard error
     assert np.sqrt(np.mean(error**2)) < 0.5 * noise
 
 
@@ -162,7 +213,9 @@ def test_smoothing_can_be_fixed(smoothing: str, cutoff: float | None) -> None:
     samples = outputs.samples_depth
     assert samples is not None
     if cutoff is None:
-        at = column(outputs.resampled["leg"], "z_m")[np.rint(column(samples["leg"], "t_s") * 50).astype(int)]
+        at = column(outputs.resampled["leg"], "z_m")[
+            np.rint(column(samples["leg"], "t_s") * 50).astype(int)
+        ]
         assert at == pytest.approx(column(samples["leg"], "z_m"), abs=1e-9)
 
 
@@ -179,7 +232,9 @@ def test_a_gap_splits_the_leg() -> None:
     assert first["leg_start_s"] + first["duration_s"] <= 20.0
     assert second["leg_start_s"] >= 26.0 - DVL_LAG_S - 1e-9
     assert [(gap["stream"], gap["duration_s"]) for gap in first["gaps"]] == [("velocity", 6.0)]
-    assert list(run(params={"max_gap_s": 7.0}, velocity=velocity(without(times(8), 20.0, 26.0))).resampled) == ["leg"]
+    assert list(
+        run(params={"max_gap_s": 7.0}, velocity=velocity(without(times(8), 20.0, 26.0))).resampled
+    ) == ["leg"]
 
 
 def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
@@ -190,7 +245,9 @@ def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
 
 
 def test_nothing_is_extrapolated() -> None:
-    outputs = run(depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0)))
+    outputs = run(
+        depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0))
+    )
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
     assert segment["leg_start_s"] == 5.0
     assert segment["leg_start_s"] + segment["duration_s"] <= 49.9 + 1e-9
@@ -212,8 +269,15 @@ def test_without_a_gyro_the_attitude_gives_the_rates() -> None:
 
 
 def test_without_an_accelerometer_its_columns_are_absent() -> None:
-    gyro = {name: values for name, values in imu(times(50)).to_pydict().items() if not name.startswith("accel")}
-    bare = make_table("imu", {**gyro, **{f"accel_{axis}_m_s2": np.full(len(gyro["time_us"]), np.nan) for axis in "xyz"}})
+    gyro = {
+        name: values
+        for name, values in imu(times(50)).to_pydict().items()
+        if not name.startswith("accel")
+    }
+    bare = make_table(
+        "imu",
+        {**gyro, **{f"accel_{axis}_m_s2": np.full(len(gyro["time_us"]), np.nan) for axis in "xyz"}},
+    )
     outputs = run(imu=bare)
     assert "accel_x_m_s2" not in outputs.resampled["leg"].column_names
     assert "r_rad_s" in outputs.resampled["leg"].column_names
@@ -222,7 +286,10 @@ def test_without_an_accelerometer_its_columns_are_absent() -> None:
 @pytest.mark.parametrize(
     ("leg", "words"),
     [
-        ({"start_s": 100.0}, "lies outside log 'dive'; found 'from 100 s on'; allowed: 0 to 60.000 s"),
+        (
+            {"start_s": 100.0},
+            "lies outside log 'dive'; found 'from 100 s on'; allowed: 0 to 60.000 s",
+        ),
         ({"start_s": 70.0, "end_s": 80.0}, "field 'start_s'"),
     ],
 )
@@ -238,14 +305,21 @@ def test_a_leg_that_ends_after_its_log_says_so() -> None:
 
 
 def test_a_missing_stream_says_what_could_supply_it() -> None:
-    with pytest.raises(DataError, match=r"needs stream 'attitude', and log 'dive' has none.*DataFlash: ATT \(Roll, Pitch, Yaw\)"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"needs stream 'attitude', and log 'dive' has none.*DataFlash: ATT \(Roll, Pitch, Yaw\)"
+        ),
+    ):
         run(attitude=None)
     with pytest.raises(DataError, match=r"needs stream 'depth', .* fewer than five samples"):
         run({"start_s": 30.0}, depth=depth(times(10, end_s=20.0)))
 
 
 def test_no_part_is_covered_long_enough() -> None:
-    with pytest.raises(DataError, match=r"no part of leg 'leg' is covered .*velocity 0.1 to 19.7 s.*max_gap_s"):
+    with pytest.raises(
+        DataError, match=r"no part of leg 'leg' is covered .*velocity 0.1 to 19.7 s.*max_gap_s"
+    ):
         run(velocity=velocity(times(8, end_s=20.0)), depth=depth(times(10, start_s=18.0)))
 
 
@@ -257,32 +331,46 @@ def test_inputs_are_not_written_to() -> None:
 
 
 def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> None:
-    """Water track with a pause of 20 s: lag taken off as for the velocity sensor, one segment, no samples made up in the pause."""
+    """Water track with a pause of 20 s: lag taken off as for the velocity sensor, one
+    segment, no samples made up in the pause.
+    """
     stamps = times(4)
     kept = stamps[(seconds(stamps) < 20.0) | (seconds(stamps) > 40.0)]
     table = velocity(kept)
-    water = make_table("water_velocity", {name: table[name] for name in ("time_us", "u_m_s", "v_m_s", "w_m_s")})
+    water = make_table(
+        "water_velocity", {name: table[name] for name in ("time_us", "u_m_s", "v_m_s", "w_m_s")}
+    )
     found = run(water_velocity=water)
     assert list(found.segment) == ["leg"]
     assert found.samples_water is not None
     t = column(found.samples_water["leg"], "t_s")
     at = t + float(found.segment["leg"]["leg_start_s"])
     assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
-    np.testing.assert_allclose(column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9
+    )
 
 
 def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
-    """An attitude that is set anew turns no vehicle: no segment spans the jump, and the note says when and how far."""
+    """An attitude that is set anew turns no vehicle: no segment spans the jump, and the
+    note says when and how far.
+    """
     time_us = times(10)
     whole = attitude(time_us)
     roll = np.where(seconds(time_us) > 30.05, np.radians(60.0), 0.02)
-    outputs = run(attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll)))
+    outputs = run(
+        attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll))
+    )
     assert list(outputs.segment) == ["leg.1", "leg.2"]
-    assert outputs.segment["leg.1"]["leg_start_s"] + outputs.segment["leg.1"]["duration_s"] == pytest.approx(30.0, abs=0.03)
+    assert outputs.segment["leg.1"]["leg_start_s"] + outputs.segment["leg.1"][
+        "duration_s"
+    ] == pytest.approx(30.0, abs=0.03)
     assert outputs.segment["leg.2"]["leg_start_s"] == pytest.approx(30.1, abs=1e-6)
     for segment in outputs.segment.values():
         check_document(segment, "segment")
-        assert segment["notes"] == ["the attitude jumps by 59 degrees at 30.00 s without the gyro; the leg is split there"]
+        assert segment["notes"] == [
+            "the attitude jumps by 59 degrees at 30.00 s without the gyro; the leg is split there"
+        ]
     for table in outputs.resampled.values():
         assert np.abs(column(table, "phi_dot_rad_s")).max() < 0.01
 
@@ -291,6 +379,13 @@ def test_many_jumps_are_counted() -> None:
     time_us = times(10)
     whole = attitude(time_us)
     heading = column(whole, "psi_rad") + np.floor(seconds(time_us) / 6.0)
-    outputs = run(attitude=whole.set_column(whole.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))))
+    outputs = run(
+        attitude=whole.set_column(
+            whole.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))
+        )
+    )
     assert len(outputs.segment) == 10
-    assert outputs.segment["leg.1"]["notes"][-1] == "the attitude jumps 4 times more, each splits the leg"
+    assert (
+        outputs.segment["leg.1"]["notes"][-1]
+        == "the attitude jumps 4 times more, each splits the leg"
+    )

@@ -1,4 +1,6 @@
-"""The stage residual: components that add up, where commands and motor directions come from, and what it refuses."""
+"""The stage residual: components that add up, where commands and motor directions come
+from, and what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
@@ -16,7 +19,6 @@ from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import residual
 from auvid.stages.columns import Array, forces
-
 from tests.support.motions import (
     FINS,
     Motion,
@@ -41,11 +43,19 @@ def motion() -> Motion:
 
 def pulses(motion: Motion) -> Array:
     rng = np.random.default_rng(0)
-    return np.asarray(1500.0 + 200.0 * np.sin(np.outer(motion.t_s, rng.uniform(0.2, 1.0, 8)) + rng.uniform(0.0, 6.0, 8)))
+    return np.asarray(
+        1500.0
+        + 200.0 * np.sin(np.outer(motion.t_s, rng.uniform(0.2, 1.0, 8)) + rng.uniform(0.0, 6.0, 8))
+    )
 
 
-def rov_table(motion: Motion, pwm: Array, *, voltage: Array | None = None, without: tuple[str, ...] = ()) -> pa.Table:
-    columns: dict[str, Any] = {name: np.zeros(motion.t_s.size) for name in ("z_m", "z_dot_m_s", "phi_rad", "theta_rad", "psi_rad")}
+def rov_table(
+    motion: Motion, pwm: Array, *, voltage: Array | None = None, without: tuple[str, ...] = ()
+) -> pa.Table:
+    columns: dict[str, Any] = {
+        name: np.zeros(motion.t_s.size)
+        for name in ("z_m", "z_dot_m_s", "phi_rad", "theta_rad", "psi_rad")
+    }
     columns |= {f"{name}_dot_rad_s": np.zeros(motion.t_s.size) for name in ("phi", "theta", "psi")}
     columns |= {name: pwm[:, index] for index, name in enumerate(PULSES) if name not in without}
     if voltage is not None:
@@ -74,14 +84,27 @@ def run(
 
 
 def warnings(found: residual.Outputs) -> list[str]:
-    return [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and block["level"] == "warning"]
+    return [
+        block["text"]
+        for block in found.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == "warning"
+    ]
 
 
 def test_components_add_up_to_the_residual_force(motion: Motion) -> None:
     found = run(motion, resampled_table(motion)).residual
-    inertial = ("rigid_body_inertia", "added_mass_inertia", "rigid_body_coriolis", "added_mass_coriolis")
-    total = sum(forces(found, name) for name in inertial) - sum(forces(found, name) for name in ("restoring", "fins", "propeller"))
-    np.testing.assert_allclose(forces(found, "tau_bar"), total, rtol=0.0, atol=1e-10)  # N, N m; parts up to 500
+    inertial = (
+        "rigid_body_inertia",
+        "added_mass_inertia",
+        "rigid_body_coriolis",
+        "added_mass_coriolis",
+    )
+    total = sum(forces(found, name) for name in inertial) - sum(
+        forces(found, name) for name in ("restoring", "fins", "propeller")
+    )
+    np.testing.assert_allclose(
+        forces(found, "tau_bar"), total, rtol=0.0, atol=1e-10
+    )  # N, N m; parts up to 500
     assert "thrusters_X_N" not in found.column_names
     np.testing.assert_allclose(column(found, "eta_ratio"), ratio_of(motion), rtol=1e-14)
     vehicle = vehicle_from_document(vehicle_document("vt690"))
@@ -100,7 +123,9 @@ def test_thruster_vehicle_has_no_propulsion_ratio(motion: Motion) -> None:
 
 
 def test_horizontal_thrusters_below_the_origin_turn_the_vehicle(motion: Motion) -> None:
-    """Thrusters 1 to 4 at z = +0.085 m: surge thrust X gives the pitch moment +0.085 X, sway thrust Y the roll moment -0.085 Y."""
+    """Thrusters 1 to 4 at z = +0.085 m: surge thrust X gives the pitch moment +0.085 X,
+    sway thrust Y the roll moment -0.085 Y.
+    """
     pwm = np.full((motion.t_s.size, 8), 1500.0)
     pwm[:, :4] = pulses(motion)[:, :4]
     thrust = forces(run(motion, rov_table(motion, pwm), "bluerov2_heavy").residual, "thrusters")
@@ -116,11 +141,21 @@ def test_actuators_pass_the_filter_of_the_state(motion: Motion) -> None:
     rev_s = zero_phase_lowpass(motion.t_s, motion.rev_s, cutoff_hz=1.0)
     fins = zero_phase_lowpass(motion.t_s, motion.fins, cutoff_hz=1.0)
     control = Control(propeller_rev_s=rev_s, fins_rad=fins)
-    expected = inverse_dynamics(vehicle_from_document(vehicle_document("vt690")), motion.eta, motion.nu, motion.nu_dot, control)
+    expected = inverse_dynamics(
+        vehicle_from_document(vehicle_document("vt690")),
+        motion.eta,
+        motion.nu,
+        motion.nu_dot,
+        control,
+    )
     np.testing.assert_allclose(forces(filtered, "tau_bar"), expected, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(column(filtered, "eta_ratio"), ratio_of(motion), rtol=1e-14)  # u_c of the command, not of the filtered speed
+    np.testing.assert_allclose(
+        column(filtered, "eta_ratio"), ratio_of(motion), rtol=1e-14
+    )  # u_c of the command, not of the filtered speed
     bare = run(motion, table, fusion=fusion, filter_actuators=False).residual
-    np.testing.assert_array_equal(forces(bare, "tau_bar"), forces(run(motion, table).residual, "tau_bar"))
+    np.testing.assert_array_equal(
+        forces(bare, "tau_bar"), forces(run(motion, table).residual, "tau_bar")
+    )
 
 
 def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
@@ -136,17 +171,28 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
         log_document(),
     )
     cut = residual.run(given, residual.Params()).residual
-    np.testing.assert_array_equal(matrix(cut, whole.column_names), matrix(whole, whole.column_names)[rows])
+    np.testing.assert_array_equal(
+        matrix(cut, whole.column_names), matrix(whole, whole.column_names)[rows]
+    )
 
 
 def test_motor_directions_of_the_log_override_those_of_the_vehicle(motion: Motion) -> None:
     table = rov_table(motion, pulses(motion))
     assert ROV.thrusters is not None
-    turned = {f"MOT_{number}_DIRECTION": -float(sign) for number, sign in enumerate(ROV.thrusters.direction, start=1)}
-    plain, mirrored = (run(motion, table, "bluerov2_heavy", parameters=parameters) for parameters in ({}, turned))
+    turned = {
+        f"MOT_{number}_DIRECTION": -float(sign)
+        for number, sign in enumerate(ROV.thrusters.direction, start=1)
+    }
+    plain, mirrored = (
+        run(motion, table, "bluerov2_heavy", parameters=parameters) for parameters in ({}, turned)
+    )
     again = run(motion, rov_table(motion, 3000.0 - pulses(motion)), "bluerov2_heavy").residual
-    np.testing.assert_allclose(forces(mirrored.residual, "thrusters"), forces(again, "thrusters"), rtol=0.0, atol=1e-10)
-    assert not np.allclose(forces(mirrored.residual, "thrusters"), forces(plain.residual, "thrusters"))
+    np.testing.assert_allclose(
+        forces(mirrored.residual, "thrusters"), forces(again, "thrusters"), rtol=0.0, atol=1e-10
+    )
+    assert not np.allclose(
+        forces(mirrored.residual, "thrusters"), forces(plain.residual, "thrusters")
+    )
     assert "parameters MOT_n_DIRECTION" in mirrored.section["blocks"][0]["text"]
     assert "vehicle file" in plain.section["blocks"][0]["text"]
 
@@ -159,11 +205,16 @@ def test_half_known_directions_are_not_mixed(motion: Motion, fault: str) -> None
         del parameters["MOT_3_DIRECTION"]
     table = rov_table(motion, pulses(motion))
     found = run(motion, table, "bluerov2_heavy", parameters=parameters).residual
-    np.testing.assert_array_equal(forces(found, "thrusters"), forces(run(motion, table, "bluerov2_heavy").residual, "thrusters"))
+    np.testing.assert_array_equal(
+        forces(found, "thrusters"),
+        forces(run(motion, table, "bluerov2_heavy").residual, "thrusters"),
+    )
 
 
 def test_direction_is_that_of_the_motor_that_the_output_drives() -> None:
-    directions = {f"MOT_{number}_DIRECTION": 1.0 for number in range(1, 9)} | {"MOT_2_DIRECTION": -1.0}
+    directions = {f"MOT_{number}_DIRECTION": 1.0 for number in range(1, 9)} | {
+        "MOT_2_DIRECTION": -1.0
+    }
     functions = {"SERVO1_FUNCTION": 34.0, "SERVO2_FUNCTION": 33.0}
     turned, _ = residual.with_logged_directions(ROV, directions | functions)
     assert turned.thrusters is not None
@@ -176,26 +227,44 @@ def test_voltage_scales_the_thrust_and_its_absence_is_told(motion: Motion) -> No
     never = run(motion, rov_table(motion, pwm, voltage=np.full(n, np.nan)), "bluerov2_heavy")
     full = run(motion, rov_table(motion, pwm, voltage=np.full(n, 14.0)), "bluerov2_heavy")
     factor = (14.0 / 16.0) ** 1.1
-    np.testing.assert_allclose(forces(full.residual, "thrusters"), factor * forces(without.residual, "thrusters"), rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(forces(never.residual, "thrusters"), forces(without.residual, "thrusters"))
+    np.testing.assert_allclose(
+        forces(full.residual, "thrusters"),
+        factor * forces(without.residual, "thrusters"),
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(
+        forces(never.residual, "thrusters"), forces(without.residual, "thrusters")
+    )
     assert warnings(full) == []
     for found in (without, never):
         assert "16 V" in warnings(found)[0]
 
 
 def test_partly_missing_voltage_is_counted_and_the_nearest_stands_in(motion: Motion) -> None:
-    """The battery reports once a second and so often later than the leg begins: that must not change the scale of the thrust."""
+    """The battery reports once a second and so often later than the leg begins: that
+    must not change the scale of the thrust.
+    """
     pwm, voltage = pulses(motion), np.full(motion.t_s.size, 14.0)
     full = run(motion, rov_table(motion, pwm, voltage=voltage), "bluerov2_heavy")
     voltage[:50] = np.nan
     partly = run(motion, rov_table(motion, pwm, voltage=voltage), "bluerov2_heavy")
-    np.testing.assert_array_equal(forces(partly.residual, "thrusters"), forces(full.residual, "thrusters"))
+    np.testing.assert_array_equal(
+        forces(partly.residual, "thrusters"), forces(full.residual, "thrusters")
+    )
     assert "missing in 5.0 % of the segment" in warnings(partly)[0]
 
 
 @pytest.mark.parametrize("vehicle", ["vt690", "bluerov2_heavy"])
 def test_no_actuator_activity_is_refused_unless_allowed(motion: Motion, vehicle: str) -> None:
-    still = Motion(motion.t_s, motion.eta, motion.nu, motion.nu_dot, np.zeros_like(motion.rev_s), np.zeros_like(motion.fins))
+    still = Motion(
+        motion.t_s,
+        motion.eta,
+        motion.nu,
+        motion.nu_dot,
+        np.zeros_like(motion.rev_s),
+        np.zeros_like(motion.fins),
+    )
     neutral = np.full((motion.t_s.size, 8), 1510.0)  # inside the dead band
     table = resampled_table(still) if vehicle == "vt690" else rov_table(motion, neutral)
     with pytest.raises(DataError, match=r"no actuator acts in segment 'one'.*allow_no_actuation"):
@@ -205,7 +274,12 @@ def test_no_actuator_activity_is_refused_unless_allowed(motion: Motion, vehicle:
 
 def test_missing_columns_are_all_named(motion: Motion) -> None:
     table = rov_table(motion, pulses(motion), without=("pwm_3_us", "pwm_8_us"))
-    with pytest.raises(DataError, match=r"stage residual needs the stream 'actuators' with pwm_3_us, pwm_8_us .*can come from"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"stage residual needs the stream 'actuators' with pwm_3_us, pwm_8_us .*can come from"
+        ),
+    ):
         run(motion, table, "bluerov2_heavy")
     with pytest.raises(DataError, match="propeller_rev_s"):
         run(motion, resampled_table(motion, without=("propeller_rev_s",)))

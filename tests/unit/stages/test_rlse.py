@@ -1,4 +1,6 @@
-"""Stage rlse on runs of known truth: figures, verdicts, what it says, and what it refuses."""
+"""Stage rlse on runs of known truth: figures, verdicts, what it says, and what it
+refuses.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
@@ -19,11 +22,12 @@ from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.single_channel import ChannelRun, estimate_channel
 from auvid.stages import rlse
-
 from tests.support.single_channel import stepped_run
 
 Array = npt.NDArray[np.float64]
-DOCUMENT = yaml.safe_load((Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
+DOCUMENT = yaml.safe_load(
+    (Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8")
+)
 THAUS = vehicle_from_document(DOCUMENT)
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 OUTPUT = {"surge": 1, "sway": 2, "heave": 3, "roll": 4, "yaw": 5}
@@ -39,7 +43,14 @@ def pulses(channel: str, percent: float) -> Array:
 
 
 def leg_of(channel: str, **changes: Any) -> dict[str, Any]:
-    return {"id": "tank", "log": "log", "channel": channel, "start_s": None, "end_s": None, **changes}
+    return {
+        "id": "tank",
+        "log": "log",
+        "channel": channel,
+        "start_s": None,
+        "end_s": None,
+        **changes,
+    }
 
 
 def tables_of(
@@ -52,34 +63,58 @@ def tables_of(
     trim: float = 0.0,
     linear: float = LINEAR,
 ) -> dict[str, pa.Table]:
-    """Velocity or gyro and attitude, depth, and actuators of a run under steps, with white noise on the velocity."""
+    """Velocity or gyro and attitude, depth, and actuators of a run under steps, with
+    white noise on the velocity.
+    """
     axis = CHANNELS.index(channel)
     width = np.array([pulses(channel, value) for value in percent])
     force = thruster_force(THAUS.thrusters, thruster_forces(THAUS.thrusters, width))[:, axis]  # type: ignore[arg-type]
     lever = 38.10 * 9.80665 * 0.02 if channel == "roll" else 0.0
     mass, one, two = (MASS, linear, QUADRATIC) if axis < 3 else (2.5, -0.5, -3.0)
-    t, x, s, _ = stepped_run(force, HOLD_S, rate_hz, lambda x, s, f: (f + one * x + two * x * abs(x) - lever * np.sin(s) + trim) / mass)
+    t, x, s, _ = stepped_run(
+        force,
+        HOLD_S,
+        rate_hz,
+        lambda x, s, f: (f + one * x + two * x * abs(x) - lever * np.sin(s) + trim) / mass,
+    )
     x = x + noise * np.random.default_rng(seed).standard_normal(x.size)
     time = START_US + np.rint(1e6 * t).astype(np.int64)
     zero = np.zeros(t.size)
     hold = START_US + np.arange(len(percent)) * int(1e6 * HOLD_S)
     tables = {
-        "actuators": make_table("actuators", {"time_us": hold, **{f"pwm_{n + 1}_us": width[:, n] for n in range(5)}}),
-        "depth": make_table("depth", {"time_us": time, "depth_m": 3.0 + (s if channel == "heave" else zero)}),
+        "actuators": make_table(
+            "actuators", {"time_us": hold, **{f"pwm_{n + 1}_us": width[:, n] for n in range(5)}}
+        ),
+        "depth": make_table(
+            "depth", {"time_us": time, "depth_m": 3.0 + (s if channel == "heave" else zero)}
+        ),
     }
     if axis < 3:
         tables["velocity"] = make_table(
-            "velocity", {"time_us": time, **{f"{n}_m_s": x if i == axis else zero for i, n in enumerate("uvw")}}
+            "velocity",
+            {
+                "time_us": time,
+                **{f"{n}_m_s": x if i == axis else zero for i, n in enumerate("uvw")},
+            },
         )
     else:
         gyro = {f"gyro_{n}_rad_s": x if i == axis - 3 else zero for i, n in enumerate("xyz")}
-        tables["imu"] = make_table("imu", {"time_us": time, **gyro, **{f"accel_{n}_m_s2": zero for n in "xyz"}})
-        angle = {f"{n}_rad": s if i == axis - 3 else zero for i, n in enumerate(("phi", "theta", "psi"))}
+        tables["imu"] = make_table(
+            "imu", {"time_us": time, **gyro, **{f"accel_{n}_m_s2": zero for n in "xyz"}}
+        )
+        angle = {
+            f"{n}_rad": s if i == axis - 3 else zero for i, n in enumerate(("phi", "theta", "psi"))
+        }
         tables["attitude"] = make_table("attitude", {"time_us": time, **angle})
     return tables
 
 
-def run(leg: dict[str, Any], tables: dict[str, pa.Table], vehicle: dict[str, Any] = DOCUMENT, **params: Any) -> rlse.Outputs:
+def run(
+    leg: dict[str, Any],
+    tables: dict[str, pa.Table],
+    vehicle: dict[str, Any] = DOCUMENT,
+    **params: Any,
+) -> rlse.Outputs:
     end = max(int(column(table, "time_us")[-1]) for table in tables.values())
     info = {"start_us": START_US, "end_us": end, "parameters": {}}
     return rlse.run(rlse.Inputs(leg, info, vehicle, **tables), rlse.Params(**params))
@@ -92,15 +127,26 @@ def figures(outputs: rlse.Outputs) -> dict[str, dict[str, Any]]:
 
 def remarks(outputs: rlse.Outputs, level: str) -> str:
     assert outputs.section is not None
-    return " ".join(block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark" and block["level"] == level)
+    return " ".join(
+        block["text"]
+        for block in outputs.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == level
+    )
 
 
-@pytest.mark.parametrize(("channel", "names"), [("surge", "Xu"), ("sway", "Yv"), ("heave", "Zw"), ("roll", "Kp"), ("yaw", "Nr")])
+@pytest.mark.parametrize(
+    ("channel", "names"),
+    [("surge", "Xu"), ("sway", "Yv"), ("heave", "Zw"), ("roll", "Kp"), ("yaw", "Nr")],
+)
 def test_channels_give_their_truth(channel: str, names: str) -> None:
     found = figures(run(leg_of(channel), tables_of(channel, rate_hz=20.0)))
     axis, x = names
     mass, one, two = (MASS, LINEAR, QUADRATIC) if channel in CHANNELS[:3] else (2.5, -0.5, -3.0)
-    total = f"m - {axis}_{x}dot" if channel in CHANNELS[:3] else f"I_{'x' if channel == 'roll' else 'z'} - {axis}_{x}dot"
+    total = (
+        f"m - {axis}_{x}dot"
+        if channel in CHANNELS[:3]
+        else f"I_{'x' if channel == 'roll' else 'z'} - {axis}_{x}dot"
+    )
     dry = 38.10 if channel in CHANNELS[:3] else {"roll": 1.7428, "yaw": 1.4046}[channel]
     # Times are whole microseconds.
     assert found[total]["value"] == pytest.approx(mass, rel=1e-5)
@@ -109,8 +155,11 @@ def test_channels_give_their_truth(channel: str, names: str) -> None:
     assert found[f"{axis}_{x}|{x}|"]["value"] == pytest.approx(two, rel=1e-4)
     assert found[total]["verdict"] == "identified"
     assert found[total]["headline"]
-    # Straight lines between samples of 20 Hz cost the recursive estimate a few parts in a thousand.
-    assert found[f"{total} (linear and quadratic, recursive)"]["value"] == pytest.approx(mass, rel=0.01 if dry > 10 else 0.05)
+    # Straight lines between samples of 20 Hz cost the recursive estimate a few parts in
+    # a thousand.
+    assert found[f"{total} (linear and quadratic, recursive)"]["value"] == pytest.approx(
+        mass, rel=0.01 if dry > 10 else 0.05
+    )
 
 
 def test_noisy_run_chooses_the_damping_and_says_what_it_is_sure_of() -> None:
@@ -126,8 +175,14 @@ def test_noisy_run_chooses_the_damping_and_says_what_it_is_sure_of() -> None:
     assert outputs.channel_history is not None
     last = column(outputs.channel_history, "mass")[-1]
     assert last == pytest.approx(found["m - X_udot (linear and quadratic, recursive)"]["value"])
-    assert set(outputs.channel_history["damping"].to_pylist()) == {"linear", "quadratic", "linear and quadratic"}
-    error = column(outputs.channel_run, "measured") - column(outputs.channel_run, "linear_and_quadratic")
+    assert set(outputs.channel_history["damping"].to_pylist()) == {
+        "linear",
+        "quadratic",
+        "linear and quadratic",
+    }
+    error = column(outputs.channel_run, "measured") - column(
+        outputs.channel_run, "linear_and_quadratic"
+    )
     assert np.std(error) == pytest.approx(0.01, rel=0.1)
     assert outputs.views is not None
     for group in outputs.views["groups"]:
@@ -143,15 +198,23 @@ def test_single_step_is_not_persistently_exciting() -> None:
 
 def test_intervals_hold_the_truth_also_under_a_single_step() -> None:
     """As in Table 3, with a run that the added mass is told by a few samples of only."""
-    t, u, _, force = stepped_run([22.0], 30.0, 8.0, lambda x, _, f: (f - 27.7411 * x * abs(x)) / 34.4778)
+    t, u, _, force = stepped_run(
+        [22.0], 30.0, 8.0, lambda x, _, f: (f - 27.7411 * x * abs(x)) / 34.4778
+    )
     at, none = np.arange(t.size), np.zeros(0, dtype=np.intp)
     rng = np.random.default_rng(3)
     seeds, hits, fired = 40, np.zeros(2), 0
     for _ in range(seeds):
         noisy = u + 0.01 * rng.standard_normal(u.size)
-        found = estimate_channel(ChannelRun(SingleRun(t, force, force, at, noisy, none, np.zeros(0)), noisy, at), filter_rate=1.0)
+        found = estimate_channel(
+            ChannelRun(SingleRun(t, force, force, at, noisy, none, np.zeros(0)), noisy, at),
+            filter_rate=1.0,
+        )
         fit = found.fits["quadratic"]
-        hits += (fit.mass_interval[0] < 34.4778 < fit.mass_interval[1], abs(fit.values[2] + 27.7411) < 1.96 * fit.standard_errors[2])
+        hits += (
+            fit.mass_interval[0] < 34.4778 < fit.mass_interval[1],
+            abs(fit.values[2] + 27.7411) < 1.96 * fit.standard_errors[2],
+        )
         fired += found.excitation["quadratic"].status == "not persistently exciting"
     # 95 % nominal; the binomial standard deviation over 40 seeds is 3.4 %.
     assert np.all(hits / seeds >= 0.85)
@@ -161,7 +224,9 @@ def test_intervals_hold_the_truth_also_under_a_single_step() -> None:
 def test_constant_force_is_found_where_asked() -> None:
     tables = tables_of("heave", trim=3.0, noise=0.002, rate_hz=20.0)
     found = figures(run(leg_of("heave"), tables))
-    assert found["constant force"]["value"] == pytest.approx(3.0, abs=4.0 * found["constant force"]["standard_error"])
+    assert found["constant force"]["value"] == pytest.approx(
+        3.0, abs=4.0 * found["constant force"]["standard_error"]
+    )
     assert "constant force" not in figures(run(leg_of("heave"), tables, constant_force=()))
 
 
@@ -176,7 +241,10 @@ def test_heave_from_depth_alone() -> None:
 def test_commands_without_a_unit_give_ratios_only() -> None:
     tables = tables_of("surge", noise=0.002)
     percent = np.array(PERCENT) / 100.0
-    tables["actuators"] = make_table("actuators", {"time_us": tables["actuators"]["time_us"].to_numpy(), "command_surge": percent})
+    tables["actuators"] = make_table(
+        "actuators",
+        {"time_us": tables["actuators"]["time_us"].to_numpy(), "command_surge": percent},
+    )
     outputs = run(leg_of("surge"), tables)
     found = figures(outputs)
     assert "X_udot" not in found
@@ -194,7 +262,9 @@ def test_leg_without_channel_gives_nothing() -> None:
 @pytest.mark.parametrize("driven", [True, False])
 def test_channel_never_excited(driven: bool) -> None:
     tables = tables_of("surge")
-    outputs = run(leg_of("sway" if driven else "surge"), tables if driven else tables_of("surge", (0.0,) * 6))
+    outputs = run(
+        leg_of("sway" if driven else "surge"), tables if driven else tables_of("surge", (0.0,) * 6)
+    )
     found = figures(outputs)
     assert all(row["value"] is None and row["verdict"] == "not excited" for row in found.values())
     assert "never excited" in remarks(outputs, "warning")
@@ -222,12 +292,17 @@ def test_mass_of_another_vehicle_is_said() -> None:
     heavy["rigid_body"]["mass"]["value"] = 200.0
     outputs = run(leg_of("surge"), tables_of("surge", noise=0.002), heavy)
     assert "X_udot comes out positive" in remarks(outputs, "warning")
-    assert "comes out positive" not in remarks(run(leg_of("surge"), tables_of("surge", noise=0.002)), "warning")
+    assert "comes out positive" not in remarks(
+        run(leg_of("surge"), tables_of("surge", noise=0.002)), "warning"
+    )
 
 
 def test_ballast_of_a_leg_takes_the_place_of_the_vehicle_file() -> None:
     tables = tables_of("surge")
-    heavy, plain = (figures(run(leg_of("surge", **said), tables))["X_udot"]["value"] for said in ({"mass_kg": 20.9}, {}))
+    heavy, plain = (
+        figures(run(leg_of("surge", **said), tables))["X_udot"]["value"]
+        for said in ({"mass_kg": 20.9}, {})
+    )
     assert heavy == pytest.approx(20.9 - MASS, rel=1e-4)
     assert plain - heavy == pytest.approx(38.10 - 20.9, abs=1e-9)
 
@@ -252,7 +327,9 @@ def test_missing_streams(channel: str, without: str, message: str) -> None:
 def test_nothing_says_what_drove_it() -> None:
     tables = tables_of("surge")
     time = tables["actuators"]["time_us"].to_numpy()
-    tables["actuators"] = make_table("actuators", {"time_us": time, "command_yaw": np.zeros(time.size)})
+    tables["actuators"] = make_table(
+        "actuators", {"time_us": time, "command_yaw": np.zeros(time.size)}
+    )
     with pytest.raises(DataError, match="nothing in leg 'tank' says what drove surge"):
         run(leg_of("surge"), tables)
 
@@ -265,8 +342,14 @@ def test_leg_too_short() -> None:
 def test_pulse_of_nothing_is_no_thrust() -> None:
     """A disarmed autopilot writes pulses of 0: no thrust, not full reverse."""
     tables = tables_of("surge", (0.0, *PERCENT), noise=0.002)
-    columns = {name: np.array(tables["actuators"][name]) for name in tables["actuators"].column_names}
+    columns = {
+        name: np.array(tables["actuators"][name]) for name in tables["actuators"].column_names
+    }
     for number in range(1, 6):
-        columns[f"pwm_{number}_us"] = np.where(np.arange(len(PERCENT) + 1) == 0, 0.0, columns[f"pwm_{number}_us"])
+        columns[f"pwm_{number}_us"] = np.where(
+            np.arange(len(PERCENT) + 1) == 0, 0.0, columns[f"pwm_{number}_us"]
+        )
     tables["actuators"] = make_table("actuators", columns)
-    assert figures(run(leg_of("surge"), tables))["m - X_udot"]["value"] == pytest.approx(MASS, rel=0.01)
+    assert figures(run(leg_of("surge"), tables))["m - X_udot"]["value"] == pytest.approx(
+        MASS, rel=0.01
+    )

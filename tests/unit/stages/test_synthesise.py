@@ -1,4 +1,6 @@
-"""The stage synthesise: the literal Kronecker-and-mask form as oracle, and what the model cards say of what data cannot determine."""
+"""The stage synthesise: the literal Kronecker-and-mask form as oracle, and what the
+model cards say of what data cannot determine.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +10,39 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.hydro.dynamics.viscous.basis import basis, basis_term_names, coefficient_unit
-from auvid.hydro.dynamics.viscous.models import MODELS, ViscousModel, model_named, without_propeller_terms
+from auvid.hydro.dynamics.viscous.models import (
+    MODELS,
+    ViscousModel,
+    model_named,
+    without_propeller_terms,
+)
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
 from auvid.stages import synthesise
 from auvid.stages.base import collection
 from auvid.stages.columns import AXES, VELOCITY_SD, Array
-
-from tests.support.motions import ratio_of, residual_table, rich_motion, segment_document, vehicle_document
+from tests.support.motions import (
+    ratio_of,
+    residual_table,
+    rich_motion,
+    segment_document,
+    vehicle_document,
+)
 
 Leg = tuple[Array, Array, Array | None]
 """Velocities (n, 6), forces (n, 6), eta ratio (n,) or None."""
 
 
-def run(legs: Mapping[str, Leg], *, use: Mapping[str, str] | None = None, vehicle: str = "vt690", **params: Any) -> synthesise.Outputs:
+def run(
+    legs: Mapping[str, Leg],
+    *,
+    use: Mapping[str, str] | None = None,
+    vehicle: str = "vt690",
+    **params: Any,
+) -> synthesise.Outputs:
     tables = {name: residual_table(nu, force, ratio) for name, (nu, force, ratio) in legs.items()}
     segments = {name: segment_document(name, (use or {}).get(name, "training")) for name in legs}
     inputs = synthesise.Inputs(collection(tables), collection(segments), vehicle_document(vehicle))
@@ -33,43 +52,71 @@ def run(legs: Mapping[str, Leg], *, use: Mapping[str, str] | None = None, vehicl
     return found
 
 
-def noisy_legs(*, ahead: bool = True, with_ratio: bool = True, noise: float = 5.0) -> dict[str, Leg]:
+def noisy_legs(
+    *, ahead: bool = True, with_ratio: bool = True, noise: float = 5.0
+) -> dict[str, Leg]:
     """Two legs whose force no model spans."""
     rng = np.random.default_rng(9)
     legs: dict[str, Leg] = {}
     for seed, name in enumerate(("one", "two"), start=1):
         motion = rich_motion(12.0, seed=seed, ahead=ahead)
-        force = 30.0 * np.tanh(motion.nu @ rng.normal(size=(6, 6))) + noise * rng.normal(size=motion.nu.shape)
+        force = 30.0 * np.tanh(motion.nu @ rng.normal(size=(6, 6))) + noise * rng.normal(
+            size=motion.nu.shape
+        )
         legs[name] = (motion.nu, force, ratio_of(motion) if with_ratio else None)
     return legs
 
 
 def kronecker(model: ViscousModel, legs: Mapping[str, Leg]) -> dict[str, dict[str, float]]:
-    """(4.14)-(4.21) as printed: sigma = Xi kappa with Xi = (I_6 kron xi^T) M^T, and K = vec^-1(M^T kappa)^T."""
+    """(4.14)-(4.21) as printed: sigma = Xi kappa with Xi = (I_6 kron xi^T) M^T, and K =
+    vec^-1(M^T kappa)^T.
+    """
     nu, force = (np.concatenate([leg[index] for leg in legs.values()]) for index in (0, 1))
     ratios = [leg[2] for leg in legs.values()]
-    xi = basis(nu, np.concatenate([r for r in ratios if r is not None]) if ratios[0] is not None else None, model.distinct_terms).T
-    K_mask = np.array([[term in model.terms[axis] for term in model.distinct_terms] for axis in AXES])
+    xi = basis(
+        nu,
+        np.concatenate([r for r in ratios if r is not None]) if ratios[0] is not None else None,
+        model.distinct_terms,
+    ).T
+    K_mask = np.array(
+        [[term in model.terms[axis] for term in model.distinct_terms] for axis in AXES]
+    )
     mask = np.eye(K_mask.size)[K_mask.reshape(-1)]
     Xi = np.kron(np.eye(6), xi.T) @ mask.T
     sigma = force.T.reshape(-1)
     kappa = np.linalg.lstsq(Xi, sigma, rcond=None)[0]
     K = (mask.T @ kappa).reshape(6, -1)
-    return {axis: {term: K[i, model.distinct_terms.index(term)] for term in model.terms[axis]} for i, axis in enumerate(AXES)}
+    return {
+        axis: {term: K[i, model.distinct_terms.index(term)] for term in model.terms[axis]}
+        for i, axis in enumerate(AXES)
+    }
 
 
 @pytest.mark.parametrize("name", [model.name for model in MODELS])
 def test_equals_the_literal_kronecker_and_mask_form(name: str) -> None:
     model = model_named(name)
-    legs = {key: (nu[::5], force[::5], None if ratio is None else ratio[::5]) for key, (nu, force, ratio) in noisy_legs().items()}
-    if name == "uncoupled":  # ahead, two pairs of its columns are one: least squares has no single solution
-        legs = {key: (np.where(np.arange(6) == 0, nu - 1.5, nu), force, ratio) for key, (nu, force, ratio) in legs.items()}
+    legs = {
+        key: (nu[::5], force[::5], None if ratio is None else ratio[::5])
+        for key, (nu, force, ratio) in noisy_legs().items()
+    }
+    if (
+        name == "uncoupled"
+    ):  # ahead, two pairs of its columns are one: least squares has no single solution
+        legs = {
+            key: (np.where(np.arange(6) == 0, nu - 1.5, nu), force, ratio)
+            for key, (nu, force, ratio) in legs.items()
+        }
     solution = run(legs, models=(name,)).model_card[name]["solution"]
     expected = kronecker(model, legs)
     for axis in AXES:
         assert list(solution[axis]) == list(expected[axis])
         largest = max((abs(value) for value in expected[axis].values()), default=0.0)
-        np.testing.assert_allclose(list(solution[axis].values()), list(expected[axis].values()), rtol=1e-9, atol=1e-9 * largest)
+        np.testing.assert_allclose(
+            list(solution[axis].values()),
+            list(expected[axis].values()),
+            rtol=1e-9,
+            atol=1e-9 * largest,
+        )
 
 
 def test_validation_legs_have_no_part_in_the_fit() -> None:
@@ -84,25 +131,38 @@ def test_chunks_give_the_factor_of_the_whole(monkeypatch: pytest.MonkeyPatch) ->
     whole = run(legs)
     monkeypatch.setattr(synthesise, "ROWS_AT_ONCE", 77)
     chunked = run(legs)
-    gram, again = (R.T @ R for R in (np.array(found.triangular_factor["factor"]) for found in (whole, chunked)))
-    # rows of dependent columns (u and |u|) are rounding, so the factors themselves may differ
+    gram, again = (
+        R.T @ R for R in (np.array(found.triangular_factor["factor"]) for found in (whole, chunked))
+    )
+    # rows of dependent columns (u and |u|) are rounding, so the factors themselves may
+    # differ
     np.testing.assert_allclose(again, gram, rtol=0.0, atol=1e-12 * np.abs(gram).max())
     for name, card in whole.model_card.items():
         assert chunked.model_card[name]["rank"] == card["rank"]
         for axis in AXES:
-            ours, theirs = (list(cards[name]["solution"][axis].values()) for cards in (chunked.model_card, whole.model_card))
-            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * max(map(abs, theirs), default=0.0))
+            ours, theirs = (
+                list(cards[name]["solution"][axis].values())
+                for cards in (chunked.model_card, whole.model_card)
+            )
+            np.testing.assert_allclose(
+                ours, theirs, rtol=1e-9, atol=1e-9 * max(map(abs, theirs), default=0.0)
+            )
 
 
 def test_triangular_factor_holds_the_gram_matrix_of_columns_and_forces() -> None:
     legs = noisy_legs()
     document = run(legs).triangular_factor
     terms = [term for term in document["terms"] if term in basis_term_names()]
-    columns = [np.column_stack([basis(nu, ratio, terms), np.ones(len(nu)), force]) for nu, force, ratio in legs.values()]
+    columns = [
+        np.column_stack([basis(nu, ratio, terms), np.ones(len(nu)), force])
+        for nu, force, ratio in legs.values()
+    ]
     data, R = np.vstack(columns), np.array(document["factor"])
     assert document["terms"] == [*terms, "constant", *AXES]
     assert document["samples"] == len(data)
-    np.testing.assert_allclose(R.T @ R, data.T @ data, rtol=1e-9, atol=1e-9 * np.abs(data.T @ data).max())
+    np.testing.assert_allclose(
+        R.T @ R, data.T @ data, rtol=1e-9, atol=1e-9 * np.abs(data.T @ data).max()
+    )
 
 
 def test_terms_with_eta_do_not_apply_without_a_propeller_speed() -> None:
@@ -114,7 +174,11 @@ def test_terms_with_eta_do_not_apply_without_a_propeller_speed() -> None:
     card = found.model_card["gertler_hagen"]
     assert len(card["not_applicable"]) == 15
     assert "K (u*u)*(eta-1)" in card["not_applicable"]
-    notes = [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and "propulsion ratio" in block["text"]]
+    notes = [
+        block["text"]
+        for block in found.section["blocks"]
+        if block["kind"] == "remark" and "propulsion ratio" in block["text"]
+    ]
     assert len(notes) == 1
     assert "15 terms" in notes[0]
 
@@ -126,17 +190,26 @@ def test_one_leg_without_the_ratio_takes_it_from_all() -> None:
 
 
 def test_rank_deficient_model_names_its_terms_and_gives_the_rest() -> None:
-    """Only u and w move: what contains v, p, q or r is not excited, u = |u| is inseparable, the rest is there."""
+    """Only u and w move: what contains v, p, q or r is not excited, u = |u| is
+    inseparable, the rest is there.
+    """
     nu, _, _ = noisy_legs()["one"]
     nu = np.where(np.isin(np.arange(6), [0, 2]), nu, 0.0)
     force = np.zeros_like(nu)
     force[:, 0] = -20.0 * nu[:, 0] - 30.0 * nu[:, 0] ** 2
     force[:, 2] = -40.0 * nu[:, 2]
-    card = run({"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy").model_card["uncoupled"]
-    surge, heave, yaw = ({item["term"]: item for item in card["axes"][axis]["terms"]} for axis in ("X", "Z", "N"))
+    card = run(
+        {"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy"
+    ).model_card["uncoupled"]
+    surge, heave, yaw = (
+        {item["term"]: item for item in card["axes"][axis]["terms"]} for axis in ("X", "Z", "N")
+    )
     assert {item["verdict"] for item in surge.values()} == {"inseparable"}
     sums = {frozenset(item["weights"]): item["value"] for item in card["axes"]["X"]["combinations"]}
-    assert sums == {frozenset({"u", "|u|"}): pytest.approx(-20.0), frozenset({"u*u", "u*|u|"}): pytest.approx(-30.0)}
+    assert sums == {
+        frozenset({"u", "|u|"}): pytest.approx(-20.0),
+        frozenset({"u*u", "u*|u|"}): pytest.approx(-30.0),
+    }
     assert heave["w"]["value"] == pytest.approx(-40.0)
     assert {item["verdict"] for item in yaw.values()} == {"not excited"}
     assert all(item["value"] is None for item in yaw.values())
@@ -145,7 +218,9 @@ def test_rank_deficient_model_names_its_terms_and_gives_the_rest() -> None:
 
 
 def test_spikes_do_not_make_a_velocity_excited() -> None:
-    """r is at rest but for one short turn: RMS(r*r) lies above its floor, and still no term with r is given a number."""
+    """r is at rest but for one short turn: RMS(r*r) lies above its floor, and still no
+    term with r is given a number.
+    """
     legs = noisy_legs(with_ratio=False)
     nu, force, _ = legs["one"]
     nu = nu.copy()
@@ -159,19 +234,34 @@ def test_spikes_do_not_make_a_velocity_excited() -> None:
             assert not any("r" in term for item in part["combinations"] for term in item["weights"])
             for item in part["terms"]:
                 if "r" in item["term"]:
-                    assert (card["name"], axis, item["term"], item["verdict"]) == (card["name"], axis, item["term"], "not excited")
+                    assert (card["name"], axis, item["term"], item["verdict"]) == (
+                        card["name"],
+                        axis,
+                        item["term"],
+                        "not excited",
+                    )
                     assert item["value"] is None
-    assert found.model_card["fossen"]["solution"]["N"]["r*|r|"] == pytest.approx(-50.0, rel=1e-6)  # what predictions are made with
+    assert found.model_card["fossen"]["solution"]["N"]["r*|r|"] == pytest.approx(
+        -50.0, rel=1e-6
+    )  # what predictions are made with
 
 
 def test_velocity_that_hardly_reverses_leaves_the_sum_only() -> None:
-    """u falls to -0.01 m/s: by rank u and |u| are apart, but what separates them lies below the noise."""
+    """u falls to -0.01 m/s: by rank u and |u| are apart, but what separates them lies
+    below the noise.
+    """
     nu, force, _ = noisy_legs(with_ratio=False)["one"]
     nu = nu.copy()
     nu[:, 0] = np.maximum(nu[:, 0] - 1.2, -0.01)
     force = force.copy()
-    force[:, 0] = -20.0 * nu[:, 0] - 30.0 * nu[:, 0] * np.abs(nu[:, 0]) + np.random.default_rng(1).normal(0.0, 0.5, len(nu))
-    card = run({"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy").model_card["uncoupled"]
+    force[:, 0] = (
+        -20.0 * nu[:, 0]
+        - 30.0 * nu[:, 0] * np.abs(nu[:, 0])
+        + np.random.default_rng(1).normal(0.0, 0.5, len(nu))
+    )
+    card = run(
+        {"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy"
+    ).model_card["uncoupled"]
     assert card["rank"] == 24
     surge = {item["term"]: item for item in card["axes"]["X"]["terms"]}
     assert {term: item["inseparable_from"] for term, item in surge.items()} == {
@@ -194,7 +284,9 @@ def test_inseparability_is_mutual() -> None:
     nu[:, 0] = 0.3 + 0.02 * nu[:, 0]
     force = np.zeros_like(nu)
     force[:, 0] = -60.0 * nu[:, 0] + rng.normal(0.0, 1.0, len(nu))
-    for model, card in run({"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True).model_card.items():
+    for model, card in run(
+        {"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True
+    ).model_card.items():
         for axis, part in card["axes"].items():
             partners = {item["term"]: item.get("inseparable_from") for item in part["terms"]}
             for term, others in partners.items():
@@ -206,7 +298,10 @@ def test_backward_motion_pairs_with_the_opposite_sign() -> None:
     motion = noisy_legs(with_ratio=False)["one"][0] * np.array([-1.0, 1, 1, 1, 1, 1])
     excitation = synthesise.axis_excitation(motion)
     terms = model_named("uncoupled").terms["X"]
-    assert one_sided_groups(terms, excitation) == ({"u": 1.0, "|u|": -1.0}, {"u*u": 1.0, "u*|u|": -1.0})
+    assert one_sided_groups(terms, excitation) == (
+        {"u": 1.0, "|u|": -1.0},
+        {"u*u": 1.0, "u*|u|": -1.0},
+    )
     assert one_sided_groups(model_named("uncoupled").terms["Y"], excitation) == ()
 
 
@@ -223,10 +318,18 @@ def test_terms_that_a_symmetric_hull_cannot_have() -> None:
 
 def test_lopsided_force_is_remarked() -> None:
     nu, force, _ = noisy_legs(with_ratio=False)["one"]
-    columns = [-30.0 * nu[:, 0], 8.0 * nu[:, 0] - 40.0 * nu[:, 1], *(-10.0 * nu[:, index] for index in range(2, 6))]
+    columns = [
+        -30.0 * nu[:, 0],
+        8.0 * nu[:, 0] - 40.0 * nu[:, 1],
+        *(-10.0 * nu[:, index] for index in range(2, 6)),
+    ]
     force = np.column_stack(columns)
     found = run({"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy")
-    notes = [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and "symmetric" in block["text"]]
+    notes = [
+        block["text"]
+        for block in found.section["blocks"]
+        if block["kind"] == "remark" and "symmetric" in block["text"]
+    ]
     assert len(notes) == 1
     assert notes[0].startswith("Linear: Y u came out identified")
 
@@ -234,27 +337,38 @@ def test_lopsided_force_is_remarked() -> None:
 def test_trim_takes_the_constant_and_does_not_count_as_a_term() -> None:
     nu, _, _ = noisy_legs(with_ratio=False)["one"]
     force = -20.0 * nu + np.array([1.0, 2.0, -4.5, 0.1, 0.2, 0.3])
-    card = run({"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy", trim=True).model_card["linear"]
+    card = run(
+        {"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy", trim=True
+    ).model_card["linear"]
     assert (card["n_bar"], card["rank"], card["trim"]) == (36, 36, True)
-    assert [card["solution"][axis]["constant"] for axis in AXES] == pytest.approx([1.0, 2.0, -4.5, 0.1, 0.2, 0.3])
+    assert [card["solution"][axis]["constant"] for axis in AXES] == pytest.approx(
+        [1.0, 2.0, -4.5, 0.1, 0.2, 0.3]
+    )
     assert card["axes"]["Z"]["terms"][-1]["verdict"] == "identified"
 
 
 def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
-    """Noise correlated over 1 s: the deviation of Linear's coefficients is of the size of their standard errors."""
+    """Noise correlated over 1 s: the deviation of Linear's coefficients is of the size
+    of their standard errors.
+    """
     rng = np.random.default_rng(4)
     nu = rich_motion(120.0, seed=6).nu
     white = rng.normal(size=nu.shape)
     noise = np.zeros_like(white)
     for index in range(1, len(white)):
         noise[index] = 0.98 * noise[index - 1] + white[index]
-    card = run({"one": (nu, -20.0 * nu + noise, None)}, models=("linear",), vehicle="bluerov2_heavy").model_card["linear"]
+    card = run(
+        {"one": (nu, -20.0 * nu + noise, None)}, models=("linear",), vehicle="bluerov2_heavy"
+    ).model_card["linear"]
     score = [
-        (item["value"] - (-20.0 if axis == AXES["uvwpqr".index(item["term"])] else 0.0)) / item["standard_error"]
+        (item["value"] - (-20.0 if axis == AXES["uvwpqr".index(item["term"])] else 0.0))
+        / item["standard_error"]
         for axis in AXES
         for item in card["axes"][axis]["terms"]
     ]
-    assert 0.5 < np.sqrt(np.mean(np.square(score))) < 2.0  # 36 scores, white errors would give about 7
+    assert (
+        0.5 < np.sqrt(np.mean(np.square(score))) < 2.0
+    )  # 36 scores, white errors would give about 7
 
 
 def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
@@ -265,7 +379,10 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
         known = known.append_column(name, pa.array(np.full(len(nu), sd)))
     segment, vehicle = {"one": segment_document("one")}, vehicle_document("bluerov2_heavy")
     cards = [
-        synthesise.run(synthesise.Inputs(collection({"one": item}), collection(segment), vehicle), synthesise.Params(models=("linear",)))
+        synthesise.run(
+            synthesise.Inputs(collection({"one": item}), collection(segment), vehicle),
+            synthesise.Params(models=("linear",)),
+        )
         for item in (table, known)
     ]
     exact, wide = (item.model_card["linear"] for item in cards)
@@ -281,7 +398,11 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
 
 def test_fewer_samples_than_terms_gives_numbers_without_errors() -> None:
     nu, force, _ = noisy_legs(with_ratio=False)["one"]
-    found = run({"one": (nu[::60], force[::60], None)}, models=("mcfarland", "fossen"), vehicle="bluerov2_heavy")
+    found = run(
+        {"one": (nu[::60], force[::60], None)},
+        models=("mcfarland", "fossen"),
+        vehicle="bluerov2_heavy",
+    )
     assert found.model_card["mcfarland"]["rank"] == 6 * 10
     assert found.model_card["fossen"]["axes"]["Y"]["terms"][0]["standard_error"] is not None
 
@@ -293,7 +414,9 @@ def test_no_training_leg_is_refused() -> None:
 
 
 def test_unknown_model_names_the_nearest() -> None:
-    with pytest.raises(CampaignError, match=r"stages\.synthesise\.models.*fosen.*Did you mean 'fossen'"):
+    with pytest.raises(
+        CampaignError, match=r"stages\.synthesise\.models.*fosen.*Did you mean 'fossen'"
+    ):
         run(noisy_legs(), models=("linear", "fosen"))
 
 
@@ -315,7 +438,10 @@ def test_section_shows_no_number_that_the_data_do_not_determine() -> None:
     nu = np.where(np.arange(6) == 3, 0.001 * nu, nu)
     found = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True)
     rows = [
-        row for block in found.section["blocks"] if block["kind"] == "table" and "verdict" in str(block["columns"]) for row in block["rows"]
+        row
+        for block in found.section["blocks"]
+        if block["kind"] == "table" and "verdict" in str(block["columns"])
+        for row in block["rows"]
     ]
     quiet = [row for row in rows if row[-1] == "not excited"]
     assert {row[1] for row in quiet} >= {"p", "p*|p|", "v*p"}
@@ -331,16 +457,33 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
     card = found.model_card["prestero"]
     means = card["prior"]["means"]
     assert (card["prior"]["source"], card["prior"]["relative_sd"]) == ("strip_theory", 0.2)
-    assert set(means["Y"]) == {"u*v", "u*r", "v*|v|", "r*|r|"}  # w*p and p*q are not in strip theory
+    assert set(means["Y"]) == {
+        "u*v",
+        "u*r",
+        "v*|v|",
+        "r*|r|",
+    }  # w*p and p*q are not in strip theory
     for axis, terms in means.items():  # as a whole nearer to the prior than the data alone
-        near, far = (sum((one["solution"][axis][term] / mean - 1.0) ** 2 for term, mean in terms.items()) for one in (card, plain))
+        near, far = (
+            sum((one["solution"][axis][term] / mean - 1.0) ** 2 for term, mean in terms.items())
+            for one in (card, plain)
+        )
         assert near < far
     for axis in AXES:  # verdicts are those of the data alone
-        assert [item["verdict"] for item in card["axes"][axis]["terms"]] == [item["verdict"] for item in plain["axes"][axis]["terms"]]
+        assert [item["verdict"] for item in card["axes"][axis]["terms"]] == [
+            item["verdict"] for item in plain["axes"][axis]["terms"]
+        ]
         assert card["axes"][axis]["j"] >= plain["axes"][axis]["j"]
-    assert any("a prior was used" in str(block.get("text", "")) for block in found.section["blocks"])
+    assert any(
+        "a prior was used" in str(block.get("text", "")) for block in found.section["blocks"]
+    )
 
 
 def test_a_prior_needs_a_geometry() -> None:
     with pytest.raises(CampaignError, match=r"no geometry.*block `geometry`"):
-        run(noisy_legs(with_ratio=False), vehicle="bluerov2_heavy", models=("fossen",), prior="strip_theory")
+        run(
+            noisy_legs(with_ratio=False),
+            vehicle="bluerov2_heavy",
+            models=("fossen",),
+            prior="strip_theory",
+        )

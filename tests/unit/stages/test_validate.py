@@ -1,4 +1,6 @@
-"""The stage validate: every error measure against its formula, the tables that a user reads, and what they must not hide."""
+"""The stage validate: every error measure against its formula, the tables that a user
+reads, and what they must not hide.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
 from auvid.stages.base import collection
 from auvid.stages.columns import AXES, Array
-
 from tests.support.motions import residual_table, rich_motion, segment_document, vehicle_document
 
 LEGS = {"one": "training", "two": "training", "check": "validation", "far": "validation"}
@@ -21,7 +23,9 @@ MODELS = ("linear", "fossen", "pitch_yaw")
 
 
 def legs(trim: float = 0.0, names: tuple[str, ...] = tuple(LEGS)) -> dict[str, tuple[Array, Array]]:
-    """Velocities and forces of legs of different length: linear and quadratic drag, sway coupled with yaw, noise."""
+    """Velocities and forces of legs of different length: linear and quadratic drag,
+    sway coupled with yaw, noise.
+    """
     rng = np.random.default_rng(11)
     found = {}
     for seed, name in enumerate(LEGS, start=1):
@@ -34,23 +38,40 @@ def legs(trim: float = 0.0, names: tuple[str, ...] = tuple(LEGS)) -> dict[str, t
 
 
 def run(
-    data: Mapping[str, tuple[Array, Array]], *, trim: bool = False, use: Mapping[str, str] = LEGS, leg: Mapping[str, str] | None = None
+    data: Mapping[str, tuple[Array, Array]],
+    *,
+    trim: bool = False,
+    use: Mapping[str, str] = LEGS,
+    leg: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, Any], validate.Outputs]:
     tables = collection({name: residual_table(*values) for name, values in data.items()})
-    segments = collection({name: segment_document(name, use[name], leg=(leg or {}).get(name)) for name in data})
+    segments = collection(
+        {name: segment_document(name, use[name], leg=(leg or {}).get(name)) for name in data}
+    )
     params = synthesise.Params(models=MODELS, trim=trim)
-    cards = dict(synthesise.run(synthesise.Inputs(tables, segments, vehicle_document("bluerov2_heavy")), params).model_card)
+    cards = dict(
+        synthesise.run(
+            synthesise.Inputs(tables, segments, vehicle_document("bluerov2_heavy")), params
+        ).model_card
+    )
     found = validate.run(validate.Inputs(collection(cards), tables, segments), validate.Params())
     check_document(found.error_metrics, "error_metrics")
     return cards, found
 
 
 def rows(found: validate.Outputs) -> dict[tuple[str, str, str, str], dict[str, Any]]:
-    return {(row["use"], row["leg"], row["model"], row["axis"]): row for row in found.error_table.to_pylist()}
+    return {
+        (row["use"], row["leg"], row["model"], row["axis"]): row
+        for row in found.error_table.to_pylist()
+    }
 
 
 def remarks(found: validate.Outputs, level: str) -> list[str]:
-    return [block["text"] for block in found.section["blocks"] if block["kind"] == "remark" and block["level"] == level]
+    return [
+        block["text"]
+        for block in found.section["blocks"]
+        if block["kind"] == "remark" and block["level"] == level
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -58,15 +79,27 @@ def judged() -> tuple[dict[str, Any], validate.Outputs]:
     return run(legs())
 
 
-@pytest.mark.parametrize("chosen", [("training", "all"), ("validation", "all"), ("validation", "far"), ("training", "two")])
-def test_measures_are_those_of_their_formulas(judged: tuple[dict[str, Any], validate.Outputs], chosen: tuple[str, str]) -> None:
+@pytest.mark.parametrize(
+    "chosen",
+    [("training", "all"), ("validation", "all"), ("validation", "far"), ("training", "two")],
+)
+def test_measures_are_those_of_their_formulas(
+    judged: tuple[dict[str, Any], validate.Outputs], chosen: tuple[str, str]
+) -> None:
     cards, found = judged
-    data = {name: values for name, values in legs().items() if LEGS[name] == chosen[0] and chosen[1] in ("all", name)}
+    data = {
+        name: values
+        for name, values in legs().items()
+        if LEGS[name] == chosen[0] and chosen[1] in ("all", name)
+    }
     nu, measured = (np.concatenate([values[index] for values in data.values()]) for index in (0, 1))
     table = rows(found)
     for model in MODELS:
         error = IdentifiedModel(model, cards[model]["solution"]).force(nu) - measured
-        for axis, part in (("all", slice(None)), *((axis, [index]) for index, axis in enumerate(AXES))):
+        for axis, part in (
+            ("all", slice(None)),
+            *((axis, [index]) for index, axis in enumerate(AXES)),
+        ):
             row, e, f = table[(*chosen, model, axis)], error[:, part], measured[:, part]
             expected = {
                 "sse": np.sum(e**2),  # (4.22)
@@ -84,14 +117,19 @@ def test_measures_are_those_of_their_formulas(judged: tuple[dict[str, Any], vali
 def test_total_is_the_sum_over_axes(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
     table = rows(judged[1])
     for model in MODELS:
-        total, parts = table[("validation", "all", model, "all")], [table[("validation", "all", model, axis)] for axis in AXES]
+        total, parts = (
+            table[("validation", "all", model, "all")],
+            [table[("validation", "all", model, axis)] for axis in AXES],
+        )
         assert total["sse"] == pytest.approx(sum(part["sse"] for part in parts))
         assert total["mad"] == pytest.approx(sum(part["mad"] for part in parts))
         assert total["n_bar"] == sum(part["n_bar"] for part in parts)
         assert total["rank"] == sum(part["rank"] for part in parts)
 
 
-def test_predictions_are_the_models_at_the_velocities(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
+def test_predictions_are_the_models_at_the_velocities(
+    judged: tuple[dict[str, Any], validate.Outputs],
+) -> None:
     cards, found = judged
     assert list(found.predictions) == list(LEGS)
     table = found.predictions["check"].to_pandas()
@@ -101,31 +139,47 @@ def test_predictions_are_the_models_at_the_velocities(judged: tuple[dict[str, An
         part = table[table["model"] == model]
         assert set(part["segment"]) == {"check"}
         expected = IdentifiedModel(model, cards[model]["solution"]).force(nu)
-        np.testing.assert_allclose(part.filter(like="tau_").to_numpy(), expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            part.filter(like="tau_").to_numpy(), expected, rtol=1e-12, atol=1e-12
+        )
 
 
-def test_metrics_hold_the_figures_of_the_table(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
+def test_metrics_hold_the_figures_of_the_table(
+    judged: tuple[dict[str, Any], validate.Outputs],
+) -> None:
     _, found = judged
     table = rows(found)
     for use in ("training", "validation"):
         for model in MODELS:
             figures = found.error_metrics[use][model]
             assert figures["J"] == pytest.approx(table[(use, "all", model, "all")]["rms"], rel=1e-5)
-            assert figures["ratio"] == pytest.approx(table[(use, "all", model, "all")]["ratio"], rel=1e-5)
+            assert figures["ratio"] == pytest.approx(
+                table[(use, "all", model, "all")]["ratio"], rel=1e-5
+            )
             assert figures["N"] == pytest.approx(table[(use, "all", model, "N")]["ratio"], rel=1e-5)
 
 
 def test_segments_of_one_leg_count_together() -> None:
     data = {f"check.{number}": values for number, values in enumerate(legs().values(), start=1)}
-    use = {"check.1": "training", "check.2": "training", "check.3": "validation", "check.4": "validation"}
+    use = {
+        "check.1": "training",
+        "check.2": "training",
+        "check.3": "validation",
+        "check.4": "validation",
+    }
     leg = {"check.1": "a", "check.2": "a", "check.3": "b", "check.4": "b"}
     table = rows(run(data, use=use, leg=leg)[1])
     assert {key[1] for key in table} == {"all", "a", "b"}
     for column in ("sse", "samples", "mad"):
-        assert table[("validation", "b", "linear", "X")][column] == table[("validation", "all", "linear", "X")][column]
+        assert (
+            table[("validation", "b", "linear", "X")][column]
+            == table[("validation", "all", "linear", "X")][column]
+        )
 
 
-def test_text_is_in_the_layout_of_the_thesis(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
+def test_text_is_in_the_layout_of_the_thesis(
+    judged: tuple[dict[str, Any], validate.Outputs],
+) -> None:
     lines = judged[1].tables_text.decode("utf-8").splitlines()
     table = rows(judged[1])
     starts = [index for index, line in enumerate(lines) if "McCarter Table" in line]
@@ -137,33 +191,56 @@ def test_text_is_in_the_layout_of_the_thesis(judged: tuple[dict[str, Any], valid
     assert len({len(line) for line in (head, *body)}) == 1
     linear = table[("validation", "all", "linear", "all")]
     per_axis = [f"{table[('validation', 'all', 'linear', axis)]['ratio']:.3f}" for axis in AXES]
-    assert body[0].split() == ["Linear", "36", "36", f"{linear['rms']:.3f}", f"{linear['ratio']:.3f}", *per_axis]
+    assert body[0].split() == [
+        "Linear",
+        "36",
+        "36",
+        f"{linear['rms']:.3f}",
+        f"{linear['ratio']:.3f}",
+        *per_axis,
+    ]
     assert all(line == line.rstrip() for line in lines)
 
 
 def test_model_that_fails_is_shown_to_fail() -> None:
-    """A model whose quadratic terms were fitted to slow motion and then asked at ten times the speed."""
+    """A model whose quadratic terms were fitted to slow motion and then asked at ten
+    times the speed.
+    """
     data = legs()
     slow = {name: (0.1 * nu, force) for name, (nu, force) in data.items()}
     slow["far"] = (3.0 * data["far"][0], -30.0 * data["far"][0])
     _, found = run(slow)
     told = remarks(found, "warning")
-    (failing,) = (words for words in told if "fail in some axes on validation, where the error exceeds the force itself (J/J0): " in words)
+    (failing,) = (
+        words
+        for words in told
+        if "fail in some axes on validation, where the error exceeds the force itself (J/J0): "
+        in words
+    )
     assert "Fossen (X " in failing
     assert rows(found)[("validation", "all", "fossen", "X")]["ratio"] > 1.0
-    assert any("leave the range of the training legs" in words and "every model extrapolates" in words for words in told)
+    assert any(
+        "leave the range of the training legs" in words and "every model extrapolates" in words
+        for words in told
+    )
 
 
-def test_range_table_compares_training_and_validation(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
+def test_range_table_compares_training_and_validation(
+    judged: tuple[dict[str, Any], validate.Outputs],
+) -> None:
     blocks = {block.get("title"): block for block in judged[1].section["blocks"]}
     data = legs()
     fitted = np.concatenate([data[name][0] for name in ("one", "two")])
     used = np.concatenate([data[name][0] for name in ("check", "far")])
     shown = blocks["Range of motion: fitted in, judged in"]["rows"]
-    assert [row[:2] for row in shown] == [[name, "m/s" if name in "uvw" else "rad/s"] for name in "uvwpqr"]
+    assert [row[:2] for row in shown] == [
+        [name, "m/s" if name in "uvw" else "rad/s"] for name in "uvwpqr"
+    ]
     for row, before, after in zip(shown, fitted.T, used.T, strict=True):
         outside = 100.0 * np.mean((after < before.min()) | (after > before.max()))
-        assert row[2:] == pytest.approx([before.min(), before.max(), after.min(), after.max(), outside])
+        assert row[2:] == pytest.approx(
+            [before.min(), before.max(), after.min(), after.max(), outside]
+        )
     assert max(row[-1] for row in shown) > 5.0
 
 
@@ -195,12 +272,18 @@ def test_model_no_better_than_its_constant_is_remarked() -> None:
     data["check"] = (check[0], np.full_like(check[1], 40.0) + 5.0 * np.sign(check[0]))
     data["far"] = (far[0], np.full_like(far[1], 40.0))
     _, found = run(data, trim=True)
-    assert any("Linear predicts no better than a constant force alone in" in words for words in remarks(found, "note"))
+    assert any(
+        "Linear predicts no better than a constant force alone in" in words
+        for words in remarks(found, "note")
+    )
 
 
 def test_no_validation_leg_is_a_counted_warning() -> None:
     _, found = run(legs(names=("one", "two")))
-    assert remarks(found, "warning") == ["No validation leg: nothing says how far these models hold outside the data they were fitted on."]
+    assert remarks(found, "warning") == [
+        "No validation leg: nothing says how far these models hold outside the data they were"
+        " fitted on."
+    ]
     titles = [block.get("title", "") for block in found.section["blocks"]]
     assert any("Table 5.2" in title for title in titles)
     assert not any("Table 5.1" in title for title in titles)

@@ -1,21 +1,30 @@
-"""Free runs in the stage validate: the true model stays on the measured motion, an unstable one is named."""
+"""Free runs in the stage validate: the true model stays on the measured motion, an
+unstable one is named.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from scipy.integrate import solve_ivp
+
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
 from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
-from scipy.integrate import solve_ivp
-
 from tests.support.motions import vehicle_document
 
-STABLE = {"X": {"u": -40.0}, "Y": {"v": -60.0}, "Z": {"w": -80.0}, "K": {"p": -2.0}, "M": {"q": -2.0}, "N": {"r": -3.0}}
+STABLE = {
+    "X": {"u": -40.0},
+    "Y": {"v": -60.0},
+    "Z": {"w": -80.0},
+    "K": {"p": -2.0},
+    "M": {"q": -2.0},
+    "N": {"r": -3.0},
+}
 UNSTABLE = {**STABLE, "N": {"r": 30.0}}
 VEHICLE = vehicle_from_document(vehicle_document("bluerov2_heavy"))
 
@@ -34,8 +43,16 @@ def flown() -> tuple[pa.Table, pa.Table]:
     start = np.concatenate([[0.0, 0.0, 5.0, 0.0, 0.0, 3.0], [0.2, 0.0, 0.0, 0.0, 0.0, 0.3]])
     state = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.02).y.T
     nothing = np.zeros((len(t), 6))
-    columns = named(POSE, state[:, :6]) | named(VELOCITY, state[:, 6:]) | named(POSE_RATE, nothing) | named(ACCELERATION, nothing)
-    controls = {"t_s": t, **{f"thruster_{number}_N": thrust[:, number - 1] for number in range(1, 9)}}
+    columns = (
+        named(POSE, state[:, :6])
+        | named(VELOCITY, state[:, 6:])
+        | named(POSE_RATE, nothing)
+        | named(ACCELERATION, nothing)
+    )
+    controls = {
+        "t_s": t,
+        **{f"thruster_{number}_N": thrust[:, number - 1] for number in range(1, 9)},
+    }
     return make_table("fused", {"t_s": t, **columns}), make_table("controls", controls)
 
 
@@ -58,7 +75,8 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
     assert results["horizon_s"].to_pylist() == [5.0, 10.0], "no start reaches 30 s"
     assert results["starts"].to_pylist() == [3, 2]
     for name in ("u_rms_m_s", "r_rms_rad_s", "psi_rms_rad"):
-        # RK4 at 20 ms over the kinks of a sampled thrust; the yaw passes pi and must wrap
+        # RK4 at 20 ms over the kinks of a sampled thrust; the yaw passes pi and must
+        # wrap
         assert column(results, name).max() < 1e-5, name
 
 
@@ -75,11 +93,15 @@ def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Tabl
     assert f"{first:.1f} s" in words
 
 
-def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(flown: tuple[pa.Table, pa.Table]) -> None:
+def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(
+    flown: tuple[pa.Table, pa.Table],
+) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
     blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
     shown = next(block for block in blocks if block["kind"] == "table")
-    lost = sum(row["model"] == "wild" and row["diverged"] == row["starts"] for row in results.to_pylist())
+    lost = sum(
+        row["model"] == "wild" and row["diverged"] == row["starts"] for row in results.to_pylist()
+    )
     assert lost > 0
     assert len(shown["rows"]) == results.num_rows - lost
     assert all(value is not None for row in shown["rows"] for value in row)
@@ -87,10 +109,19 @@ def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(flown: tuple[p
     assert "No run of " in blocks[0]["text"]
 
 
-def test_a_segment_shorter_than_every_horizon_gives_no_rows(flown: tuple[pa.Table, pa.Table]) -> None:
+def test_a_segment_shorter_than_every_horizon_gives_no_rows(
+    flown: tuple[pa.Table, pa.Table],
+) -> None:
     fused, controls = (part.slice(0, 100) for part in flown)
     runs = run_segment(
-        VEHICLE, [IdentifiedModel("true", STABLE)], np.zeros((1, 6)), fused, controls, horizons_s=(5.0,), every_s=5.0, minimum_speed=0.05
+        VEHICLE,
+        [IdentifiedModel("true", STABLE)],
+        np.zeros((1, 6)),
+        fused,
+        controls,
+        horizons_s=(5.0,),
+        every_s=5.0,
+        minimum_speed=0.05,
     )
     assert runs is None
     assert free_run_blocks(free_run_table({}, ["true"]), {}) == []

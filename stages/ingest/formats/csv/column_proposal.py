@@ -1,4 +1,6 @@
-"""A first draft of a column map from the names of the columns alone, for a user to correct. Nothing is read with it."""
+"""A first draft of a column map from the names of the columns alone, for a user to
+correct. Nothing is read with it.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,65 @@ from auvid.data_schemas.streams import NEEDED, STREAMS
 WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 UNKNOWN = "'?'"
 NO_MEASUREMENT = re.compile(r"desired|target|setpoint|std|fom|temperature|magnetometer")
-UNITS = {"m": "m", "mps": "m/s", "rad": "rad", "radps": "rad/s", "deg": "deg", "degps": "deg/s", "us": "us", "ms": "ms", "s": "s", "v": "V"}
-UNITS |= {"dps": "deg/s", "cm": "cm", "ft": "ft", "knot": "knot", "g": "g0", "a": "A", "volt": "V", "sec": "s"}
+UNITS = {
+    "m": "m",
+    "mps": "m/s",
+    "rad": "rad",
+    "radps": "rad/s",
+    "deg": "deg",
+    "degps": "deg/s",
+    "us": "us",
+    "ms": "ms",
+    "s": "s",
+    "v": "V",
+}
+UNITS |= {
+    "dps": "deg/s",
+    "cm": "cm",
+    "ft": "ft",
+    "knot": "knot",
+    "g": "g0",
+    "a": "A",
+    "volt": "V",
+    "sec": "s",
+}
 END = r"(?: (?:m|mps|rad|radps|deg|degps|dps|cm|ft|knot|g|v|a|volt))?$"
 TIME = re.compile(r"\b(t|time|timestamp|stamp)\b")
-AXIS = {"x": "x", "y": "y", "z": "z", "roll": "x", "pitch": "y", "yaw": "z", "p": "x", "q": "y", "r": "z"}
+AXIS = {
+    "x": "x",
+    "y": "y",
+    "z": "z",
+    "roll": "x",
+    "pitch": "y",
+    "yaw": "z",
+    "p": "x",
+    "q": "y",
+    "r": "z",
+}
 PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
-    (r"\b(?:gyro|gyroscope|gyr|angular rate|angular velocity) ([xyz])", "imu", "gyro_{}_rad_s", AXIS),
+    (
+        r"\b(?:gyro|gyroscope|gyr|angular rate|angular velocity) ([xyz])",
+        "imu",
+        "gyro_{}_rad_s",
+        AXIS,
+    ),
     (rf"^([pqr]){END}", "imu", "gyro_{}_rad_s", AXIS),
     (r"\b(roll|pitch|yaw) ?(?:rate|speed)", "imu", "gyro_{}_rad_s", AXIS),
     (r"\b(?:accel|accelerometer|acceleration|acc) ([xyz])", "imu", "accel_{}_m_s2", AXIS),
-    (r"\b(surge|sway|heave) (?:rate|speed|velocity)", "velocity", "{}_m_s", {"surge": "u", "sway": "v", "heave": "w"}),
+    (
+        r"\b(surge|sway|heave) (?:rate|speed|velocity)",
+        "velocity",
+        "{}_m_s",
+        {"surge": "u", "sway": "v", "heave": "w"},
+    ),
     (r"\b(?:vel|velocity) ([xyz])", "velocity", "{}_m_s", {"x": "u", "y": "v", "z": "w"}),
     (rf"^([uvw]){END}", "velocity", "{}_m_s", {"u": "u", "v": "v", "w": "w"}),
-    (r"^(surge|sway|heave)$|^(?:cmd|command) (surge|sway|heave|roll|pitch|yaw)$", "actuators", "command_{}", {}),
+    (
+        r"^(surge|sway|heave)$|^(?:cmd|command) (surge|sway|heave|roll|pitch|yaw)$",
+        "actuators",
+        "command_{}",
+        {},
+    ),
     (r"^(?:pwm|servo|motor|thruster|output) (\d+)", "actuators", "pwm_{}_us", {}),
     (
         rf"\b(roll|pitch|yaw|heading)(?: angle)?{END}",
@@ -38,12 +85,20 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     (r"\b(?:voltage|volt)\b", "battery", "voltage_v", {}),
 )
 SHOWN = 20
-NEEDS = {"attitude": "resample", "depth": "resample", "velocity": "fuse (kinematic)", "actuators": "residual"}
+NEEDS = {
+    "attitude": "resample",
+    "depth": "resample",
+    "velocity": "fuse (kinematic)",
+    "actuators": "residual",
+}
 
 
 def proposed_map(names: Sequence[str]) -> str:
-    """What the columns look like and what the chain would miss, in one sentence, and a column map as YAML that says `?` for what the
-    names do not tell: units that no name ends with, and every column if no name is known. Columns without a guess stand in a comment."""
+    """What the columns look like and what the chain would miss, in one sentence, and a
+    column map as YAML that says `?` for what the names do not tell: units that no name
+    ends with, and every column if no name is known. Columns without a guess stand in a
+    comment.
+    """
     words = [" ".join(WORDS.findall(name)).lower() for name in names]
     time = next((index for index, item in enumerate(words) if TIME.search(item)), 0)
     steered = {"surge", "sway"} <= set(words)  # then a bare `yaw` is a command as well
@@ -54,12 +109,26 @@ def proposed_map(names: Sequence[str]) -> str:
         place = ("actuators", "command_yaw") if steered and item == "yaw" else _place(item)
         if place is not None:
             found.setdefault(place, index)
-    lines = [f"time: {{column: {_quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch: boot}}"]
-    lines += ["accelerometer: specific_force"] * any(field.startswith("accel") for _, field in found)
+    lines = [
+        f"time: {{column: {_quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch:"
+        " boot}"
+    ]
+    lines += ["accelerometer: specific_force"] * any(
+        field.startswith("accel") for _, field in found
+    )
     lines.append("columns:")
     for (stream, field), index in found.items():
-        unit = "'1'" if field.startswith("command") else "us" if field.startswith("pwm") else _unit(words[index], UNKNOWN)
-        lines.append(f"  - {{column: {_quoted(names[index])}, stream: {stream}, field: {field}, unit: {unit}}}")
+        unit = (
+            "'1'"
+            if field.startswith("command")
+            else "us"
+            if field.startswith("pwm")
+            else _unit(words[index], UNKNOWN)
+        )
+        lines.append(
+            f"  - {{column: {_quoted(names[index])}, stream: {stream}, field: {field}, unit:"
+            f" {unit}}}"
+        )
     if not found:
         lines.append(f"  - {{column: {UNKNOWN}, stream: depth, field: depth_m, unit: {UNKNOWN}}}")
     rest = [name for index, name in enumerate(names) if index not in (time, *found.values())]
@@ -68,8 +137,14 @@ def proposed_map(names: Sequence[str]) -> str:
         lines.append(f"# no guess for {', '.join(map(_quoted, rest[:SHOWN]))}{more}")
     there = [stream for stream in STREAMS if any(item == stream for item, _ in found)]
     missing = [f"{stream} ({stage})" for stream, stage in NEEDS.items() if stream not in there]
-    parts = {stream: [field for field in NEEDED[stream] if (stream, field) not in found] for stream in there}
-    like = [stream + (f" (without {', '.join(lack)})" if (lack := parts[stream]) else "") for stream in there]
+    parts = {
+        stream: [field for field in NEEDED[stream] if (stream, field) not in found]
+        for stream in there
+    }
+    like = [
+        stream + (f" (without {', '.join(lack)})" if (lack := parts[stream]) else "")
+        for stream in there
+    ]
     said = f"The names look like {', '.join(like)}" if like else "No name tells what it is"
     said += f"; nothing looks like {', '.join(missing)}." if missing else "."
     return f"{said} A draft to correct (columns, units, signs and frames):\n" + "\n".join(lines)
@@ -89,4 +164,9 @@ def _unit(words: str, otherwise: str) -> str:
 
 
 def _quoted(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z][\w.]*", name) and name.lower() not in ("y", "n", "yes", "no", "on", "off") else json.dumps(name)
+    return (
+        name
+        if re.fullmatch(r"[A-Za-z][\w.]*", name)
+        and name.lower() not in ("y", "n", "yes", "no", "on", "off")
+        else json.dumps(name)
+    )

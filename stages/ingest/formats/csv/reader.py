@@ -1,7 +1,8 @@
-"""CSV logs: recognise, and read through a column map. Parsing is pyarrow's; units, signs, time and the account of rows are ours.
+"""CSV logs: recognise, and read through a column map. Parsing is pyarrow's; units,
+signs, time and the account of rows are ours.
 
-The messages of a decoded CSV are the streams themselves, already in SI, FRD and NED; `offset` holds the row as an editor counts it
-(the header is row 1).
+The messages of a decoded CSV are the streams themselves, already in SI, FRD and NED;
+`offset` holds the row as an editor counts it (the header is row 1).
 """
 
 from __future__ import annotations
@@ -18,12 +19,23 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
+
 from auvid.data_schemas.errors import CampaignError, LogError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, Messages, Skipped
-from auvid.stages.ingest.formats.csv.column_map import ColumnMap, MappedColumn, column_map, dialect_map
+from auvid.stages.ingest.formats.csv.column_map import (
+    ColumnMap,
+    MappedColumn,
+    column_map,
+    dialect_map,
+)
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
-from auvid.stages.ingest.formats.csv.tolerant_lines import ISO_TIME, Form, SoundRows, read_sound_rows
+from auvid.stages.ingest.formats.csv.tolerant_lines import (
+    ISO_TIME,
+    Form,
+    SoundRows,
+    read_sound_rows,
+)
 from auvid.stages.ingest.formats.dataflash.byte_account import covered_seconds
 
 NAME = "csv"
@@ -39,7 +51,9 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Head:
-    """The first line of a file: its column names, its length in bytes, the text encoding and the separator."""
+    """The first line of a file: its column names, its length in bytes, the text
+    encoding and the separator.
+    """
 
     names: tuple[str, ...]
     bytes: int
@@ -55,10 +69,14 @@ class CsvReader:
     def recognises(self, head: bytes) -> bool:
         """True for text whose first line has separated columns."""
         first = head.split(b"\n", 1)[0]
-        return head.startswith(UTF_16) or (b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t")))
+        return head.startswith(UTF_16) or (
+            b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t"))
+        )
 
     def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
-        """The streams that the column map names; `wanted` limits them. Raises as `read_csv`."""
+        """The streams that the column map names; `wanted` limits them. Raises as
+        `read_csv`.
+        """
         return read_csv(file, wanted)[0]
 
 
@@ -69,8 +87,8 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     """The streams of a CSV log, and its checked column map.
 
     Raises:
-        LogError: no column map, no header, cells that are not numbers (all together, with rows).
-        CampaignError: the column map does not fit the file.
+        LogError: no column map, no header, cells that are not numbers (all together,
+        with rows). CampaignError: the column map does not fit the file.
     """
     raw = file.columns
     head = header(file, None if raw is None else str(raw.get("delimiter", ",")))
@@ -82,7 +100,10 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
             file=file.name,
             row=1,
             value=f"{len(head.names)} columns",
-            allowed="a YAML file that says what the columns are, named in the manifest (columns: FILE) or by auvid check --columns FILE",
+            allowed=(
+                "a YAML file that says what the columns are, named in the manifest (columns: FILE)"
+                " or by auvid check --columns FILE"
+            ),
             remedy=proposed_map(head.names),
         )
     _check_separator(head, file.name)
@@ -92,7 +113,11 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     rows = found.rows
     time_us = _time(found.table, mapping, rows, file.name)
     messages, idle, notes = _streams(found.table, columns, mapping, time_us, rows)
-    unused = [name for name in head.names if name not in {item.column for item in mapping.columns} | {mapping.time}]
+    unused = [
+        name
+        for name in head.names
+        if name not in {item.column for item in mapping.columns} | {mapping.time}
+    ]
     if said is not None:
         notes.append(f"{file.name}: {said}")
     elif unused:
@@ -110,28 +135,45 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
 
 
 def _account(size: int, head: Head, skipped: tuple[Skipped, ...]) -> ByteAccount:
-    return ByteAccount(size, size - head.bytes - sum(part.bytes for part in skipped), head.bytes, skipped)
+    return ByteAccount(
+        size, size - head.bytes - sum(part.bytes for part in skipped), head.bytes, skipped
+    )
 
 
 def _status(found: SoundRows) -> LogStatus:
     lost = found.lost_lines
     if not lost:
         return "complete"
-    return "truncated" if len(lost) == 1 and (not found.rows.size or lost[0] > found.rows[-1]) else "damaged"
+    return (
+        "truncated"
+        if len(lost) == 1 and (not found.rows.size or lost[0] > found.rows[-1])
+        else "damaged"
+    )
 
 
 def _seconds_lost(found: SoundRows, time_us: npt.NDArray[np.float64]) -> float:
     known = np.isfinite(time_us)
-    return covered_seconds(found.rows[known], time_us[known].astype(np.int64), found.lost_lines) if found.lost else 0.0
+    return (
+        covered_seconds(found.rows[known], time_us[known].astype(np.int64), found.lost_lines)
+        if found.lost
+        else 0.0
+    )
 
 
 def header(file: RawFile, delimiter: str | None) -> Head:
-    """Column names of the first line. Raises `LogError` for an empty file and for a first line that names no columns."""
+    """Column names of the first line. Raises `LogError` for an empty file and for a
+    first line that names no columns.
+    """
     start = file.buffer[:HEADER_BYTES].tobytes()
     if not start.strip():
         raise LogError("the file is empty", file=file.name)
     if start.startswith(UTF_16):
-        raise LogError("the file is UTF-16 text", file=file.name, allowed="UTF-8 or Latin-1", remedy=TO_UTF_8 % (file.name, file.name))
+        raise LogError(
+            "the file is UTF-16 text",
+            file=file.name,
+            allowed="UTF-8 or Latin-1",
+            remedy=TO_UTF_8 % (file.name, file.name),
+        )
     encoding = "utf-8"
     line = start.split(b"\n", 1)[0]
     try:
@@ -144,29 +186,53 @@ def header(file: RawFile, delimiter: str | None) -> Head:
         names = tuple(next(csv.reader(io.StringIO(text.rstrip("\r")), delimiter=delimiter)))
     except csv.Error:
         what = "the first line has a stray carriage return or quotation mark in it"
-        raise LogError(what, file=file.name, row=1, remedy="Mend the line that names the columns; lines end in LF or CR LF.") from None
+        raise LogError(
+            what,
+            file=file.name,
+            row=1,
+            remedy="Mend the line that names the columns; lines end in LF or CR LF.",
+        ) from None
     return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
 
 
 def _check_separator(head: Head, file: str) -> None:
-    """Raises `LogError` for a single column whose name holds what separates columns in other files."""
-    other = next((mark for mark in ";\t," if mark in head.names[0]), None) if len(head.names) == 1 else None
+    """Raises `LogError` for a single column whose name holds what separates columns in
+    other files.
+    """
+    other = (
+        next((mark for mark in ";\t," if mark in head.names[0]), None)
+        if len(head.names) == 1
+        else None
+    )
     if other is not None:
         shown = {"\t": "a tab", ";": "a semicolon", ",": "a comma"}[other]
-        remedy = f"The columns are separated by {shown}: add delimiter: {json.dumps(other)} to the column map, "
+        remedy = (
+            f"The columns are separated by {shown}: add delimiter: {json.dumps(other)} to the"
+            " column map, "
+        )
         remedy += 'and decimal: "," if the numbers have a decimal comma.'
-        raise LogError(f"the first line has no {head.delimiter!r} in it", file=file, row=1, value=head.names[0], remedy=remedy)
+        raise LogError(
+            f"the first line has no {head.delimiter!r} in it",
+            file=file,
+            row=1,
+            value=head.names[0],
+            remedy=remedy,
+        )
 
 
-def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str) -> SoundRows:
+def _parse(
+    file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str
+) -> SoundRows:
     """The columns of the file; line by line only if it is not sound from end to end."""
     types: dict[str, pa.DataType] = {
-        item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64()) for item in columns
+        item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64())
+        for item in columns
     }
     types[mapping.time] = pa.float64() if mapping.time_factor is not None else ISO_TIME
     form = Form(head.names, head.delimiter, decimal, mapping.missing)
     try:
-        # One thread at once: a stream of batches takes twice as long, and several threads parse far ahead of what they convert.
+        # One thread at once: a stream of batches takes twice as long, and several
+        # threads parse far ahead of what they convert.
         table = pacsv.read_csv(
             pa.BufferReader(pa.py_buffer(file.buffer)),
             read_options=pacsv.ReadOptions(encoding=head.encoding, use_threads=False),
@@ -176,18 +242,31 @@ def _parse(file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[Mapp
     except (pa.ArrowInvalid, UnicodeError):
         table = None
     rows = None if table is None else _rows(file.buffer, table.num_rows)
-    if table is None or rows is None or (mapping.time_factor is None and iso_microseconds(table[mapping.time]) is None):
+    if (
+        table is None
+        or rows is None
+        or (mapping.time_factor is None and iso_microseconds(table[mapping.time]) is None)
+    ):
         return read_sound_rows(file.buffer.tobytes(), types, form, file=file.name)
     return SoundRows(table, rows)
 
 
 def _rows(buffer: npt.NDArray[np.uint8], count: int) -> Rows | None:
-    """The row of each of `count` samples as an editor counts it; None if they are not one to a line."""
-    ends = sum(int(np.count_nonzero(buffer[at : at + BLOCK] == NEWLINE)) for at in range(0, buffer.size, BLOCK))
+    """The row of each of `count` samples as an editor counts it; None if they are not
+    one to a line.
+    """
+    ends = sum(
+        int(np.count_nonzero(buffer[at : at + BLOCK] == NEWLINE))
+        for at in range(0, buffer.size, BLOCK)
+    )
     lines = ends + int(buffer[-1] != NEWLINE)
     if lines == count + 1:
         return np.arange(2, count + 2)
-    content = [number for number, line in enumerate(buffer.tobytes().split(b"\n"), 1) if line not in (b"", b"\r")]
+    content = [
+        number
+        for number, line in enumerate(buffer.tobytes().split(b"\n"), 1)
+        if line not in (b"", b"\r")
+    ]
     return np.array(content[1:], np.int64) if len(content) == count + 1 else None
 
 
@@ -199,7 +278,11 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDA
     result = np.full(len(values), np.nan)
     stamps = iso_microseconds(values)
     if stamps is None:
-        bad = next(index for index, item in enumerate(values) if item.is_valid and iso_microseconds(pa.array([item.as_py()])) is None)
+        bad = next(
+            index
+            for index, item in enumerate(values)
+            if item.is_valid and iso_microseconds(pa.array([item.as_py()])) is None
+        )
         raise LogError(
             "not an ISO 8601 time like the ones before",
             file=file,
@@ -214,20 +297,36 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDA
 
 
 def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
-    """The time from which legs count, where the column map says so. Raises `CampaignError` if it is no time."""
+    """The time from which legs count, where the column map says so. Raises
+    `CampaignError` if it is no time.
+    """
     if mapping.start is None:
         return None
     if mapping.time_factor is not None and isinstance(mapping.start, int | float):
         return round(mapping.start * mapping.time_factor)
-    stamps = iso_microseconds(pa.array([str(mapping.start)])) if mapping.time_factor is None else None
+    stamps = (
+        iso_microseconds(pa.array([str(mapping.start)])) if mapping.time_factor is None else None
+    )
     if stamps is None:
-        allowed = "a number in the unit of the time column" if mapping.time_factor is not None else "an ISO 8601 time"
-        raise CampaignError("is no time", file=f"column map of {file}", field="time.start", value=mapping.start, allowed=allowed)
+        allowed = (
+            "a number in the unit of the time column"
+            if mapping.time_factor is not None
+            else "an ISO 8601 time"
+        )
+        raise CampaignError(
+            "is no time",
+            file=f"column map of {file}",
+            field="time.start",
+            value=mapping.start,
+            allowed=allowed,
+        )
     return int(stamps[0].as_py())
 
 
 def iso_microseconds(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray | None:
-    """ISO 8601 texts as microseconds since 1970 (UTC where no zone is given); None if they are not all of one kind."""
+    """ISO 8601 texts as microseconds since 1970 (UTC where no zone is given); None if
+    they are not all of one kind.
+    """
     for kind in (pa.timestamp("us"), pa.timestamp("us", "UTC")):
         try:
             return pc.cast(pc.cast(values, kind), pa.int64())
@@ -237,14 +336,24 @@ def iso_microseconds(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray | No
 
 
 def _streams(
-    table: pa.Table, columns: Sequence[MappedColumn], mapping: ColumnMap, time_us: npt.NDArray[np.float64], rows: Rows
+    table: pa.Table,
+    columns: Sequence[MappedColumn],
+    mapping: ColumnMap,
+    time_us: npt.NDArray[np.float64],
+    rows: Rows,
 ) -> tuple[dict[str, Messages], list[Skipped], list[str]]:
-    """One `Messages` per stream. Rows without any value of the stream, and repeats of a held value, are no samples of it."""
+    """One `Messages` per stream. Rows without any value of the stream, and repeats of a
+    held value, are no samples of it.
+    """
     messages: dict[str, Messages] = {}
     idle: list[Skipped] = []
     notes: list[str] = []
     for stream in dict.fromkeys(item.stream for item in columns):
-        fields = {item.field: _values(table[item.column], item) for item in columns if item.stream == stream}
+        fields = {
+            item.field: _values(table[item.column], item)
+            for item in columns
+            if item.stream == stream
+        }
         empty = _without_value(list(fields.values()), rows.size)
         kept = ~empty
         idle += _idle(f"{stream}: {NO_VALUE}", empty, rows)
@@ -253,7 +362,9 @@ def _streams(
             continue
         if stream in mapping.held:
             index = np.flatnonzero(kept)
-            same = np.all([values[index[1:]] == values[index[:-1]] for values in fields.values()], axis=0)
+            same = np.all(
+                [values[index[1:]] == values[index[:-1]] for values in fields.values()], axis=0
+            )
             repeat = np.zeros(kept.size, bool)
             repeat[index[1:][same]] = True
             kept &= ~repeat
@@ -296,4 +407,6 @@ def _is_missing(values: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
 
 def _idle(reason: str, rows: npt.NDArray[np.bool_], numbers: Rows) -> list[Skipped]:
     found = numbers[rows]
-    return [Skipped(reason, 0, int(found.size), int(found[0]), int(found[-1]))] if found.size else []
+    return (
+        [Skipped(reason, 0, int(found.size), int(found[0]), int(found[-1]))] if found.size else []
+    )

@@ -1,7 +1,9 @@
-"""The sound rows of a CSV file that pyarrow does not take as it is, and why the other lines are none.
+"""The sound rows of a CSV file that pyarrow does not take as it is, and why the other
+lines are none.
 
-A line without the right number of cells or with a stray quotation mark is no row. Neither is one with a cell that cannot be read, as
-long as these are few: many mean that the column map does not fit the file, and then each is named.
+A line without the right number of cells or with a stray quotation mark is no row.
+Neither is one with a cell that cannot be read, as long as these are few: many mean that
+the column map does not fit the file, and then each is named.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
+
 from auvid.data_schemas.errors import LogError, PipelineError, raise_faults
 from auvid.stages.ingest.decoded_log import Skipped
 
@@ -40,7 +43,9 @@ Rows = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Form:
-    """How the rows are written: names of the columns, what separates them, the decimal mark, and texts that stand for no value."""
+    """How the rows are written: names of the columns, what separates them, the decimal
+    mark, and texts that stand for no value.
+    """
 
     names: Sequence[str]
     delimiter: str
@@ -51,7 +56,9 @@ class Form:
         """Options to read the columns `types`."""
         return pacsv.ConvertOptions(
             include_columns=list(types),
-            column_types={name: pa.string() if kind == ISO_TIME else kind for name, kind in types.items()},
+            column_types={
+                name: pa.string() if kind == ISO_TIME else kind for name, kind in types.items()
+            },
             null_values=list(self.missing),
             strings_can_be_null=True,
             decimal_point=self.decimal,
@@ -60,8 +67,10 @@ class Form:
 
 @dataclass
 class SoundRows:
-    """The columns of the rows that could be read, the line number of each as an editor counts it (n,), and the lines that gave nothing:
-    number and bytes of each, by reason."""
+    """The columns of the rows that could be read, the line number of each as an editor
+    counts it (n,), and the lines that gave nothing: number and bytes of each, by
+    reason.
+    """
 
     table: pa.Table
     rows: Rows
@@ -74,20 +83,33 @@ class SoundRows:
 
     def skipped(self) -> tuple[Skipped, ...]:
         """The account of the lines that gave nothing; their offsets are line numbers."""
-        found = {reason: ([number for number, _ in lines], sum(size for _, size in lines)) for reason, lines in self.lost.items() if lines}
-        return tuple(Skipped(reason, size, len(numbers), min(numbers), max(numbers)) for reason, (numbers, size) in sorted(found.items()))
+        found = {
+            reason: ([number for number, _ in lines], sum(size for _, size in lines))
+            for reason, lines in self.lost.items()
+            if lines
+        }
+        return tuple(
+            Skipped(reason, size, len(numbers), min(numbers), max(numbers))
+            for reason, (numbers, size) in sorted(found.items())
+        )
 
 
-def read_sound_rows(data: bytes, types: Mapping[str, pa.DataType], form: Form, *, file: str) -> SoundRows:
-    """Read the columns `types` of the rows that are sound, line by line; text that is not UTF-8 is taken for Latin-1.
+def read_sound_rows(
+    data: bytes, types: Mapping[str, pa.DataType], form: Form, *, file: str
+) -> SoundRows:
+    """Read the columns `types` of the rows that are sound, line by line; text that is
+    not UTF-8 is taken for Latin-1.
 
-    Raises `LogError` if so many cells cannot be read that the column map must be wrong, or if there is no row at all.
+    Raises `LogError` if so many cells cannot be read that the column map must be wrong,
+    or if there is no row at all.
     """
     lines = data.split(b"\n")
     size = {number: len(line) + (number < len(lines)) for number, line in enumerate(lines, 1)}
     lost: dict[str, list[tuple[int, int]]] = {}
     texts, numbers = [], []
-    cell = re.compile(rb'(?:"(?:[^"]|"")*"|[^"%b]*)(?:%b|$)' % ((re.escape(form.delimiter.encode()),) * 2))
+    cell = re.compile(
+        rb'(?:"(?:[^"]|"")*"|[^"%b]*)(?:%b|$)' % ((re.escape(form.delimiter.encode()),) * 2)
+    )
     for number, line in enumerate(lines[1:], 2):
         row = line.rstrip(b"\r")
         if not row:
@@ -99,27 +121,45 @@ def read_sound_rows(data: bytes, types: Mapping[str, pa.DataType], form: Form, *
         else:
             lost.setdefault(reason, []).append((number, size[number]))
     rows = np.array(numbers, np.int64)
-    faults = _unreadable(_read(texts, dict.fromkeys(types, pa.string()), form, file), types, rows, form.decimal, file)
+    faults = _unreadable(
+        _read(texts, dict.fromkeys(types, pa.string()), form, file), types, rows, form.decimal, file
+    )
     bad = np.isin(rows, np.array([fault.row for fault in faults], np.int64))
     if bad.sum() > UNREADABLE_SHARE * rows.size:
         raise_faults(faults, file=file)
     lost[UNREADABLE] = [(number, size[number]) for number in rows[bad].tolist()]
-    table = _read([text for text, left_out in zip(texts, bad.tolist(), strict=True) if not left_out], types, form, file)
-    notes = [f"{file}, row {fault.row}: {fault.field} is {fault.value!r}; the row is left out" for fault in faults[:NAMED_CELLS]]
+    table = _read(
+        [text for text, left_out in zip(texts, bad.tolist(), strict=True) if not left_out],
+        types,
+        form,
+        file,
+    )
+    notes = [
+        f"{file}, row {fault.row}: {fault.field} is {fault.value!r}; the row is left out"
+        for fault in faults[:NAMED_CELLS]
+    ]
     return SoundRows(table, rows[~bad], lost, notes)
 
 
 def _fault_of(row: bytes, form: Form, cell: re.Pattern[bytes]) -> str | None:
     delimiter = form.delimiter.encode()
     if b'"' not in row:
-        return None if row.count(delimiter) + 1 == len(form.names) else WRONG_CELLS.format(len(form.names))
+        return (
+            None
+            if row.count(delimiter) + 1 == len(form.names)
+            else WRONG_CELLS.format(len(form.names))
+        )
     count, place = 0, 0
     while place < len(row):
         match = cell.match(row, place)
         if match is None or match.end() == place:
             return STRAY_QUOTE
         count, place = count + 1, match.end()
-    return None if count + row.endswith(delimiter) == len(form.names) else WRONG_CELLS.format(len(form.names))
+    return (
+        None
+        if count + row.endswith(delimiter) == len(form.names)
+        else WRONG_CELLS.format(len(form.names))
+    )
 
 
 def _utf8(row: bytes) -> bytes:
@@ -130,9 +170,15 @@ def _utf8(row: bytes) -> bytes:
     return row
 
 
-def _read(texts: Sequence[bytes], types: Mapping[str, pa.DataType], form: Form, file: str) -> pa.Table:
+def _read(
+    texts: Sequence[bytes], types: Mapping[str, pa.DataType], form: Form, file: str
+) -> pa.Table:
     if not texts:
-        raise LogError("no row can be read", file=file, allowed=f"rows of {len(form.names)} cells separated by {form.delimiter!r}")
+        raise LogError(
+            "no row can be read",
+            file=file,
+            allowed=f"rows of {len(form.names)} cells separated by {form.delimiter!r}",
+        )
     try:
         table = pacsv.read_csv(
             pa.BufferReader(b"\n".join(texts)),
@@ -147,7 +193,9 @@ def _read(texts: Sequence[bytes], types: Mapping[str, pa.DataType], form: Form, 
     return table
 
 
-def _unreadable(texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, decimal: str, file: str) -> list[PipelineError]:
+def _unreadable(
+    texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, decimal: str, file: str
+) -> list[PipelineError]:
     """One fault per cell that is no value of its column's type."""
     faults: list[PipelineError] = []
     for name, kind in types.items():
@@ -155,7 +203,9 @@ def _unreadable(texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, d
             continue
         values = texts[name] if decimal == "." else pc.replace_substring(texts[name], decimal, ".")
         pattern, what = PATTERNS[kind]
-        bad = np.flatnonzero(np.asarray(pc.fill_null(pc.invert(pc.match_substring_regex(values, pattern)), False)))
+        bad = np.flatnonzero(
+            np.asarray(pc.fill_null(pc.invert(pc.match_substring_regex(values, pattern)), False))
+        )
         faults += [
             LogError(
                 what,
@@ -163,7 +213,12 @@ def _unreadable(texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, d
                 row=int(rows[index]),
                 field=name,
                 value=texts[name][int(index)].as_py(),
-                remedy=DECIMAL if decimal == "." and re.fullmatch(r"[-+]?\d*,\d+", str(texts[name][int(index)])) else PLACEHOLDER,
+                remedy=(
+                    DECIMAL
+                    if decimal == "."
+                    and re.fullmatch(r"[-+]?\d*,\d+", str(texts[name][int(index)]))
+                    else PLACEHOLDER
+                ),
             )
             for index in bad
         ]

@@ -1,4 +1,6 @@
-"""What a DataFlash log lost and how its clock behaves: the account of bytes, the status, lost seconds and notes."""
+"""What a DataFlash log lost and how its clock behaves: the account of bytes, the
+status, lost seconds and notes.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus, Skipped
 from auvid.stages.ingest.formats.dataflash.scan import Chain, Gap, read_times
@@ -27,16 +30,19 @@ Clock = npt.NDArray[np.int8]
 
 
 def byte_account(
-    buffer: Buffer, chain: Chain, length: npt.NDArray[np.int32], defining: Sequence[int], refused: Mapping[int, str]
+    buffer: Buffer,
+    chain: Chain,
+    length: npt.NDArray[np.int32],
+    defining: Sequence[int],
+    refused: Mapping[int, str],
 ) -> ByteAccount:
     """Put every byte into records, definitions or skipped.
 
     Args:
-        buffer: the whole file.
-        chain: records and gaps, which together cover the file.
-        length: bytes per record by definition entry.
-        defining: entries of FMT, FMTU, UNIT and MULT.
-        refused: offsets of FMT records in the chain that are not in force, with the reason.
+        buffer: the whole file. chain: records and gaps, which together cover the file.
+        length: bytes per record by definition entry. defining: entries of FMT, FMTU,
+        UNIT and MULT. refused: offsets of FMT records in the chain that are not in
+        force, with the reason.
     """
     lost: dict[str, list[tuple[int, int]]] = {}
     for offset, reason in refused.items():
@@ -53,7 +59,12 @@ def byte_account(
     taken = count[1:] * length
     definitions = int(taken[list(defining)].sum()) - layout.FMT_BYTES * len(refused)
     records = int(taken.sum()) - int(taken[list(defining)].sum())
-    return ByteAccount(buffer.size, records, definitions, tuple(_skipped(reason, lost[reason]) for reason in sorted(lost)))
+    return ByteAccount(
+        buffer.size,
+        records,
+        definitions,
+        tuple(_skipped(reason, lost[reason]) for reason in sorted(lost)),
+    )
 
 
 def _skipped(reason: str, places: list[tuple[int, int]]) -> Skipped:
@@ -75,7 +86,9 @@ def _reason(buffer: Buffer, gap: Gap) -> str:
 
 
 def status_of(account: ByteAccount) -> LogStatus:
-    """`complete` up to a page or two of padding, `truncated` if only the end is missing, else `damaged`."""
+    """`complete` up to a page or two of padding, `truncated` if only the end is
+    missing, else `damaged`.
+    """
     reasons = {part.reason: part.bytes for part in account.skipped}
     if not reasons or (set(reasons) == {BLANK_END} and reasons[BLANK_END] <= PADDING_BYTES):
         return "complete"
@@ -83,7 +96,9 @@ def status_of(account: ByteAccount) -> LogStatus:
 
 
 def lost_seconds(buffer: Buffer, chain: Chain, clock: Clock) -> float:
-    """Seconds that the damaged parts cover. Undefined types and the end of the file cost none that the clock could show."""
+    """Seconds that the damaged parts cover. Undefined types and the end of the file
+    cost none that the clock could show.
+    """
     starts = sorted(gap.start for gap in chain.gaps if gap.id < 0 and gap.stop < buffer.size)
     if not starts:
         return 0.0
@@ -97,21 +112,28 @@ def middle(times: list[int]) -> int:
 
 
 def covered_seconds(offset: Ints, times_us: Ints, starts: Sequence[int]) -> float:
-    """Seconds between the clock before and behind each place in `starts`; places within the same stretch count once.
+    """Seconds between the clock before and behind each place in `starts`; places within
+    the same stretch count once.
 
     Args:
-        offset, times_us: places and time stamps of the records that have one, in file order.
-        starts: ascending offsets where something is missing.
+        offset, times_us: places and time stamps of the records that have one, in file
+        order. starts: ascending offsets where something is missing.
 
-    The stretch is that between the neighbours, or, where one of these has a damaged time stamp and it would be longer, between medians over
-    five records on either side; a stretch over which the clock leaps by more than a day, or goes back, is left out.
+    The stretch is that between the neighbours, or, where one of these has a damaged
+    time stamp and it would be longer, between medians over five records on either side;
+    a stretch over which the clock leaps by more than a day, or goes back, is left out.
     """
     lost, covered = 0, -1
     for place in np.searchsorted(offset, starts).tolist():
         if place == 0 or place == offset.size:
             continue
-        start, stop = middle(times_us[max(0, place - 5) : place].tolist()), middle(times_us[place : place + 5].tolist())
-        before, behind = times_us[place - 1 : place + 1].tolist()  # as Python's integers: damaged stamps overflow others
+        start, stop = (
+            middle(times_us[max(0, place - 5) : place].tolist()),
+            middle(times_us[place : place + 5].tolist()),
+        )
+        before, behind = times_us[
+            place - 1 : place + 1
+        ].tolist()  # as Python's integers: damaged stamps overflow others
         if 0 < behind - before < stop - start:
             start, stop = before, behind
         start = max(start, covered)
@@ -129,7 +151,9 @@ def clock_notes(buffer: Buffer, chain: Chain, clock: Clock) -> list[str]:
         return []
     notes = []
     if (kind[timed] == 2).any():
-        notes.append("Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them.")
+        notes.append(
+            "Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them."
+        )
     sample = timed[:: max(1, timed.size // CLOCK_SAMPLES)]
     times = read_times(buffer, chain.offset[sample], kind[sample])
     if times.size > 2:  # the median of three removes single damaged stamps and keeps steps

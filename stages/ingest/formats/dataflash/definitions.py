@@ -1,4 +1,6 @@
-"""Definitions of a DataFlash log: which FMT records can be believed, and which of them holds at a place in the file."""
+"""Definitions of a DataFlash log: which FMT records can be believed, and which of them
+holds at a place in the file.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import dataflash as layout
 
 WRONG_LENGTH = "definition whose length does not match its format"
@@ -26,9 +29,11 @@ DAMAGED_LABEL_BYTES = 2  # two firmwares that name fields of one format differen
 
 @dataclass(frozen=True)
 class Proposals:
-    """All FMT records that the header candidates show, whether or not they belong to the record chain.
+    """All FMT records that the header candidates show, whether or not they belong to
+    the record chain.
 
-    `offset` and `raw` (the 89 bytes) have one row per FMT that agrees with itself; `unsound` and `reason` (into REASONS) one per other.
+    `offset` and `raw` (the 89 bytes) have one row per FMT that agrees with itself;
+    `unsound` and `reason` (into REASONS) one per other.
     """
 
     offset: Ints
@@ -41,7 +46,9 @@ class Proposals:
         formats = _text(record[9:25])
         columns = _text(record[25:89])
         names = tuple(columns.split(",")) if columns else ()
-        return layout.Definition(record[3], record[4], _text(record[5:9]), formats, names[: len(formats)])
+        return layout.Definition(
+            record[3], record[4], _text(record[5:9]), formats, names[: len(formats)]
+        )
 
 
 def _text(raw: bytes) -> str:
@@ -49,30 +56,43 @@ def _text(raw: bytes) -> str:
 
 
 def propose(buffer: Buffer, offsets: Ints) -> Proposals:
-    """Parse the FMT records at `offsets`, all of them whole inside the buffer, and judge each by itself."""
+    """Parse the FMT records at `offsets`, all of them whole inside the buffer, and
+    judge each by itself.
+    """
     raws, reasons = [np.zeros((0, layout.FMT_BYTES), np.uint8)], [np.zeros(0, np.int8)]
     for start in range(0, offsets.size, ROWS):
         raw = buffer[offsets[start : start + ROWS, None] + np.arange(layout.FMT_BYTES)]
         reasons.append(judge(raw))
         raws.append(raw[reasons[-1] == 0])
     reason = np.concatenate(reasons)
-    return Proposals(offsets[reason == 0], np.concatenate(raws), offsets[reason > 0], reason[reason > 0])
+    return Proposals(
+        offsets[reason == 0], np.concatenate(raws), offsets[reason > 0], reason[reason > 0]
+    )
 
 
 def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
-    """For each FMT record (one row of 89 bytes) the reason to refuse it, as index into REASONS; 0 if it agrees with itself."""
+    """For each FMT record (one row of 89 bytes) the reason to refuse it, as index into
+    REASONS; 0 if it agrees with itself.
+    """
     formats, columns, name = raw[:, 9:25], raw[:, 25:89], raw[:, 5:9]
-    in_format, in_columns, in_name = (np.logical_and.accumulate(part != 0, axis=1) for part in (formats, columns, name))
+    in_format, in_columns, in_name = (
+        np.logical_and.accumulate(part != 0, axis=1) for part in (formats, columns, name)
+    )
     sizes = layout.FIELD_BYTES[formats]
     fields = in_format.sum(axis=1)
     names = ((columns == ord(",")) & in_columns).sum(axis=1) + in_columns[:, 0]
-    # Sixty-four bytes without a NUL are a list of names that was cut off: the fields that have a name are still sound.
+    # Sixty-four bytes without a NUL are a list of names that was cut off: the fields
+    # that have a name are still sound.
     cut_off = in_columns.all(axis=1) & (names < fields)
     of_fmt = raw[:, 3] == layout.FMT_ID
     reason = np.zeros(raw.shape[0], np.int8)
     for code, fault in (
         (1, ~in_name[:, 0] | (in_name & ((name < 0x20) | (name > 0x7E))).any(axis=1)),
-        (2, ((names != fields) & ~cut_off) | (in_columns & ((columns < 0x20) | (columns > 0x7E))).any(axis=1)),
+        (
+            2,
+            ((names != fields) & ~cut_off)
+            | (in_columns & ((columns < 0x20) | (columns > 0x7E))).any(axis=1),
+        ),
         (3, raw[:, 4] != layout.HEADER_BYTES + (sizes * in_format).sum(axis=1)),
         (4, ((sizes == 0) & in_format).any(axis=1)),
     ):
@@ -83,12 +103,14 @@ def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
 
 @dataclass(frozen=True)
 class Definitions:
-    """The definitions in force: entry 0 is FMT; `first[id]` is the entry for an id before any redefinition (-1: undefined).
+    """The definitions in force: entry 0 is FMT; `first[id]` is the entry for an id
+    before any redefinition (-1: undefined).
 
     `length[entry]` is the size of a record; a last 0 in it serves entry -1.
 
-    `changes[id]` holds, for an id declared with several layouts, the offsets where each begins and its entry.
-    `row[entry]` is the row in `Proposals` (-1 for the built-in FMT).
+    `changes[id]` holds, for an id declared with several layouts, the offsets where each
+    begins and its entry. `row[entry]` is the row in `Proposals` (-1 for the built-in
+    FMT).
     """
 
     first: npt.NDArray[np.int32]
@@ -97,34 +119,53 @@ class Definitions:
     changes: dict[int, tuple[Ints, npt.NDArray[np.int32]]]
 
     def entries(self, offset: Ints, types: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
-        """The entry that holds for a record of each type at each offset (ascending); -1 where the type is undefined.
+        """The entry that holds for a record of each type at each offset (ascending); -1
+        where the type is undefined.
 
         A record before the first definition of its type is read with that definition.
         """
         entry = self.first[types]
         for id, (begins, entries) in self.changes.items():
             where = np.flatnonzero(types == id)
-            entry[where] = entries[np.maximum(np.searchsorted(begins, offset[where], side="right") - 1, 0)]
+            entry[where] = entries[
+                np.maximum(np.searchsorted(begins, offset[where], side="right") - 1, 0)
+            ]
         return entry
 
 
 def _is_repetition(before: bytes, after: bytes, *, new_log: bool) -> bool:
-    """Whether two FMT records declare the same: only the field names may differ, and those by no more than `DAMAGED_LABEL_BYTES` if a
-    new log, perhaps of another firmware, begins between the two. Within one log no type is declared with other names."""
+    """Whether two FMT records declare the same: only the field names may differ, and
+    those by no more than `DAMAGED_LABEL_BYTES` if a new log, perhaps of another
+    firmware, begins between the two. Within one log no type is declared with other
+    names.
+    """
     if before[:LABELS_START] != after[:LABELS_START]:
         return False
-    return not new_log or sum(one != other for one, other in zip(before, after, strict=True)) <= DAMAGED_LABEL_BYTES
+    return (
+        not new_log
+        or sum(one != other for one, other in zip(before, after, strict=True))
+        <= DAMAGED_LABEL_BYTES
+    )
 
 
 def settle(proposals: Proposals, rows: Iterable[int], torn: npt.NDArray[np.bool_]) -> Definitions:
-    """Put the proposals `rows` (ascending) in force. A repeated declaration is no change, nor is one with other field names in the same
-    log: that is a damaged repetition, and of the two the first holds unless it is `torn` (stands beside damage) and the other is not."""
+    """Put the proposals `rows` (ascending) in force. A repeated declaration is no
+    change, nor is one with other field names in the same log: that is a damaged
+    repetition, and of the two the first holds unless it is `torn` (stands beside
+    damage) and the other is not.
+    """
     first = np.full(256, -1, np.int32)
     first[layout.FMT_ID] = 0
     lengths, kept = [layout.FMT_BYTES], [-1]
-    current: dict[int, tuple[bytes, int]] = {}  # of each id the FMT record in force, and in which log it stands
+    current: dict[
+        int, tuple[bytes, int]
+    ] = {}  # of each id the FMT record in force, and in which log it stands
     changes: dict[int, list[tuple[int, int]]] = {}
-    ids, offsets, declared = proposals.raw[:, 3].tolist(), proposals.offset.tolist(), proposals.raw[:, 4].tolist()
+    ids, offsets, declared = (
+        proposals.raw[:, 3].tolist(),
+        proposals.offset.tolist(),
+        proposals.raw[:, 4].tolist(),
+    )
     log = 0
     for row in rows:
         id = ids[row]
@@ -132,7 +173,9 @@ def settle(proposals: Proposals, rows: Iterable[int], torn: npt.NDArray[np.bool_
         if id == layout.FMT_ID:
             log += 1
             continue
-        if id in current and _is_repetition(current[id][0], identity, new_log=current[id][1] != log):
+        if id in current and _is_repetition(
+            current[id][0], identity, new_log=current[id][1] != log
+        ):
             entry = changes[id][-1][1]
             if torn[kept[entry]] and not torn[row]:
                 kept[entry] = row
@@ -145,7 +188,10 @@ def settle(proposals: Proposals, rows: Iterable[int], torn: npt.NDArray[np.bool_
         lengths.append(declared[row])
         kept.append(row)
     several = {
-        id: (np.array([begin for begin, _ in steps], np.int64), np.array([entry for _, entry in steps], np.int32))
+        id: (
+            np.array([begin for begin, _ in steps], np.int64),
+            np.array([entry for _, entry in steps], np.int32),
+        )
         for id, steps in changes.items()
         if len(steps) > 1
     }

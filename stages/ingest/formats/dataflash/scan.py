@@ -1,9 +1,11 @@
-"""Find the chain of records in a DataFlash log: vectorised over header candidates, step by step only where the chain breaks.
+"""Find the chain of records in a DataFlash log: vectorised over header candidates, step
+by step only where the chain breaks.
 
-A candidate is any place with the two magic bytes. The chain goes from a record to the candidate at its end; a log has no other
-framing and no checksum. Behind a break the chain goes on at the next candidate that is itself followed by a header (or by the end of
-the file), or that is a definition which agrees with itself; between the two, single records are taken only if their own time stamp
-fits the clock on both sides.
+A candidate is any place with the two magic bytes. The chain goes from a record to the
+candidate at its end; a log has no other framing and no checksum. Behind a break the
+chain goes on at the next candidate that is itself followed by a header (or by the end
+of the file), or that is a definition which agrees with itself; between the two, single
+records are taken only if their own time stamp fits the clock on both sides.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.ingest.formats.dataflash.definitions import Definitions
 
@@ -30,7 +33,9 @@ Ints = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Gap:
-    """Bytes `start:stop` outside the chain. `id` is the type of the undefined message found at `start`, -1 for damage."""
+    """Bytes `start:stop` outside the chain. `id` is the type of the undefined message
+    found at `start`, -1 for damage.
+    """
 
     start: int
     stop: int
@@ -39,7 +44,9 @@ class Gap:
 
 @dataclass(frozen=True)
 class Chain:
-    """Records by position: `offset`, `type` and `entry` (into Definitions; -1: undefined type of inferred `length`), in file order."""
+    """Records by position: `offset`, `type` and `entry` (into Definitions; -1:
+    undefined type of inferred `length`), in file order.
+    """
 
     offset: Ints
     type: npt.NDArray[np.uint8]
@@ -51,7 +58,9 @@ class Chain:
 
 
 def candidates(buffer: Buffer) -> Ints:
-    """Offsets of all magic byte pairs that have room for a type id behind them, ascending."""
+    """Offsets of all magic byte pairs that have room for a type id behind them,
+    ascending.
+    """
     found = []
     first, second = layout.MAGIC
     for start in range(0, buffer.size, BLOCK):
@@ -62,14 +71,27 @@ def candidates(buffer: Buffer) -> Ints:
 
 
 def header_at(buffer: Buffer, offset: Ints) -> npt.NDArray[np.bool_]:
-    """True where the magic bytes stand at `offset`; offsets past the end of the file give False."""
+    """True where the magic bytes stand at `offset`; offsets past the end of the file
+    give False.
+    """
     inside = np.minimum(offset, buffer.size - 2)
-    there: npt.NDArray[np.bool_] = (buffer[inside] == layout.MAGIC[0]) & (buffer[inside + 1] == layout.MAGIC[1]) & (inside == offset)
+    there: npt.NDArray[np.bool_] = (
+        (buffer[inside] == layout.MAGIC[0])
+        & (buffer[inside + 1] == layout.MAGIC[1])
+        & (inside == offset)
+    )
     return there
 
 
-def infer_lengths(offset: Ints, types: npt.NDArray[np.uint8], entry: npt.NDArray[np.int32], length: npt.NDArray[np.int32]) -> None:
-    """Give the records of undefined types, in `length`, the distance at which the next header nearly always stands."""
+def infer_lengths(
+    offset: Ints,
+    types: npt.NDArray[np.uint8],
+    entry: npt.NDArray[np.int32],
+    length: npt.NDArray[np.int32],
+) -> None:
+    """Give the records of undefined types, in `length`, the distance at which the next
+    header nearly always stands.
+    """
     where = np.flatnonzero(entry[:-1] < 0)
     if where.size < UNKNOWN_LEAST:
         return
@@ -78,7 +100,9 @@ def infer_lengths(offset: Ints, types: npt.NDArray[np.uint8], entry: npt.NDArray
     id = types[where].astype(np.int64)
     votes = np.bincount(id[fits] * 256 + gap[fits], minlength=65536).reshape(256, 256)
     best, most, total = votes.argmax(axis=1), votes.max(axis=1), np.bincount(id, minlength=256)
-    believed = np.where((most >= UNKNOWN_LEAST) & (most >= UNKNOWN_SHARE * total), best, 0).astype(np.int32)
+    believed = np.where((most >= UNKNOWN_LEAST) & (most >= UNKNOWN_SHARE * total), best, 0).astype(
+        np.int32
+    )
     unknown = np.flatnonzero(entry < 0)
     length[unknown] = believed[types[unknown]]
 
@@ -86,8 +110,10 @@ def infer_lengths(offset: Ints, types: npt.NDArray[np.uint8], entry: npt.NDArray
 class Walk:
     """One walk along the chain. Arrays have one entry per candidate.
 
-    `clock` is the kind of time stamp (see `read_times`) of each definition, and a last 0 which serves entry -1, the undefined types.
-    `sound` are the offsets of the FMT records that agree with themselves, which is proof enough to take them beside damage.
+    `clock` is the kind of time stamp (see `read_times`) of each definition, and a last
+    0 which serves entry -1, the undefined types. `sound` are the offsets of the FMT
+    records that agree with themselves, which is proof enough to take them beside
+    damage.
     """
 
     def __init__(
@@ -99,7 +125,13 @@ class Walk:
         clock: npt.NDArray[np.int8],
         sound: Ints,
     ) -> None:
-        self.buffer, self.offset, self.type, self.definitions, self.clock = buffer, offset, type, definitions, clock
+        self.buffer, self.offset, self.type, self.definitions, self.clock = (
+            buffer,
+            offset,
+            type,
+            definitions,
+            clock,
+        )
         self.sound = sound
         self.size, self.count = buffer.size, offset.size
         self.entry = definitions.entries(offset, type)
@@ -115,7 +147,9 @@ class Walk:
 
     @cached_property
     def confirmed(self) -> Ints:
-        """Candidates of a known length with a header, or the end of the file, right behind them, and all sound definitions."""
+        """Candidates of a known length with a header, or the end of the file, right
+        behind them, and all sound definitions.
+        """
         followed = self.valid & (header_at(self.buffer, self.end) | (self.end == self.size))
         followed[self.offset.searchsorted(self.sound)] = True
         return np.flatnonzero(followed)
@@ -127,7 +161,9 @@ class Walk:
 
     @cached_property
     def pairs(self) -> Ints:
-        """How often a candidate of one type is followed by one of another, as number first * 256 + second."""
+        """How often a candidate of one type is followed by one of another, as number
+        first * 256 + second.
+        """
         return np.bincount(self.type[:-1].astype(np.uint16) << 8 | self.type[1:], minlength=1 << 16)
 
     @cached_property
@@ -149,13 +185,26 @@ class Walk:
         kept = slice(None) if inside.all() else inside  # of a sound log nothing need be copied
         missed = self._missed()
         distance = np.diff(self.offset, append=self.size)[missed]
-        return Chain(self.offset[kept], self.type[kept], self.entry[kept], self.length[kept], self.gaps, self.entry[missed], distance)
+        return Chain(
+            self.offset[kept],
+            self.type[kept],
+            self.entry[kept],
+            self.length[kept],
+            self.gaps,
+            self.entry[missed],
+            distance,
+        )
 
     def _missed(self) -> Ints:
-        """The candidates at whose end the chain found no header, and those in gaps that stand as close together as records do."""
+        """The candidates at whose end the chain found no header, and those in gaps that
+        stand as close together as records do.
+        """
         missed = np.zeros(self.count, np.bool_)
         if self.gaps:
-            start, stop = np.array([gap.start for gap in self.gaps]), np.array([gap.stop for gap in self.gaps])
+            start, stop = (
+                np.array([gap.start for gap in self.gaps]),
+                np.array([gap.stop for gap in self.gaps]),
+            )
             gap = start.searchsorted(self.offset, side="right") - 1
             close = np.diff(self.offset, append=self.size) <= layout.MAX_RECORD_BYTES
             missed = (gap >= 0) & (self.offset < stop[gap]) & close
@@ -170,11 +219,15 @@ class Walk:
         return first
 
     def _across(self, at: int, last: int) -> int:
-        """Take the run `at..last` and return where the chain goes on behind it (the number of candidates at the end)."""
+        """Take the run `at..last` and return where the chain goes on behind it (the
+        number of candidates at the end).
+        """
         end = int(self.end[last])
         following = last + 1
         if following < self.count and self.offset[following] < end:
-            following += int(self.offset[following : following + layout.MAX_RECORD_BYTES].searchsorted(end))
+            following += int(
+                self.offset[following : following + layout.MAX_RECORD_BYTES].searchsorted(end)
+            )
         meets = following < self.count and int(self.offset[following]) == end
         if end == self.size or (meets and self.valid[following]):
             inner = self._inner_record(last, following)
@@ -187,14 +240,24 @@ class Walk:
         if meets:
             self.runs.append((at, last + 1))
             resume = self._next_confirmed(following)
-            self._fill(end, self._place(resume), last, resume, int(self.type[following]) if self.entry[following] < 0 else -1)
+            self._fill(
+                end,
+                self._place(resume),
+                last,
+                resume,
+                int(self.type[following]) if self.entry[following] < 0 else -1,
+            )
             return resume
         self.failed.append(last)
         resume = self._behind_soft_header(end)
         spoilt = False
         if resume < 0:
             resume = self._next_confirmed(last + 1)
-            spoilt = self._place(resume) < end or self._misnamed(last, resume) or self._out_of_time(last, resume)
+            spoilt = (
+                self._place(resume) < end
+                or self._misnamed(last, resume)
+                or self._out_of_time(last, resume)
+            )
         self.runs.append((at, last if spoilt else last + 1))
         self._fill(int(self.offset[last]) if spoilt else end, self._place(resume), last, resume)
         return resume
@@ -203,50 +266,72 @@ class Walk:
         return int(self.offset[index]) if index < self.count else self.size
 
     def _next_confirmed(self, index: int) -> int:
-        """The first confirmed candidate at or behind candidate `index`; the number of candidates if there is none."""
+        """The first confirmed candidate at or behind candidate `index`; the number of
+        candidates if there is none.
+        """
         place = int(self.confirmed.searchsorted(index))
         return int(self.confirmed[place]) if place < self.confirmed.size else self.count
 
     def _inner_record(self, last: int, following: int) -> int:
-        """A candidate inside record `last` that is a record of its own: it has a successor there and a fitting time stamp; else -1."""
+        """A candidate inside record `last` that is a record of its own: it has a
+        successor there and a fitting time stamp; else -1.
+        """
         end = int(self.end[last])
         for inner in range(last + 1, following):
-            whole = self.valid[inner] and self.end[inner] <= end and self.clock[self.entry[inner]] > 0
-            if whole and (self.end[inner] == end or header_at(self.buffer, self.end[inner : inner + 1])[0]):
+            whole = (
+                self.valid[inner] and self.end[inner] <= end and self.clock[self.entry[inner]] > 0
+            )
+            if whole and (
+                self.end[inner] == end or header_at(self.buffer, self.end[inner : inner + 1])[0]
+            ):
                 low, high = self._window(last - 1, following)
                 if low <= self.times_us[inner] <= high:
                     return inner
         return -1
 
     def _behind_soft_header(self, end: int) -> int:
-        """The record behind one at `end` of which a magic byte is damaged, its type id and its place being right; else -1."""
-        if end + layout.HEADER_BYTES > self.size or (self.buffer[end] != layout.MAGIC[0] and self.buffer[end + 1] != layout.MAGIC[1]):
+        """The record behind one at `end` of which a magic byte is damaged, its type id
+        and its place being right; else -1.
+        """
+        if end + layout.HEADER_BYTES > self.size or (
+            self.buffer[end] != layout.MAGIC[0] and self.buffer[end + 1] != layout.MAGIC[1]
+        ):
             return -1
         entry = self.definitions.entries(np.array([end]), self.buffer[end + 2 : end + 3])[0]
         if entry < 0:
             return -1
         behind = end + int(self.definitions.length[entry])
         place = int(self.offset.searchsorted(behind))
-        return place if place < self.count and self.offset[place] == behind and self.valid[place] else -1
+        return (
+            place
+            if place < self.count and self.offset[place] == behind and self.valid[place]
+            else -1
+        )
 
     def _misnamed(self, last: int, resume: int) -> bool:
-        """Whether record `last`, behind which the chain breaks, looks like another one with a damaged type id.
+        """Whether record `last`, behind which the chain breaks, looks like another one
+        with a damaged type id.
 
-        Its true length would end where the chain resumes, and its type follows that of the record before it nowhere else.
+        Its true length would end where the chain resumes, and its type follows that of
+        the record before it nowhere else.
         """
         if last == 0 or self._place(resume) - int(self.offset[last]) not in self.lengths:
             return False
         return int(self.pairs[int(self.type[last - 1]) << 8 | int(self.type[last])]) <= 1
 
     def _out_of_time(self, last: int, resume: int) -> bool:
-        """Whether the time stamp of record `last` does not fit the clock before it and behind the break."""
+        """Whether the time stamp of record `last` does not fit the clock before it and
+        behind the break.
+        """
         if last == 0 or not self.clock[self.entry[last]]:
             return False
         low, high = self._window(last - 1, resume)
         return low <= high and not low <= self.times_us[last] <= high
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
-        """The times that a record between candidates `before` and `after` can have; nothing if neither side shows a clock."""
+        """The times that a record between candidates `before` and `after` can have;
+        nothing if neither side shows a clock.
+        """
         early = self._steps(max(before + 1 - 2 * NEAR, 0), before + 1)[: -NEAR - 1 : -1]
         late = self._steps(after, min(after + 2 * NEAR, self.count))[:NEAR]
         sides = (self._first_us(self.times_us[early]), self._first_us(self.times_us[late]))
@@ -257,8 +342,10 @@ class Walk:
         return max(min(known) - slack, 0), max(known) + slack
 
     def _steps(self, start: int, stop: int) -> list[int]:
-        """The candidates `start:stop` without those inside a record before them: for 65 ms every 72 minutes all time stamps hold the
-        magic bytes, and what is read as time behind these is none."""
+        """The candidates `start:stop` without those inside a record before them: for 65
+        ms every 72 minutes all time stamps hold the magic bytes, and what is read as
+        time behind these is none.
+        """
         found, end = [], 0
         for place in range(start, stop):
             if self.offset[place] >= end:
@@ -268,19 +355,25 @@ class Walk:
 
     @staticmethod
     def _first_us(times_us: Ints) -> int | None:
-        """The median of the first five times that there are, which one damaged stamp cannot move far."""
+        """The median of the first five times that there are, which one damaged stamp
+        cannot move far.
+        """
         first = sorted([time for time in times_us.tolist() if time >= 0][:5])
         return first[len(first) // 2] if first else None
 
     def _fill(self, start: int, stop: int, before: int, after: int, undefined: int = -1) -> None:
-        """Account for `start:stop`: the candidates between `before` and `after` whose time fits the clock there, else gaps."""
+        """Account for `start:stop`: the candidates between `before` and `after` whose
+        time fits the clock there, else gaps.
+        """
         if start < stop and after > before + 1:
             between = np.arange(before + 1, after)
             timed = self.valid[between] & (self.clock[self.entry[between]] > 0)
             between = between[timed & (self.offset[between] >= start) & (self.end[between] <= stop)]
             if between.size:
                 low, high = self._window(before, after)
-                for single in between[(self.times_us[between] >= low) & (self.times_us[between] <= high)].tolist():
+                for single in between[
+                    (self.times_us[between] >= low) & (self.times_us[between] <= high)
+                ].tolist():
                     place = int(self.offset[single])
                     if place < start:
                         continue
@@ -295,12 +388,16 @@ class Walk:
 
 
 def read_times(buffer: Buffer, offset: Ints, kind: npt.NDArray[np.int8]) -> Ints:
-    """Time stamps in us of records at `offset`: `kind` 1 is TimeUS (uint64), 2 is TimeMS (uint32), 0 has none and gives -1."""
+    """Time stamps in us of records at `offset`: `kind` 1 is TimeUS (uint64), 2 is
+    TimeMS (uint32), 0 has none and gives -1.
+    """
     times = np.full(offset.size, -1, np.int64)
     for code, dtype, factor in ((1, "<u8", 1), (2, "<u4", 1000)):
         where = np.flatnonzero(kind == code)
         if where.size:
             width = np.dtype(dtype).itemsize
-            stamps = np.ndarray((buffer.size - width + 1,), dtype, buffer, 0, (1,))[offset[where] + layout.HEADER_BYTES]
+            stamps = np.ndarray((buffer.size - width + 1,), dtype, buffer, 0, (1,))[
+                offset[where] + layout.HEADER_BYTES
+            ]
             times[where] = np.minimum(stamps.astype(np.uint64), LATEST_US).astype(np.int64) * factor
     return times

@@ -1,8 +1,11 @@
-"""ArduPilot DataFlash logs as text (.log): recognise, and decode to columns with an account of every byte.
+"""ArduPilot DataFlash logs as text (.log): recognise, and decode to columns with an
+account of every byte.
 
-One line is one record: message name, then the fields, separated by commas. FMT lines declare names and formats as in binary logs, but
-numbers are printed in the declared unit already. Lines that no FMT declares are counted. Numeric types are parsed by pyarrow,
-a whole type at a time; types with text fields, and blocks with an unreadable cell, line by line.
+One line is one record: message name, then the fields, separated by commas. FMT lines
+declare names and formats as in binary logs, but numbers are printed in the declared
+unit already. Lines that no FMT declares are counted. Numeric types are parsed by
+pyarrow, a whole type at a time; types with text fields, and blocks with an unreadable
+cell, line by line.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+from pyarrow import csv
+
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.base import RawFile
@@ -22,8 +27,15 @@ from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, 
 from auvid.stages.ingest.formats.dataflash.byte_account import UNDEFINED, covered_seconds
 from auvid.stages.ingest.formats.dataflash.columns import Column, merge
 from auvid.stages.ingest.formats.dataflash.definitions import UNKNOWN_FORMAT, WRONG_COLUMNS
-from auvid.stages.ingest.formats.dataflash.metadata import NEEDED, UNTIMED, Ints, Table, Units, parameters_of, texts_of
-from pyarrow import csv
+from auvid.stages.ingest.formats.dataflash.metadata import (
+    NEEDED,
+    UNTIMED,
+    Ints,
+    Table,
+    Units,
+    parameters_of,
+    texts_of,
+)
 
 FORMAT = "ArduPilot DataFlash text"
 FMT_LINE = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w", re.MULTILINE)
@@ -48,12 +60,16 @@ LATEST_US = 1 << 62  # beyond it digits of a time stamp are damaged
 
 Buffer = npt.NDArray[np.uint8]
 Sliced = bytes | mmap.mmap
-Declared = list[tuple[int, layout.Definition]]  # the layouts of one name, each with the line from which it holds
+Declared = list[
+    tuple[int, layout.Definition]
+]  # the layouts of one name, each with the line from which it holds
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Every line of the file: `start`, `stop` (behind its line feed), number of `commas`, `name` (the letters before the first one)."""
+    """Every line of the file: `start`, `stop` (behind its line feed), number of
+    `commas`, `name` (the letters before the first one).
+    """
 
     start: Ints
     stop: Ints
@@ -77,7 +93,15 @@ class Losses:
         for reason in sorted(self.by_reason):
             index = np.concatenate(self.by_reason[reason])
             start, stop = self.lines.start[index], self.lines.stop[index]
-            out.append(Skipped(reason, int((stop - start).sum()), index.size, int(start.min()), int(start.max())))
+            out.append(
+                Skipped(
+                    reason,
+                    int((stop - start).sum()),
+                    index.size,
+                    int(start.min()),
+                    int(start.max()),
+                )
+            )
         return tuple(out)
 
     def status(self) -> LogStatus:
@@ -95,40 +119,60 @@ class DataFlashTextReader:
     name = "dataflash_text"
 
     def recognises(self, head: bytes) -> bool:
-        """True if a FMT line stands in the first bytes and no binary record starts the file."""
+        """True if a FMT line stands in the first bytes and no binary record starts the
+        file.
+        """
         return head[:2] != layout.MAGIC and FMT_LINE.search(head) is not None
 
     def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
         """Decode a text log held in memory or memory-mapped.
 
         Args:
-            file: name and bytes.
-            wanted: message types to decode; None means all, FMT among them. All types are counted.
+            file: name and bytes. wanted: message types to decode; None means all, FMT
+            among them. All types are counted.
 
         Raises:
             LogError: the file is empty or no line of it can be read.
         """
         buffer = np.ascontiguousarray(file.buffer, np.uint8).reshape(-1)
         if buffer.size == 0:
-            raise LogError("the file is empty", file=file.name, remedy="Copy the log from the vehicle again.")
+            raise LogError(
+                "the file is empty", file=file.name, remedy="Copy the log from the vehicle again."
+            )
         if buffer.size <= NAME_BYTES or not (log := _decode(buffer, wanted)).counts:
-            raise LogError("no line declares a message format", file=file.name, allowed="a log with FMT lines")
+            raise LogError(
+                "no line declares a message format", file=file.name, allowed="a log with FMT lines"
+            )
         return log
 
 
 def split_lines(buffer: Buffer) -> Lines:
-    """All lines of a file of more than four bytes; names are packed into four bytes, 0 if no comma follows within or behind them."""
+    """All lines of a file of more than four bytes; names are packed into four bytes, 0
+    if no comma follows within or behind them.
+    """
     feeds = np.flatnonzero(buffer == ord("\n")) + 1
     stop = feeds if feeds.size and feeds[-1] == buffer.size else np.append(feeds, buffer.size)
     start = np.concatenate([[0], stop[:-1]])
     count = np.zeros(start.size, np.int64)
     for block in range(0, buffer.size, BLOCK_BYTES):
-        of = start.searchsorted(np.flatnonzero(buffer[block : block + BLOCK_BYTES] == ord(",")) + block, side="right") - 1
+        of = (
+            start.searchsorted(
+                np.flatnonzero(buffer[block : block + BLOCK_BYTES] == ord(",")) + block,
+                side="right",
+            )
+            - 1
+        )
         if of.size:
             count[of[0] : of[-1] + 1] += np.bincount(of - of[0])
     width = NAME_BYTES + 1
-    first = np.minimum(start, buffer.size - width)  # a line nearer to the end of the file is too short for a record
-    letters = np.ndarray((buffer.size - width + 1,), f"V{width}", buffer, 0, (1,))[first].view(np.uint8).reshape(-1, width)
+    first = np.minimum(
+        start, buffer.size - width
+    )  # a line nearer to the end of the file is too short for a record
+    letters = (
+        np.ndarray((buffer.size - width + 1,), f"V{width}", buffer, 0, (1,))[first]
+        .view(np.uint8)
+        .reshape(-1, width)
+    )
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
     before_comma[(first != start) | before_comma[:, -1]] = False
     name = (letters * before_comma)[:, :NAME_BYTES].copy()
@@ -136,11 +180,17 @@ def split_lines(buffer: Buffer) -> Lines:
 
 
 def _sliced(buffer: Buffer) -> Sliced:
-    """What gives the bytes of a slice of the file: where the array stands on a mapped file or on bytes these themselves, else a copy."""
+    """What gives the bytes of a slice of the file: where the array stands on a mapped
+    file or on bytes these themselves, else a copy.
+    """
     base = buffer.base
     while isinstance(base, np.ndarray):
         base = base.base
-    return base if isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size else buffer.tobytes()
+    return (
+        base
+        if isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size
+        else buffer.tobytes()
+    )
 
 
 def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
@@ -148,7 +198,9 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     lines = split_lines(buffer)
     losses = Losses(lines)
     members = _members(data, lines, losses)
-    declared, members["FMT"] = _declare(data, lines, members.get("FMT", np.zeros(0, np.int64)), losses)
+    declared, members["FMT"] = _declare(
+        data, lines, members.get("FMT", np.zeros(0, np.int64)), losses
+    )
     tables: dict[str, Table] = {}
     read: dict[str, list[Ints]] = {}
     for name, index in sorted(members.items()):
@@ -166,7 +218,10 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
         if name in read and parts:
             tables[name] = parts[0] if len(parts) == 1 else merge(parts)
     units = Units.of(tables)
-    size = {name: sum(int((lines.stop[part] - lines.start[part]).sum()) for part in parts) for name, parts in read.items()}
+    size = {
+        name: sum(int((lines.stop[part] - lines.start[part]).sum()) for part in parts)
+        for name, parts in read.items()
+    }
     defining = sum(size[name] for name in layout.DEFINITION_NAMES & set(size))
     return DecodedLog(
         format=FORMAT,
@@ -192,7 +247,10 @@ def _members(data: Sliced, lines: Lines, losses: Losses) -> dict[str, Ints]:
     members: dict[str, Ints] = {}
     last = lines.start.size - 1
     labels = [name.tobytes().rstrip(b"\0") for name in names]
-    first = next((int(index[0]) for label, index in zip(labels, parts, strict=True) if label == b"FMT"), last + 1)
+    first = next(
+        (int(index[0]) for label, index in zip(labels, parts, strict=True) if label == b"FMT"),
+        last + 1,
+    )
     unended = data[-1:] != b"\n"
     for raw, index in zip(labels, parts, strict=True):
         if unended and index[-1] == last:
@@ -201,30 +259,41 @@ def _members(data: Sliced, lines: Lines, losses: Losses) -> dict[str, Ints]:
         if NAME.fullmatch(raw):
             members[raw.decode("ascii")] = index
             continue
-        blank = np.array([not data[lines.start[i] : lines.stop[i]].strip() for i in index.tolist()], np.bool_)
+        blank = np.array(
+            [not data[lines.start[i] : lines.stop[i]].strip() for i in index.tolist()], np.bool_
+        )
         losses.add(BLANK, index[blank])
         losses.add(LEADING, index[~blank & (index < first)])
         losses.add(NO_RECORD, index[~blank & (index > first)])
     return members
 
 
-def _declare(data: Sliced, lines: Lines, index: Ints, losses: Losses) -> tuple[dict[str, Declared], Ints]:
-    """The layouts of each message name with the line numbers from which they hold, and the lines of FMT that are sound.
+def _declare(
+    data: Sliced, lines: Lines, index: Ints, losses: Losses
+) -> tuple[dict[str, Declared], Ints]:
+    """The layouts of each message name with the line numbers from which they hold, and
+    the lines of FMT that are sound.
 
-    Within one log no type is declared with other field names: a declaration that differs in nothing else is a damaged repetition.
+    Within one log no type is declared with other field names: a declaration that
+    differs in nothing else is a damaged repetition.
     """
     declared: dict[str, Declared] = {"FMT": [(0, layout.FMT)]}
     sound = []
     begin = 0  # line with which the present log begins: the FMT of FMT
     for i in index.tolist():
-        parts = [part.strip().decode("ascii", "backslashreplace") for part in data[lines.start[i] : lines.stop[i]].split(b",", 5)]
+        parts = [
+            part.strip().decode("ascii", "backslashreplace")
+            for part in data[lines.start[i] : lines.stop[i]].split(b",", 5)
+        ]
         if len(parts) < 6 or not (parts[1].isdigit() and parts[2].isdigit()):
             losses.add(WRONG_FIELDS, np.array([i]))
             continue
         id, length, name, formats = int(parts[1]), int(parts[2]), parts[3], parts[4]
         columns = tuple(column.strip() for column in parts[5].split(",")) if parts[5] else ()
         unknown = not set(formats) <= set(layout.FIELD_FORMATS)
-        if name != "FMT" and (unknown or len(columns) != len(formats) or not all(map(LABEL.fullmatch, columns))):
+        if name != "FMT" and (
+            unknown or len(columns) != len(formats) or not all(map(LABEL.fullmatch, columns))
+        ):
             losses.add(UNKNOWN_FORMAT if unknown else WRONG_COLUMNS, np.array([i]))
             continue
         sound.append(i)
@@ -241,13 +310,19 @@ def _declare(data: Sliced, lines: Lines, index: Ints, losses: Losses) -> tuple[d
 
 
 def _named(definition: layout.Definition) -> bool:
-    return not any(column[0].isdigit() for column in definition.columns)  # as cells do, which a damaged line takes for names
+    return not any(
+        column[0].isdigit() for column in definition.columns
+    )  # as cells do, which a damaged line takes for names
 
 
 def _by_layout(declared: Declared, index: Ints) -> list[tuple[layout.Definition, Ints]]:
     """The lines under each layout; lines before the first declaration belong to it."""
-    bounds = np.searchsorted(index, [0, *(begin for begin, _ in declared[1:]), np.iinfo(np.int64).max])
-    return [(definition, index[bounds[k] : bounds[k + 1]]) for k, (_, definition) in enumerate(declared)]
+    bounds = np.searchsorted(
+        index, [0, *(begin for begin, _ in declared[1:]), np.iinfo(np.int64).max]
+    )
+    return [
+        (definition, index[bounds[k] : bounds[k + 1]]) for k, (_, definition) in enumerate(declared)
+    ]
 
 
 def _is_text(char: str) -> bool:
@@ -255,8 +330,12 @@ def _is_text(char: str) -> bool:
     return layout.FIELD_FORMATS[char].is_text or char in "Ma"
 
 
-def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> Ints:
-    """The lines with one comma before each field. A last field of text may hold more; a type without fields has one comma or two."""
+def _with_all_fields(
+    lines: Lines, definition: layout.Definition, index: Ints, losses: Losses
+) -> Ints:
+    """The lines with one comma before each field. A last field of text may hold more; a
+    type without fields has one comma or two.
+    """
     commas, fields = lines.commas[index], len(definition.formats)
     good = commas == fields if fields else commas <= 2
     if fields and _is_text(definition.formats[-1]):
@@ -265,27 +344,42 @@ def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints, l
     return index[good]
 
 
-def _parse(data: Sliced, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses) -> tuple[dict[str, Column], Ints]:
+def _parse(
+    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses
+) -> tuple[dict[str, Column], Ints]:
     """The columns of the lines `index` and the numbers of the lines that could be read."""
-    parts = [_parse_lines(data, lines, definition, index[at : at + PARSED_LINES]) for at in range(0, max(index.size, 1), PARSED_LINES)]
+    parts = [
+        _parse_lines(data, lines, definition, index[at : at + PARSED_LINES])
+        for at in range(0, max(index.size, 1), PARSED_LINES)
+    ]
     if len(parts) == 1:
         columns, good = parts[0]
     else:
         good = np.concatenate([part for _, part in parts])
-        columns = {name: _frozen(np.concatenate([part.pop(name) for part, _ in parts])) for name in list(parts[0][0])}
+        columns = {
+            name: _frozen(np.concatenate([part.pop(name) for part, _ in parts]))
+            for name in list(parts[0][0])
+        }
     losses.add(UNREADABLE, index[~good])
     return columns, index[good]
 
 
-def _parse_lines(data: Sliced, lines: Lines, definition: layout.Definition, index: Ints) -> tuple[dict[str, Column], npt.NDArray[np.bool_]]:
+def _parse_lines(
+    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints
+) -> tuple[dict[str, Column], npt.NDArray[np.bool_]]:
     """The columns of the lines that can be read, and which of `index` they are."""
-    rows = [data[start:stop] for start, stop in zip(lines.start[index].tolist(), lines.stop[index].tolist(), strict=True)]
+    rows = [
+        data[start:stop]
+        for start, stop in zip(lines.start[index].tolist(), lines.stop[index].tolist(), strict=True)
+    ]
     good = np.ones(index.size, np.bool_)
     if len(rows) >= FEW_LINES and definition.formats and not any(map(_is_text, definition.formats)):
         columns = _parse_block(b"".join(rows), definition)
         if columns is not None:
             return columns, good
-    cells = [[cell.strip() for cell in row.split(b",", len(definition.formats))[1:]] for row in rows]
+    cells = [
+        [cell.strip() for cell in row.split(b",", len(definition.formats))[1:]] for row in rows
+    ]
     values: list[npt.NDArray[np.generic]] = []
     for k, char in enumerate(definition.formats):
         texts = [row[k] for row in cells]
@@ -295,11 +389,15 @@ def _parse_lines(data: Sliced, lines: Lines, definition: layout.Definition, inde
         numbers, readable = _numbers(texts, char)
         values.append(numbers)
         good &= readable
-    return {name: _frozen(column[good]) for name, column in zip(definition.columns, values, strict=True)}, good
+    return {
+        name: _frozen(column[good]) for name, column in zip(definition.columns, values, strict=True)
+    }, good
 
 
 def _column_type(char: str) -> np.dtype[np.generic]:
-    """Text may hold more digits than the binary field: integers become (u)int64, all other numbers float64."""
+    """Text may hold more digits than the binary field: integers become (u)int64, all
+    other numbers float64.
+    """
     form = layout.FIELD_FORMATS[char]
     kind = np.dtype(form.dtype).kind
     if form.factor is not None or kind == "f":
@@ -311,14 +409,20 @@ def _parse_block(block: bytes, definition: layout.Definition) -> dict[str, Colum
     """All columns of a type without text fields; None if a cell is no number."""
     names = [str(k) for k in range(len(definition.formats))]
     declared = [_column_type(char) for char in definition.formats]
-    for types in (declared, [np.dtype(np.float64)] * len(names)):  # firmware prints some integer fields with decimals
+    for types in (
+        declared,
+        [np.dtype(np.float64)] * len(names),
+    ):  # firmware prints some integer fields with decimals
         try:
             table = csv.read_csv(
                 pa.py_buffer(block),
                 read_options=csv.ReadOptions(column_names=["name", *names], use_threads=False),
                 parse_options=csv.ParseOptions(quote_char=False),
                 convert_options=csv.ConvertOptions(
-                    column_types={name: pa.from_numpy_dtype(dtype) for name, dtype in zip(names, types, strict=True)},
+                    column_types={
+                        name: pa.from_numpy_dtype(dtype)
+                        for name, dtype in zip(names, types, strict=True)
+                    },
                     include_columns=names,
                     null_values=[],
                 ),
@@ -326,20 +430,31 @@ def _parse_block(block: bytes, definition: layout.Definition) -> dict[str, Colum
         except pa.ArrowInvalid:
             continue
         values = [table[name].to_numpy() for name in names]
-        return {name: _frozen(_fitted(*pair)) for name, *pair in zip(definition.columns, values, declared, strict=True)}
+        return {
+            name: _frozen(_fitted(*pair))
+            for name, *pair in zip(definition.columns, values, declared, strict=True)
+        }
     return None
 
 
-def _fitted(values: npt.NDArray[np.generic], dtype: np.dtype[np.generic]) -> npt.NDArray[np.generic]:
-    """Numbers of an integer field that came as float64: integers if all of them are whole and exact, else as they are."""
+def _fitted(
+    values: npt.NDArray[np.generic], dtype: np.dtype[np.generic]
+) -> npt.NDArray[np.generic]:
+    """Numbers of an integer field that came as float64: integers if all of them are
+    whole and exact, else as they are.
+    """
     if values.dtype == dtype or dtype.kind == "f":
         return values
     numbers = values.astype(np.float64)
     exact = np.abs(numbers) < 2.0**53
-    return numbers.astype(dtype) if bool((exact & (numbers == np.floor(numbers))).all()) else numbers
+    return (
+        numbers.astype(dtype) if bool((exact & (numbers == np.floor(numbers))).all()) else numbers
+    )
 
 
-def _numbers(texts: Sequence[bytes], char: str) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.bool_]]:
+def _numbers(
+    texts: Sequence[bytes], char: str
+) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.bool_]]:
     """The numbers in `texts`, and where they could be read (0 elsewhere)."""
     dtype = _column_type(char)
     readable = np.ones(len(texts), np.bool_)
@@ -364,7 +479,9 @@ def _frozen(column: npt.NDArray[np.generic]) -> Column:
 
 
 def _seconds_lost(tables: Mapping[str, Table], starts: Sequence[int]) -> float:
-    """Seconds between the records around damaged lines, from the decoded types that have a time."""
+    """Seconds between the records around damaged lines, from the decoded types that
+    have a time.
+    """
     parts = []
     for columns, offset in tables.values():
         for field_name, factor in CLOCKS.items():
@@ -383,14 +500,22 @@ def _notes(declared: Mapping[str, Declared], names: Sequence[str]) -> list[str]:
     notes = []
     clocks = {name: {definition.columns[:1] for _, definition in declared[name]} for name in names}
     if any(("TimeMS",) in first for first in clocks.values()):
-        notes.append("Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them.")
+        notes.append(
+            "Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them."
+        )
     if set(names) <= layout.DEFINITION_NAMES:
         notes.append("The log holds definitions only, no recorded data.")
     several = [name for name in names if len(declared[name]) > 1]
     if several:
         notes.append(f"Declared with several layouts, joined by field name: {', '.join(several)}.")
-    timeless = [name for name in names if name not in UNTIMED and not clocks[name] & {(field_name,) for field_name in CLOCKS}]
-    timeless = [name for name in timeless if "T" not in declared[name][-1][1].columns]  # GPS records of old firmware have it as T
+    timeless = [
+        name
+        for name in names
+        if name not in UNTIMED and not clocks[name] & {(field_name,) for field_name in CLOCKS}
+    ]
+    timeless = [
+        name for name in timeless if "T" not in declared[name][-1][1].columns
+    ]  # GPS records of old firmware have it as T
     if timeless:
         notes.append(f"Without a time field of the vehicle's clock: {', '.join(timeless)}.")
     return notes

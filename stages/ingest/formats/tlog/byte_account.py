@@ -1,4 +1,6 @@
-"""What every byte of a telemetry log is: proven records, frames that cannot be used, and the rest, each with its reason."""
+"""What every byte of a telemetry log is: proven records, frames that cannot be used,
+and the rest, each with its reason.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from auvid.data_schemas.formats import mavlink
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus, Skipped
 from auvid.stages.ingest.formats.tlog.clock import implausible
@@ -38,8 +41,9 @@ _UNSTAMPED_RUN = 100  # frames in a row whose stamps are destroyed; a longer run
 
 @dataclass(frozen=True)
 class Explained:
-    """What a file holds: proven records, those among them whose zeros were cut after the checksum was made, frames with a
-    wrong checksum, and the account of all bytes."""
+    """What a file holds: proven records, those among them whose zeros were cut after
+    the checksum was made, frames with a wrong checksum, and the account of all bytes.
+    """
 
     records: Frames
     recut: Frames
@@ -68,7 +72,9 @@ def first_of_overlapping(start: Integers, stop: Integers) -> Mask:
 
 
 def explain(buffer: Bytes) -> Explained:
-    """Every byte of the file: proven records, frames that cannot be used, and the rest, each with its reason."""
+    """Every byte of the file: proven records, frames that cannot be used, and the rest,
+    each with its reason.
+    """
     whole, seen = scan(buffer)
     uncut = proven_uncut(buffer, seen)
     recut = seen.take(uncut)
@@ -81,26 +87,40 @@ def explain(buffer: Bytes) -> Explained:
     records = whole.take(~spoilt) if spoilt.any() else whole
     record_bytes = int(records.size.sum(dtype=np.int64))
     if record_bytes == buffer.size:
-        return Explained(records, recut, records.take(slice(0)), ByteAccount(buffer.size, record_bytes, 0), "complete", 0.0)
+        return Explained(
+            records,
+            recut,
+            records.take(slice(0)),
+            ByteAccount(buffer.size, record_bytes, 0),
+            "complete",
+            0.0,
+        )
     unstamped = _unstamped(buffer, whole)
     odd = _linked(seen.take(seen.stop <= buffer.size), _both(whole, unstamped), buffer.size)
     defined = known(odd) | ~_of_undefined_message(buffer, odd)
     pieces = [(BAD_STAMP, part.start, part.stop) for part in (whole.take(spoilt), unstamped)]
     pieces += [(MISMATCH, odd.start[defined], odd.stop[defined]), *_unknown(odd.take(~defined))]
-    rest_start, rest_stop = _rest(records, [(start, stop) for _, start, stop in pieces], buffer.size)
+    rest_start, rest_stop = _rest(
+        records, [(start, stop) for _, start, stop in pieces], buffer.size
+    )
     torn = _torn_end(buffer, seen.take(seen.stop > buffer.size), rest_start, rest_stop)
     if torn is not None:
         reason, at = torn
         pieces.append((reason, np.array([at]), np.array([buffer.size])))
         rest_stop[-1] = at
-        rest_start, rest_stop = rest_start[rest_start < rest_stop], rest_stop[rest_start < rest_stop]
+        rest_start, rest_stop = (
+            rest_start[rest_start < rest_stop],
+            rest_stop[rest_start < rest_stop],
+        )
     pieces.append((GARBAGE, rest_start, rest_stop))
     skipped = _summed(pieces)
     account = ByteAccount(buffer.size, record_bytes, 0, skipped)
     damaged = any(not part.reason.startswith(HARMLESS) for part in skipped)
     torn_off = any(part.reason in (CUT, ZEROS) for part in skipped)
     status: LogStatus = "damaged" if damaged else "truncated" if torn_off else "complete"
-    return Explained(records, recut, odd.take(defined), account, status, _seconds_lost(records, rest_start))
+    return Explained(
+        records, recut, odd.take(defined), account, status, _seconds_lost(records, rest_start)
+    )
 
 
 def _both(first: Frames, second: Frames) -> tuple[Integers, Integers]:
@@ -110,7 +130,9 @@ def _both(first: Frames, second: Frames) -> tuple[Integers, Integers]:
 
 
 def _unstamped(buffer: Bytes, whole: Frames) -> Frames:
-    """Proven frames that begin where a record ends, but whose eight bytes of time stamp cannot be one."""
+    """Proven frames that begin where a record ends, but whose eight bytes of time stamp
+    cannot be one.
+    """
     found = [whole.take(slice(0))]
     at = np.append(whole.stop, 0)
     for _ in range(_UNSTAMPED_RUN):
@@ -130,7 +152,9 @@ def _unstamped(buffer: Bytes, whole: Frames) -> Frames:
 
 
 def _linked(frames: Frames, taken: tuple[Integers, Integers], size: int) -> Frames:
-    """Frames between the taken ones whose begin and end fit another frame, a taken one, or the ends of the file."""
+    """Frames between the taken ones whose begin and end fit another frame, a taken one,
+    or the ends of the file.
+    """
     start, stop = taken
     before = np.searchsorted(start, frames.start, side="right")
     gap_start = np.concatenate([[0], stop])[before]
@@ -143,10 +167,14 @@ def _linked(frames: Frames, taken: tuple[Integers, Integers], size: int) -> Fram
 
 
 def _of_undefined_message(buffer: Bytes, frames: Frames) -> Mask:
-    """True where the id is not defined and one crc_extra explains the checksums of all frames with this id: not damaged, unknown."""
+    """True where the id is not defined and one crc_extra explains the checksums of all
+    frames with this id: not damaged, unknown.
+    """
     start = frames.start + (mavlink.STAMP_BYTES + 1)
     end = frames.payload + frames.length
-    extra = mavlink.implied_crc_extras(buffer, start, end, stored_checksums(buffer, end)).astype(np.int64)
+    extra = mavlink.implied_crc_extras(buffer, start, end, stored_checksums(buffer, end)).astype(
+        np.int64
+    )
     pair = frames.message_id.astype(np.int64) << 8 | np.maximum(extra, 0)
     _, which, counts = np.unique(pair, return_inverse=True, return_counts=True)
     ids, of = np.unique(frames.message_id, return_inverse=True)
@@ -163,7 +191,9 @@ def _unknown(frames: Frames) -> list[tuple[str, Integers, Integers]]:
     return [(reason, frames.start[rows], frames.stop[rows]) for reason, rows in pieces]
 
 
-def _rest(records: Frames, pieces: Sequence[tuple[Integers, Integers]], size: int) -> tuple[Integers, Integers]:
+def _rest(
+    records: Frames, pieces: Sequence[tuple[Integers, Integers]], size: int
+) -> tuple[Integers, Integers]:
     """The intervals that neither records nor pieces cover."""
     start = np.concatenate([records.start, *(piece[0] for piece in pieces), [size]])
     stop = np.concatenate([[0], records.stop, *(piece[1] for piece in pieces)])
@@ -173,7 +203,9 @@ def _rest(records: Frames, pieces: Sequence[tuple[Integers, Integers]], size: in
     return stop[open_], start[open_]
 
 
-def _torn_end(buffer: Bytes, cut: Frames, rest_start: Integers, rest_stop: Integers) -> tuple[str, int] | None:
+def _torn_end(
+    buffer: Bytes, cut: Frames, rest_start: Integers, rest_stop: Integers
+) -> tuple[str, int] | None:
     """Reason and first byte of an unfinished end of the file, if it has one."""
     if not rest_start.size or rest_stop[-1] != buffer.size:
         return None
@@ -193,17 +225,24 @@ def _summed(pieces: Sequence[tuple[str, Integers, Integers]]) -> tuple[Skipped, 
     for reason, start, stop in pieces:
         if not start.size:
             continue
-        part = Skipped(reason, int((stop - start).sum()), int(start.size), int(start.min()), int(start.max()))
+        part = Skipped(
+            reason, int((stop - start).sum()), int(start.size), int(start.min()), int(start.max())
+        )
         if reason in total:
             old = total[reason]
-            first, last = min(old.first_offset, part.first_offset), max(old.last_offset, part.last_offset)
+            first, last = (
+                min(old.first_offset, part.first_offset),
+                max(old.last_offset, part.last_offset),
+            )
             part = Skipped(reason, old.bytes + part.bytes, old.count + part.count, first, last)
         total[reason] = part
     return tuple(sorted(total.values(), key=lambda part: part.first_offset))
 
 
 def _seconds_lost(records: Frames, garbage: Integers) -> float:
-    """Recording time between the records on either side of garbage (a frame with a wrong checksum loses itself, not time)."""
+    """Recording time between the records on either side of garbage (a frame with a
+    wrong checksum loses itself, not time).
+    """
     after = np.unique(np.searchsorted(records.start, garbage))
     after = after[(after > 0) & (after < len(records))]
     step = records.stamp[after] - records.stamp[after - 1]

@@ -1,7 +1,7 @@
 """Find every frame of a telemetry log that its checksum proves.
 
-No chain has to hold: each place that looks like [time stamp][magic] is tried and the checksum decides, so damage costs only the
-frames it touches.
+No chain has to hold: each place that looks like [time stamp][magic] is tried and the
+checksum decides, so damage costs only the frames it touches.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import mavlink
 
 Bytes = npt.NDArray[np.uint8]
@@ -18,16 +19,20 @@ Integers = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 _SCAN_BYTES = 1 << 21
-_LATEST_YEAR_BYTE = 0x0E  # second byte of a stamp: 2^56 us; 0x0E is the year 2100, and the first byte is zero
+_LATEST_YEAR_BYTE = (
+    0x0E  # second byte of a stamp: 2^56 us; 0x0E is the year 2100, and the first byte is zero
+)
 _UNCUT_BATCH = 4096
 _OLDER_DEFINITIONS = 4  # ends of the last fields that are tried as the end of the sender's payload
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames as columns, ascending by `start`, the first byte of the time stamp; compact, because a file has many.
+    """Frames as columns, ascending by `start`, the first byte of the time stamp;
+    compact, because a file has many.
 
-    `header` and `size` count the bytes before the payload and in all, the time stamp included.
+    `header` and `size` count the bytes before the payload and in all, the time stamp
+    included.
     """
 
     start: Integers
@@ -65,17 +70,23 @@ _COLUMNS = tuple(part.name for part in fields(Frames))
 
 def joined(parts: Sequence[Frames]) -> Frames:
     """Several lots of frames, one after the other (at least one)."""
-    return Frames(**{name: np.concatenate([getattr(frames, name) for frames in parts]) for name in _COLUMNS})
+    return Frames(
+        **{name: np.concatenate([getattr(frames, name) for frames in parts]) for name in _COLUMNS}
+    )
 
 
 def merged(frames: Frames, few: Frames) -> Frames:
     """Frames with a few more at their places."""
     at = np.searchsorted(frames.start, few.start)
-    return Frames(**{name: np.insert(getattr(frames, name), at, getattr(few, name)) for name in _COLUMNS})
+    return Frames(
+        **{name: np.insert(getattr(frames, name), at, getattr(few, name)) for name in _COLUMNS}
+    )
 
 
 def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
-    """Rows of `width` bytes from each start, shape (n, width); bytes beyond the end of the buffer are zero."""
+    """Rows of `width` bytes from each start, shape (n, width); bytes beyond the end of
+    the buffer are zero.
+    """
     if buffer.size < width:
         buffer = np.concatenate([buffer, np.zeros(width - buffer.size, dtype=np.uint8)])
     last = buffer.size - width
@@ -91,10 +102,16 @@ def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
 
 
 def places(buffer: Bytes, first: int, last: int) -> Integers:
-    """Offsets from first to last - 1 of everything that looks like a time stamp before 2100 followed by a magic byte."""
+    """Offsets from first to last - 1 of everything that looks like a time stamp before
+    2100 followed by a magic byte.
+    """
     part = buffer[first : last + mavlink.STAMP_BYTES]
     number = max(part.size - mavlink.STAMP_BYTES, 0)
-    at: Integers = np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1) if number else np.zeros(0, np.int64)
+    at: Integers = (
+        np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1)
+        if number
+        else np.zeros(0, np.int64)
+    )
     at = at[part[at] == 0]
     at = at[part[at + 1] <= _LATEST_YEAR_BYTE]
     at += first
@@ -102,27 +119,51 @@ def places(buffer: Bytes, first: int, last: int) -> Integers:
 
 
 def frames_at(buffer: Bytes, start: Integers) -> Frames:
-    """Headers at the given offsets; places with undefined incompatibility flags are left out. `stop` may lie beyond the end."""
+    """Headers at the given offsets; places with undefined incompatibility flags are
+    left out. `stop` may lie beyond the end.
+    """
     rows = gather(buffer, start, mavlink.STAMPED_HEADER_V2.itemsize)
     head = rows.view(mavlink.STAMPED_HEADER_V2)[:, 0]
-    usable = (head["magic"] == mavlink.MAGIC_V1) | ((head["magic"] == mavlink.MAGIC_V2) & (head["incompatible"] <= mavlink.SIGNED_FLAG))
+    usable = (head["magic"] == mavlink.MAGIC_V1) | (
+        (head["magic"] == mavlink.MAGIC_V2) & (head["incompatible"] <= mavlink.SIGNED_FLAG)
+    )
     if not usable.all():
         return frames_at(buffer, start[np.flatnonzero(usable)])
     length = head["length"].copy()
     message_id = head["id_low"].astype(np.int32)
     message_id += head["id_high"].astype(np.int32) << 16
-    system, component, sequence = (head[name].copy() for name in ("system", "component", "sequence"))
+    system, component, sequence = (
+        head[name].copy() for name in ("system", "component", "sequence")
+    )
     header = np.full(start.size, mavlink.STAMPED_HEADER_V2.itemsize, dtype=np.uint8)
     size = length + np.uint16(mavlink.STAMPED_HEADER_V2.itemsize + mavlink.CHECKSUM_BYTES)
     size += np.uint16(mavlink.SIGNATURE_BYTES) * head["incompatible"]
     old = np.flatnonzero(head["magic"] == mavlink.MAGIC_V1)
     if old.size:
-        first = np.ndarray((start.size,), mavlink.STAMPED_HEADER_V1, buffer=rows, strides=(rows.shape[1],))
+        first = np.ndarray(
+            (start.size,), mavlink.STAMPED_HEADER_V1, buffer=rows, strides=(rows.shape[1],)
+        )
         message_id[old] = first["id"][old]
-        system[old], component[old], sequence[old] = first["system"][old], first["component"][old], first["sequence"][old]
+        system[old], component[old], sequence[old] = (
+            first["system"][old],
+            first["component"][old],
+            first["sequence"][old],
+        )
         header[old] = mavlink.STAMPED_HEADER_V1.itemsize
-        size[old] = length[old] + np.uint16(mavlink.STAMPED_HEADER_V1.itemsize + mavlink.CHECKSUM_BYTES)
-    return Frames(start, head["stamp"].astype(np.int64), message_id, size, header, length, system, component, sequence)
+        size[old] = length[old] + np.uint16(
+            mavlink.STAMPED_HEADER_V1.itemsize + mavlink.CHECKSUM_BYTES
+        )
+    return Frames(
+        start,
+        head["stamp"].astype(np.int64),
+        message_id,
+        size,
+        header,
+        length,
+        system,
+        component,
+        sequence,
+    )
 
 
 def scan(buffer: Bytes) -> tuple[Frames, Frames]:
@@ -151,19 +192,28 @@ def proven(buffer: Bytes, frames: Frames) -> Mask:
     start = frames.start[rows]
     end = start + frames.header[rows] + frames.length[rows]
     extra = mavlink.crc_extras()[frames.message_id[rows]].astype(np.uint8)
-    right[rows] = mavlink.checksums(buffer, start + (mavlink.STAMP_BYTES + 1), end, extra) == stored_checksums(buffer, end)
+    right[rows] = mavlink.checksums(
+        buffer, start + (mavlink.STAMP_BYTES + 1), end, extra
+    ) == stored_checksums(buffer, end)
     return right
 
 
 def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
-    """True where the checksum is right for the payload with its trailing zeros, which were cut after the checksum was made.
+    """True where the checksum is right for the payload with its trailing zeros, which
+    were cut after the checksum was made.
 
-    Some routers do so with what companion computers send; it explains every wrong checksum of the BlueROV2 logs at hand. The sender's
-    payload ended with a field of its definition, perhaps an older one without the last fields, or with the NUL of a string.
-    As several ends are tried, one hit of a sender may be chance: two are asked for.
+    Some routers do so with what companion computers send; it explains every wrong
+    checksum of the BlueROV2 logs at hand. The sender's payload ended with a field of
+    its definition, perhaps an older one without the last fields, or with the NUL of a
+    string. As several ends are tried, one hit of a sender may be chance: two are asked
+    for.
     """
     right = np.zeros(len(frames), dtype=np.bool_)
-    usable = known(frames) & (frames.stop <= buffer.size) & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
+    usable = (
+        known(frames)
+        & (frames.stop <= buffer.size)
+        & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
+    )
     rows = np.flatnonzero(usable)
     if not rows.size:
         return right
@@ -171,12 +221,14 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
     ends = np.zeros((ids.size, _OLDER_DEFINITIONS), dtype=np.int64)
     for row, number in enumerate(ids.tolist()):
         layout = mavlink.layout(number)
-        last = sorted({layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())})[
-            : -_OLDER_DEFINITIONS - 1 : -1
-        ]
+        last = sorted(
+            {layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())}
+        )[: -_OLDER_DEFINITIONS - 1 : -1]
         ends[row, : len(last)] = last
     length = frames.length[rows].astype(np.int64)
-    tries = np.column_stack([ends[which], np.where(length < ends[which].max(axis=1), length + 1, 0)])
+    tries = np.column_stack(
+        [ends[which], np.where(length < ends[which].max(axis=1), length + 1, 0)]
+    )
     for sizes in (tries[:, :1], tries[:, 1:]):
         trial, column = np.nonzero((sizes > length[:, None]) & ~right[rows, None])
         for first in range(0, trial.size, _UNCUT_BATCH):
@@ -189,11 +241,15 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
 
 
 def _right_at_size(buffer: Bytes, frames: Frames, size: Integers) -> Mask:
-    """True where the checksum is right for MAVLink 2 payloads filled up with zeros to `size` bytes."""
+    """True where the checksum is right for MAVLink 2 payloads filled up with zeros to
+    `size` bytes.
+    """
     head = mavlink.HEADER_BYTES_V2 - 1
     width = head + mavlink.LARGEST_PAYLOAD
     content = gather(buffer, frames.payload - head, width)
-    content[:, head:] *= (np.arange(mavlink.LARGEST_PAYLOAD, dtype=np.uint8) < frames.length[:, None]).view(np.uint8)
+    content[:, head:] *= (
+        np.arange(mavlink.LARGEST_PAYLOAD, dtype=np.uint8) < frames.length[:, None]
+    ).view(np.uint8)
     content[:, 0] = size
     begin = np.arange(len(frames)) * width
     extra = mavlink.crc_extras()[frames.message_id].astype(np.uint8)

@@ -1,9 +1,12 @@
-"""Data messages of one topic to columns: gathered in bulk from the bytes, then taken apart field by field."""
+"""Data messages of one topic to columns: gathered in bulk from the bytes, then taken
+apart field by field.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import ulog as layout
 
 GATHER_BYTES = 1 << 18  # rows are gathered in parts that stay in the processor's cache
@@ -12,22 +15,31 @@ Ints = npt.NDArray[np.int64]
 Buffer = npt.NDArray[np.uint8]
 
 
-def unpack(buffer: Buffer, offset: Ints, *, topic: str, formats: layout.Formats) -> dict[str, npt.NDArray[np.generic]]:
-    """Columns of the data messages at `offset`, one per basic field, in the order of declaration.
+def unpack(
+    buffer: Buffer, offset: Ints, *, topic: str, formats: layout.Formats
+) -> dict[str, npt.NDArray[np.generic]]:
+    """Columns of the data messages at `offset`, one per basic field, in the order of
+    declaration.
 
     Args:
-        buffer: the whole file.
-        offset: where the messages begin, shape (n,); each must lie in the file with its whole payload.
-        topic: name of their format.
-        formats: the formats of the file.
+        buffer: the whole file. offset: where the messages begin, shape (n,); each must
+        lie in the file with its whole payload. topic: name of their format. formats:
+        the formats of the file.
     """
     fields = list(formats.columns(topic))
-    columns: dict[str, npt.NDArray[np.generic]] = {name: np.empty(offset.size, dtype) for name, dtype, _ in fields}
+    columns: dict[str, npt.NDArray[np.generic]] = {
+        name: np.empty(offset.size, dtype) for name, dtype, _ in fields
+    }
     sizes = formats.layout(topic)
     if sizes is None or not fields or not offset.size:
         return columns
     row = np.dtype(
-        {"names": list(columns), "formats": [f[1] for f in fields], "offsets": [f[2] for f in fields], "itemsize": sizes.written}
+        {
+            "names": list(columns),
+            "formats": [f[1] for f in fields],
+            "offsets": [f[2] for f in fields],
+            "itemsize": sizes.written,
+        }
     )
     every = np.ndarray((buffer.size - sizes.written + 1,), f"V{sizes.written}", buffer, 0, (1,))
     step = max(1, GATHER_BYTES // sizes.written)
@@ -47,7 +59,9 @@ def _cut_at_nul(column: npt.NDArray[np.generic]) -> None:
 
 
 def read_times(buffer: Buffer, offset: Ints, time: Ints) -> Ints:
-    """Time stamps in us of data messages at `offset` whose field `timestamp` lies at payload offset `time`; -1 beyond 2^63."""
+    """Time stamps in us of data messages at `offset` whose field `timestamp` lies at
+    payload offset `time`; -1 beyond 2^63.
+    """
     if not offset.size:
         return np.empty(0, np.int64)
     stamps = np.ndarray((buffer.size - 7,), "<u8", buffer, 0, (1,))

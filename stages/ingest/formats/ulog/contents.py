@@ -1,4 +1,6 @@
-"""What a scan of a ULog file finds: streams, places of data messages, gaps with their reasons, parameters and texts."""
+"""What a scan of a ULog file finds: streams, places of data messages, gaps with their
+reasons, parameters and texts.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
 from auvid.data_schemas.formats import ulog as layout
 
 DAMAGED = "damaged bytes"
@@ -47,8 +50,10 @@ class Gap:
 
 @dataclass
 class Contents:
-    """What a scan found. `data` are offsets and stream numbers of the data messages in file order, in parts; a negative stream
-    number is a message that no subscription explains. `definition_bytes` and `other_bytes` are the bytes of the other messages."""
+    """What a scan found. `data` are offsets and stream numbers of the data messages in
+    file order, in parts; a negative stream number is a message that no subscription
+    explains. `definition_bytes` and `other_bytes` are the bytes of the other messages.
+    """
 
     formats: layout.Formats = field(default_factory=layout.Formats)
     streams: list[Stream] = field(default_factory=list)
@@ -61,7 +66,9 @@ class Contents:
     dropouts_ms: list[int] = field(default_factory=list)
     unknown_flags: bool = False
 
-    def add_gap(self, buffer: npt.NDArray[np.uint8], start: int, stop: int, reason: str = DAMAGED) -> None:
+    def add_gap(
+        self, buffer: npt.NDArray[np.uint8], start: int, stop: int, reason: str = DAMAGED
+    ) -> None:
         """Account for `start:stop`, damaged unless said; zeros are named as such."""
         if start >= stop:
             return
@@ -75,19 +82,24 @@ class Contents:
         self.data.append((offset[:-1], stream[:-1]))
 
     def ends_as_before(self, buffer: npt.NDArray[np.uint8], last: int, stop: int) -> bool:
-        """Whether the last data message, `last:stop`, ends in the same bytes as the one of its stream before it: so it has all of them."""
+        """Whether the last data message, `last:stop`, ends in the same bytes as the one
+        of its stream before it: so it has all of them.
+        """
         for offset, stream in reversed(self.data[-PARTS_BACK:]):
             earlier = offset[(stream == self.data[-1][1][-1]) & (offset < last)]
             if earlier.size:
                 end = int(earlier[-1]) + stop - last
-                return bool((buffer[stop - TAIL_BYTES : stop] == buffer[end - TAIL_BYTES : end]).all())
+                return bool(
+                    (buffer[stop - TAIL_BYTES : stop] == buffer[end - TAIL_BYTES : end]).all()
+                )
         return False
 
 
 class Numbers:
     """Which stream a data message belongs to, by its number and size.
 
-    Table 0 holds what is subscribed, 1 the size with padding or what was subscribed before, 2 what was met without explanation.
+    Table 0 holds what is subscribed, 1 the size with padding or what was subscribed
+    before, 2 what was met without explanation.
     """
 
     def __init__(self) -> None:
@@ -106,7 +118,9 @@ class Numbers:
         return bool(self.size[0][id])
 
     def subscribe(self, id: int, stream: int, sizes: layout.Layout) -> None:
-        """Put a stream in force. What it replaces, if that has another size, stays readable: one of the two may be damaged."""
+        """Put a stream in force. What it replaces, if that has another size, stays
+        readable: one of the two may be damaged.
+        """
         written, padded = sizes.written + 2, sizes.padded + 2
         before, other = int(self.size[0][id]), int(self.stream[0][id])
         if before not in (0, written):
@@ -125,7 +139,9 @@ class Numbers:
                 return int(streams[id])
         return None
 
-    def select(self, id: npt.NDArray[np.uint16], size: npt.NDArray[np.uint16]) -> tuple[Ints, npt.NDArray[np.int32]]:
+    def select(
+        self, id: npt.NDArray[np.uint16], size: npt.NDArray[np.uint16]
+    ) -> tuple[Ints, npt.NDArray[np.int32]]:
         """Indices of the pairs that match, ascending, and their streams."""
         stream = self.stream[0][id]
         hit = self.size[0][id] == size

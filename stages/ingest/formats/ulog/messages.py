@@ -1,7 +1,8 @@
-"""The messages of a ULog file that are not data: whether their content can be believed, and what it says.
+"""The messages of a ULog file that are not data: whether their content can be believed,
+and what it says.
 
-ULog has no checksum. Every function here returns None for content that breaks a rule of its type, so that a reader which lost the
-chain does not take damage for a message.
+ULog has no checksum. Every function here returns None for content that breaks a rule of
+its type, so that a reader which lost the chain does not take damage for a message.
 """
 
 from __future__ import annotations
@@ -35,9 +36,13 @@ class Subscription(NamedTuple):
 
 
 def information(content: bytes) -> bool:
-    """Whether this is the content of an `I` message: key length, `type name`, value; characters up to the first NUL are text."""
+    """Whether this is the content of an `I` message: key length, `type name`, value;
+    characters up to the first NUL are text.
+    """
     found = _value(content)
-    return found is not None and (found[0] != "char" or _TEXT.fullmatch(found[3].split(b"\0", 1)[0]) is not None)
+    return found is not None and (
+        found[0] != "char" or _TEXT.fullmatch(found[3].split(b"\0", 1)[0]) is not None
+    )
 
 
 def information_multiple(content: bytes) -> bool:
@@ -55,12 +60,16 @@ def parameter(content: bytes) -> tuple[str, float] | None:
 
 
 def parameter_default(content: bytes) -> bool:
-    """Whether this is the content of a `Q` message: bit mask of the kinds of default, then as `P`."""
+    """Whether this is the content of a `Q` message: bit mask of the kinds of default,
+    then as `P`.
+    """
     return content[:1] not in (b"", b"\x00") and parameter(content[1:]) is not None
 
 
 def _value(content: bytes) -> tuple[str, int | None, str, bytes] | None:
-    """Type, array length, name and value bytes; None if the length of the value does not fit its type."""
+    """Type, array length, name and value bytes; None if the length of the value does
+    not fit its type.
+    """
     if len(content) < 2:
         return None
     match = _KEY.fullmatch(content, 1, 1 + content[0])
@@ -92,7 +101,16 @@ def tagged_text(content: bytes) -> Text | None:
 
 
 def _text(level: bytes, rest: bytes) -> Text | None:
-    if not level or (level not in b"01234567" and level[0] > 7) or len(rest) < 8 or _TEXT.fullmatch(rest, 8) is None:
+    if (
+        not level
+        or (level not in b"01234567" and level[0] > 7)
+        or len(rest) < 8
+        or _TEXT.fullmatch(rest, 8) is None
+    ):
         return None
     time_us = int.from_bytes(rest[:8], "little")
-    return Text(time_us, rest[8:].rstrip(b"\0").decode("utf-8", "replace")) if time_us < LATEST_US else None
+    return (
+        Text(time_us, rest[8:].rstrip(b"\0").decode("utf-8", "replace"))
+        if time_us < LATEST_US
+        else None
+    )

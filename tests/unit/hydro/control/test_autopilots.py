@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.fins import fin_force
@@ -15,7 +16,9 @@ from auvid.hydro.dynamics.simulation.simulation import Flight, Plant, fly
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
-VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
+VT690 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+)
 LIMIT, RATE, TICK = np.radians(25.0), np.radians(60.0), 0.02
 
 
@@ -23,15 +26,29 @@ def flown(yaw_deg: float, deeper_m: float, seconds: float = 40.0) -> Flight:
     """Level running at 2133 rpm, then a step in heading and depth at 15 s."""
     ticks = round(seconds / TICK) + 1
     later = np.arange(ticks) * TICK >= 15.0
-    pilot = StepAutopilot(fin_mixing(VT690), np.where(later, np.radians(yaw_deg), 0.0), 5.0 + deeper_m * later, TICK, LIMIT, RATE)
+    pilot = StepAutopilot(
+        fin_mixing(VT690),
+        np.where(later, np.radians(yaw_deg), 0.0),
+        5.0 + deeper_m * later,
+        TICK,
+        LIMIT,
+        RATE,
+    )
     plant = Plant(VT690, physical_viscous(VT690))
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.7, 0.0, 0.0, 0.0, 0.0, 0.0])
-    inputs = {"propeller_rev_s": np.full(ticks, 2133 / 60), "force": np.zeros((ticks, 6)), "tick_s": TICK, "steps_per_tick": 2}
+    inputs = {
+        "propeller_rev_s": np.full(ticks, 2133 / 60),
+        "force": np.zeros((ticks, 6)),
+        "tick_s": TICK,
+        "steps_per_tick": 2,
+    }
     return fly(plant, pilot, start, **inputs)  # type: ignore[arg-type]
 
 
 def test_elevator_gives_pitch_and_rudder_yaw() -> None:
-    """Moments of the linear coefficients: only M for the elevator, only N for the rudder, both positive; the largest deflection is 1."""
+    """Moments of the linear coefficients: only M for the elevator, only N for the
+    rudder, both positive; the largest deflection is 1.
+    """
     assert VT690.fins is not None
     mixing = fin_mixing(VT690)
     assert np.allclose(np.abs(mixing).max(axis=0), 1.0)
@@ -43,14 +60,20 @@ def test_elevator_gives_pitch_and_rudder_yaw() -> None:
 
 
 def test_a_vehicle_without_fins_is_refused() -> None:
-    rov = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8")))
+    rov = vehicle_from_document(
+        yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+    )
     with pytest.raises(CampaignError, match="steers by fins"):
         fin_mixing(rov)
 
 
-@pytest.mark.parametrize(("yaw_deg", "deeper_m"), [(15.0, 0.0), (-15.0, 0.0), (0.0, 1.5), (0.0, -1.0)])
+@pytest.mark.parametrize(
+    ("yaw_deg", "deeper_m"), [(15.0, 0.0), (-15.0, 0.0), (0.0, 1.5), (0.0, -1.0)]
+)
 def test_steps_are_reached(yaw_deg: float, deeper_m: float) -> None:
-    """Within 2 degrees and 0.1 m, 25 s after the step; and level running holds 0.1 m and 1 degree 14 s after the start."""
+    """Within 2 degrees and 0.1 m, 25 s after the step; and level running holds 0.1 m
+    and 1 degree 14 s after the start.
+    """
     flight = flown(yaw_deg, deeper_m)
     assert flight.stop is None
     before, after = flight.state[1400], flight.state[-1]
@@ -61,7 +84,9 @@ def test_steps_are_reached(yaw_deg: float, deeper_m: float) -> None:
 
 
 def test_fins_stay_within_their_limits() -> None:
-    """A step of 120 degrees asks for more than the fins have: they stay within deflection and rate."""
+    """A step of 120 degrees asks for more than the fins have: they stay within
+    deflection and rate.
+    """
     fins = flown(120.0, 0.0, seconds=25.0).inputs.fins_rad
     assert np.abs(fins).max() == pytest.approx(LIMIT, rel=1e-3)
     assert np.abs(np.diff(fins, axis=0)).max() <= RATE * TICK * (1.0 + 1e-12)
@@ -69,7 +94,9 @@ def test_fins_stay_within_their_limits() -> None:
 
 def test_heading_goes_the_short_way() -> None:
     """At 170 degrees told to hold -170: a turn of 20 degrees to starboard."""
-    pilot = StepAutopilot(fin_mixing(VT690), np.full(1, np.radians(-170.0)), np.full(1, 5.0), TICK, LIMIT, RATE)
+    pilot = StepAutopilot(
+        fin_mixing(VT690), np.full(1, np.radians(-170.0)), np.full(1, 5.0), TICK, LIMIT, RATE
+    )
     state = np.zeros(12)
     state[[2, 5]] = 5.0, np.radians(170.0)
     fins = pilot(0, state, np.zeros(4))

@@ -1,4 +1,6 @@
-"""Equilibrium, linearisation and closed loop of the H-AUV and of a vehicle with an identified model."""
+"""Equilibrium, linearisation and closed loop of the H-AUV and of a vehicle with an
+identified model.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.control.closed_loop import fly, force_field, limited, linear_response, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
-from auvid.hydro.control.equilibrium import Equilibrium, equilibrium, minimum_turning_radius, require_reachable
+from auvid.hydro.control.equilibrium import (
+    Equilibrium,
+    equilibrium,
+    minimum_turning_radius,
+    require_reachable,
+)
 from auvid.hydro.control.paths.paths import helix, path_of_pieces, saw_tooth
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
 from auvid.hydro.control.plants import HybridPlant, Plant, hybrid_plant, identified_plant
@@ -26,7 +34,11 @@ from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 ROOT = Path(__file__).parents[4]
 CARD = json.loads((ROOT / "campaigns/vt690_control/linear.json").read_text())
 LIMITS = {"fin_limit_rad": np.radians(20.0), "fin_rate_rad_s": 1.0}
-HAUV = hybrid_plant(hybrid_vehicle(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())), thrust_rate_N_s=100.0, **LIMITS)
+HAUV = hybrid_plant(
+    hybrid_vehicle(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())),
+    thrust_rate_N_s=100.0,
+    **LIMITS,
+)
 VT690_VEHICLE = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
 VT690 = identified_plant(VT690_VEHICLE, CARD, **LIMITS)
 Q = np.array([1, 1, 1, 10, 1, 1, 100, 100, 100, 100, 100, 100], dtype=np.float64)
@@ -45,7 +57,9 @@ def schedule(trimmed: Equilibrium) -> Schedule:
     return design(HAUV, trimmed, HAUV_WEIGHTS, observer="kalman", stride=10)
 
 
-def central(plant: Plant, chi: np.ndarray, U: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def central(
+    plant: Plant, chi: np.ndarray, U: np.ndarray, mass: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     def rate(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         return plant.rate(x, u, mass_kg=mass, force_ned_N=None, current_ned_m_s=None)
 
@@ -53,7 +67,9 @@ def central(plant: Plant, chi: np.ndarray, U: np.ndarray, mass: np.ndarray) -> t
         steps = 1e-6 * np.eye(size)
         return np.stack([(at(step) - at(-step)) / 2e-6 for step in steps], axis=-1)
 
-    return slope(lambda step: rate(chi + step, U), 12), slope(lambda step: rate(chi, U + step), U.shape[-1])
+    return slope(lambda step: rate(chi + step, U), 12), slope(
+        lambda step: rate(chi, U + step), U.shape[-1]
+    )
 
 
 @pytest.mark.parametrize("plant", [HAUV, VT690], ids=["hauv", "vt690"])
@@ -86,19 +102,29 @@ def test_terms_with_propulsion_ratio_are_differentiated_too() -> None:
     assert np.abs(B - numeric[1]).max() < 1e-6 * np.abs(B).max()
 
 
-def test_trimmed_turn_balances_all_forces_and_algorithm_1_reports_what_it_leaves(trimmed: Equilibrium) -> None:
+def test_trimmed_turn_balances_all_forces_and_algorithm_1_reports_what_it_leaves(
+    trimmed: Equilibrium,
+) -> None:
     assert np.abs(trimmed.residual).max() < 1e-6
     printed = equilibrium(HAUV, TURN, method="algorithm_1")
-    assert np.abs(printed.residual[:, 1]).max() > 5.0  # the side force of the turn has no input of its own
-    rate = HAUV.rate(printed.chi, printed.U, mass_kg=printed.mass_kg, force_ned_N=None, current_ned_m_s=None)[:, :6]
-    assert np.allclose(np.einsum("nij,nj->ni", HAUV.mass_matrix(printed.mass_kg), printed.nu_dot - rate), printed.residual)
+    assert (
+        np.abs(printed.residual[:, 1]).max() > 5.0
+    )  # the side force of the turn has no input of its own
+    rate = HAUV.rate(
+        printed.chi, printed.U, mass_kg=printed.mass_kg, force_ned_N=None, current_ned_m_s=None
+    )[:, :6]
+    assert np.allclose(
+        np.einsum("nij,nj->ni", HAUV.mass_matrix(printed.mass_kg), printed.nu_dot - rate),
+        printed.residual,
+    )
     B = HAUV.linear(printed.chi, printed.U, mass_kg=printed.mass_kg)[1][:, :6]
     normal = np.einsum("nij,ni->nj", B, printed.nu_dot - rate)
     assert np.abs(normal).max() < 1e-9  # least squares: what is left is orthogonal to the inputs
 
 
 def test_glide_of_the_thesis_is_an_equilibrium_without_thrust() -> None:
-    # The model's own glide: u 0.2004, w 0.0404 m/s, theta -0.2808 rad, so a path of -0.2808 - atan(0.0404 / 0.2004).
+    # The model's own glide: u 0.2004, w 0.0404 m/s, theta -0.2808 rad, so a path of
+    # -0.2808 - atan(0.0404 / 0.2004).
     path = path_of_pieces((0, 0, 0), 0.0, -0.4797, [("dive", 3.0, 0.0, 0.0)])
     line = fly_path(path, speed_m_s=0.20443, step_s=0.5)
     found = equilibrium(HAUV, line, epsilon_rad=0.05)
@@ -112,7 +138,9 @@ def test_glide_of_the_thesis_is_an_equilibrium_without_thrust() -> None:
 
 
 def test_a_known_side_force_is_met_by_crabbing(trimmed: Equilibrium) -> None:
-    line = fly_path(path_of_pieces((0, 0, 0), 0.0, 0.0, [("line", 5.0, 0.0, 0.0)]), speed_m_s=1.5, step_s=0.1)
+    line = fly_path(
+        path_of_pieces((0, 0, 0), 0.0, 0.0, [("line", 5.0, 0.0, 0.0)]), speed_m_s=1.5, step_s=0.1
+    )
     found = equilibrium(HAUV, line, force_ned_N=[0.0, 60.0, 0.0])
     assert np.abs(found.residual).max() < 1e-6
     assert found.chi[0, 11] < -0.02  # bow into the force
@@ -120,7 +148,9 @@ def test_a_known_side_force_is_met_by_crabbing(trimmed: Equilibrium) -> None:
 
 def test_trajectories_beyond_the_vehicle_name_the_input_or_the_pitch(trimmed: Equilibrium) -> None:
     fast = fly_path(helix(radius_m=30.0, pitch_rad=0.0, turns=0.1), speed_m_s=2.5, step_s=0.1)
-    with pytest.raises(CampaignError, match=r"more than the actuators have.*cannot hold 2\.5 m/s") as caught:
+    with pytest.raises(
+        CampaignError, match=r"more than the actuators have.*cannot hold 2\.5 m/s"
+    ) as caught:
         require_reachable(HAUV, equilibrium(HAUV, fast), largest_pitch_rad=1.0)
     assert caught.value.field == "X_thrust"
     tight = fly_path(helix(radius_m=1.8, pitch_rad=0.0, turns=0.5), speed_m_s=1.5, step_s=0.1)
@@ -135,8 +165,12 @@ def test_trajectories_beyond_the_vehicle_name_the_input_or_the_pitch(trimmed: Eq
 def test_tightest_turn_is_the_one_that_uses_the_whole_rudder() -> None:
     radius = minimum_turning_radius(HAUV, 1.5)
     assert 2.0 < radius < 3.0
-    turn = fly_path(helix(radius_m=1.02 * radius, pitch_rad=0.0, turns=0.2), speed_m_s=1.5, step_s=0.05)
-    assert np.abs(equilibrium(HAUV, turn).U[:, 1:]).max() == pytest.approx(np.radians(20.0), rel=0.05)
+    turn = fly_path(
+        helix(radius_m=1.02 * radius, pitch_rad=0.0, turns=0.2), speed_m_s=1.5, step_s=0.05
+    )
+    assert np.abs(equilibrium(HAUV, turn).U[:, 1:]).max() == pytest.approx(
+        np.radians(20.0), rel=0.05
+    )
     with pytest.raises(CampaignError, match="cannot hold this speed"):
         minimum_turning_radius(HAUV, 3.0)
 
@@ -151,7 +185,10 @@ def test_closed_loop_holds_the_turn_and_is_stable(trimmed: Equilibrium, schedule
     assert schedule.observer is not None
     assert schedule.observer.poles.real.max() < 0.0
     start = trimmed.chi[0].copy()
-    start[:6], start[9:] = [1.5, 0, 0, 0, 0, 0], TURN.attitude[0]  # in the frame of the path, not in trim
+    start[:6], start[9:] = (
+        [1.5, 0, 0, 0, 0, 0],
+        TURN.attitude[0],
+    )  # in the frame of the path, not in trim
     flown = fly(HAUV, schedule, start=start, use_observer=np.array([0.0, 1.0]))
     found = performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0)
     assert found.steady_m.max() < 0.1
@@ -164,13 +201,20 @@ def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equili
     flown = fly(HAUV, schedule, force_ned_N=field)
     seen = np.einsum("ij,nj->ni", HAUV.mass_matrix(72.5), flown.disturbance[0])[-1, :3]
     pushed = rotation_body_to_ned(flown.chi[0, -1, 9:]).T @ force
-    assert np.abs(seen - pushed).max() < 2.0  # N; the observer is linear about the trim and lags by a fraction of a second
+    assert (
+        np.abs(seen - pushed).max() < 2.0
+    )  # N; the observer is linear about the trim and lags by a fraction of a second
     without = fly(HAUV, schedule, force_ned_N=field, use_observer=False)
-    found = [performance(TURN, item, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0] for item in (flown, without)]
+    found = [
+        performance(TURN, item, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0]
+        for item in (flown, without)
+    ]
     assert found[0] < 0.5 * found[1]
 
 
-def test_waiting_reference_holds_the_path_where_thrust_saturates(schedule: Schedule, trimmed: Equilibrium) -> None:
+def test_waiting_reference_holds_the_path_where_thrust_saturates(
+    schedule: Schedule, trimmed: Equilibrium
+) -> None:
     field = force_field(TURN.t_s, {"constant_N": [0.0, 225.0, 0.0], "start_s": 5.0})
     flown = fly(HAUV, schedule, force_ned_N=field, use_observer=False, waiting=Waiting(2.0, 30.0))
     found = performance(TURN, flown, trimmed.chi, HAUV.inputs)
@@ -183,12 +227,19 @@ def test_waiting_reference_holds_the_path_where_thrust_saturates(schedule: Sched
 
 def test_a_glider_starts_its_propeller_where_it_is_pushed_off_its_path() -> None:
     path = saw_tooth(leg_m=12.0, pitch_rad=0.478, tip_radius_m=5.0, legs=2, ramp_m=1.0)
-    weights = Weights(np.ones(12), HAUV_WEIGHTS.R, np.array([1e-2] * 6 + [1e-4] * 6 + [1e-2] * 6), R_Z)
+    weights = Weights(
+        np.ones(12), HAUV_WEIGHTS.R, np.array([1e-2] * 6 + [1e-4] * 6 + [1e-2] * 6), R_Z
+    )
     pair = []
     for speed in (0.204, 0.5):
         found = equilibrium(HAUV, fly_path(path, speed_m_s=speed, step_s=0.2), epsilon_rad=0.2)
         pair.append(design(HAUV, found, weights, observer="kalman", stride=20))
-    field = np.stack([force_field(pair[0].equilibrium.t_s, {"constant_N": [0.0, y, 0.0], "start_s": 5.0}) for y in (0.0, 25.0)])
+    field = np.stack(
+        [
+            force_field(pair[0].equilibrium.t_s, {"constant_N": [0.0, y, 0.0], "start_s": 5.0})
+            for y in (0.0, 25.0)
+        ]
+    )
     rule = ModeSwitch(2.0, 0.3, 8.0, 4.0)
     flown = fly(HAUV, pair, force_ned_N=field, waiting=Waiting(1.0), switch=rule, duration_s=40.0)
     assert not flown.powered[0].any()
@@ -203,16 +254,22 @@ def test_placed_observer_works_in_the_loop(trimmed: Equilibrium) -> None:
     assert poles.observer is not None
     assert poles.observer.poles.real.max() < 4.9 * poles.eigenvalues.real.max()
     flown = fly(HAUV, poles, force_ned_N=force_field(TURN.t_s, {"constant_N": [0.0, 20.0, 0.0]}))
-    assert performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0] < 0.2
+    assert (
+        performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0] < 0.2
+    )
 
 
-def test_linear_model_of_a_small_deviation_agrees_with_the_nonlinear_one(trimmed: Equilibrium) -> None:
+def test_linear_model_of_a_small_deviation_agrees_with_the_nonlinear_one(
+    trimmed: Equilibrium,
+) -> None:
     few = Trajectory(*(value[:81] for value in vars(TURN).values()))
     found = equilibrium(HAUV, few)
     A, B = HAUV.linear(found.chi, found.U, mass_kg=found.mass_kg)
     start = found.chi[0] + np.array([1e-3] * 6 + [0.0] * 3 + [1e-3] * 3)
     calm = Weights(np.full(12, 1e-9), np.full(4, 1e9), Q_Z, R_Z)  # a regulator that does nothing
-    free = replace(design(HAUV, found, replace(HAUV_WEIGHTS, Q=Q), stride=10), k=np.zeros((81, 4, 12)))
+    free = replace(
+        design(HAUV, found, replace(HAUV_WEIGHTS, Q=Q), stride=10), k=np.zeros((81, 4, 12))
+    )
     assert calm.R.min() > 0.0
     flown = fly(HAUV, free, start=start)
     linear = linear_response(found, A, B, found.U, start=start)
@@ -222,7 +279,9 @@ def test_linear_model_of_a_small_deviation_agrees_with_the_nonlinear_one(trimmed
 
 def test_inputs_keep_their_limits_and_rates() -> None:
     limits = HAUV.inputs
-    asked = limited(np.array([500.0, -1.0, 0.0, 0.04]), np.array([100.0, 0.0, 0.0, 0.0]), limits, 0.05)
+    asked = limited(
+        np.array([500.0, -1.0, 0.0, 0.04]), np.array([100.0, 0.0, 0.0, 0.0]), limits, 0.05
+    )
     assert asked == pytest.approx([105.0, -0.05, 0.0, 0.04])
     assert limited(np.array([-50.0, 0.0, 0.0, 0.0]), np.zeros(4), limits, 1.0)[0] == 0.0
 
@@ -244,6 +303,8 @@ def test_wrong_weights_words_and_cards_are_named(trimmed: Equilibrium) -> None:
 
 def test_a_vehicle_that_cannot_move_sideways_is_refused() -> None:
     still = replace(HAUV, hybrid=replace(HAUV.hybrid, fins=np.zeros((6, 3))))
-    line = fly_path(path_of_pieces((0, 0, 0), 0.0, 0.0, [("line", 15.0, 0.0, 0.0)]), speed_m_s=1.5, step_s=0.1)
+    line = fly_path(
+        path_of_pieces((0, 0, 0), 0.0, 0.0, [("line", 15.0, 0.0, 0.0)]), speed_m_s=1.5, step_s=0.1
+    )
     with pytest.raises(PipelineError, match="not controllable at"):
         design(still, equilibrium(still, line), HAUV_WEIGHTS)

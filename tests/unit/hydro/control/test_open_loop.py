@@ -1,4 +1,6 @@
-"""Open-loop manoeuvres of section 4.1: what the text says, and the parameter set under which it holds."""
+"""Open-loop manoeuvres of section 4.1: what the text says, and the parameter set under
+which it holds.
+"""
 
 import copy
 from pathlib import Path
@@ -6,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.control.open_loop import findings, fly_open_loop, open_loop_cases
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
@@ -17,7 +20,11 @@ SIMULATED, CORRECTED = hybrid_vehicle(HAUV, "as_simulated"), hybrid_vehicle(HAUV
 BY_NAME = {case.name: case for case in open_loop_cases(CASES, SIMULATED)}
 
 HOLD_AS_SIMULATED = {
-    "straight": {"steady_u": True, "steady_theta": True, "depth": False},  # 0.31 m, not a few centimetres
+    "straight": {
+        "steady_u": True,
+        "steady_theta": True,
+        "depth": False,
+    },  # 0.31 m, not a few centimetres
     "circle_banking": {"steady_u": True, "steady_phi": True, "steady_theta": True},
     "circle_no_banking": {"steady_phi": True, "steady_theta": True},
     "glide_float_up": {"steady_u": True, "steady_w": True, "steady_theta": True},
@@ -42,7 +49,9 @@ def test_every_case_of_the_section_is_there():
 @pytest.mark.parametrize("name", HOLD_AS_SIMULATED)
 def test_statements_of_the_text_under_the_parameters_of_the_simulations(flown, name):
     found = {item.statement.quantity: item.holds for item in findings(flown[name])}
-    assert found == HOLD_AS_SIMULATED[name], [(item.statement.quantity, item.ours) for item in findings(flown[name])]
+    assert found == HOLD_AS_SIMULATED[name], [
+        (item.statement.quantity, item.ours) for item in findings(flown[name])
+    ]
 
 
 def test_the_manoeuvres_go_where_their_names_say(flown):
@@ -52,14 +61,20 @@ def test_the_manoeuvres_go_where_their_names_say(flown):
     assert end["spiral_ascent"][8] < -50.0
     assert abs(end["spiral_ascent"][11]) > 4.0 * np.pi
     assert abs(end["straight"][7]) < 1e-6
-    assert end["circle_banking"][8] > 2.0 > abs(end["circle_no_banking"][8])  # banking makes a helix downwards
+    assert (
+        end["circle_banking"][8] > 2.0 > abs(end["circle_no_banking"][8])
+    )  # banking makes a helix downwards
     depth = flown["sawtooth"].chi[:, 8]
     assert np.count_nonzero(np.diff(np.sign(np.diff(depth)))) >= 6
 
 
 def test_corrected_coefficients_do_not_give_the_speeds_of_the_text():
     run = fly_open_loop(CORRECTED, BY_NAME["glide_dive"])
-    assert {item.statement.quantity: item.holds for item in findings(run)} == {"steady_u": False, "steady_w": False, "steady_theta": False}
+    assert {item.statement.quantity: item.holds for item in findings(run)} == {
+        "steady_u": False,
+        "steady_w": False,
+        "steady_theta": False,
+    }
     assert run.quantity("steady_u") == pytest.approx(1.048, abs=1e-3)
 
 
@@ -85,9 +100,24 @@ def edited(case, key, value):
 @pytest.mark.parametrize(
     ("case", "key", "value", "message"),
     [
-        ("glide_dive", "mass", {"value": 75.0, "unit": "kg", "source": "t"}, r"open_loop.glide_dive.mass.*71.5 .empty. to 73.5 kg"),
-        ("sawtooth", "mass_swing", {"value": 2.0, "unit": "kg", "source": "t"}, r"open_loop.sawtooth.mass_swing.*buoyancy engine"),
-        ("straight", "thrust", {"value": 300.0, "unit": "N", "source": "t"}, r"open_loop.straight.thrust.*0 to 272 N"),
+        (
+            "glide_dive",
+            "mass",
+            {"value": 75.0, "unit": "kg", "source": "t"},
+            r"open_loop.glide_dive.mass.*71.5 .empty. to 73.5 kg",
+        ),
+        (
+            "sawtooth",
+            "mass_swing",
+            {"value": 2.0, "unit": "kg", "source": "t"},
+            r"open_loop.sawtooth.mass_swing.*buoyancy engine",
+        ),
+        (
+            "straight",
+            "thrust",
+            {"value": 300.0, "unit": "N", "source": "t"},
+            r"open_loop.straight.thrust.*0 to 272 N",
+        ),
         ("straight", "thrust", {"value": 300.0, "unit": "kg", "source": "t"}, "wrong unit"),
         ("straight", "duration", {"value": 0.0, "unit": "s", "source": "t"}, "must be positive"),
         ("straight", "statements", {"steady_bank": {}}, "unknown quantity"),

@@ -1,12 +1,22 @@
-"""Paths of a vehicle: defining geometry of helix, saw-tooth and Dubins paths, frames, arc length, tracking errors."""
+"""Paths of a vehicle: defining geometry of helix, saw-tooth and Dubins paths, frames,
+arc length, tracking errors.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
-from auvid.hydro.control.paths.paths import Curve, frame_roll, frenet_frame, helix, path_of_pieces, saw_tooth
+from auvid.hydro.control.paths.paths import (
+    Curve,
+    frame_roll,
+    frenet_frame,
+    helix,
+    path_of_pieces,
+    saw_tooth,
+)
 from auvid.hydro.control.paths.trajectories import fly_path, tracking_error, trajectory_through
 
 POSES = [
@@ -27,20 +37,30 @@ def test_helix_has_its_radius_pitch_length_and_curvature() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", [helix(radius_m=9.0, pitch_rad=-0.2, turns=1.0, ramp_m=4.0), dubins_path(*POSES[0], Bounds(12.0, 0.35, 30.0))]
+    "path",
+    [
+        helix(radius_m=9.0, pitch_rad=-0.2, turns=1.0, ramp_m=4.0),
+        dubins_path(*POSES[0], Bounds(12.0, 0.35, 30.0)),
+    ],
 )
 def test_arc_length_and_tangent_agree_with_the_positions(path: Curve) -> None:
     s = np.linspace(0.0, path.length_m, 20001)
     points = path.at(s)
     chord = np.linalg.norm(np.diff(points.position, axis=0), axis=1)
-    assert chord.sum() == pytest.approx(path.length_m, rel=1e-6)  # chords cut arcs of 12 m radius by 1e-7
+    assert chord.sum() == pytest.approx(
+        path.length_m, rel=1e-6
+    )  # chords cut arcs of 12 m radius by 1e-7
     middle = 0.5 * (points.tangent[1:] + points.tangent[:-1])
-    assert np.abs(np.diff(points.position, axis=0) / chord[:, None] - middle).max() < 5e-4  # a jump of curvature inside one step
+    assert (
+        np.abs(np.diff(points.position, axis=0) / chord[:, None] - middle).max() < 5e-4
+    )  # a jump of curvature inside one step
 
 
 @pytest.mark.parametrize("ramp_m", [0.0, 6.0])
 @pytest.mark.parametrize(("first", "last"), POSES)
-def test_dubins_path_joins_the_poses_within_its_bounds(first: Pose, last: Pose, ramp_m: float) -> None:
+def test_dubins_path_joins_the_poses_within_its_bounds(
+    first: Pose, last: Pose, ramp_m: float
+) -> None:
     bounds = Bounds(12.0, 0.35, 30.0, ramp_m)
     path = dubins_path(first, last, bounds)
     end = path.at(path.length_m)
@@ -58,7 +78,9 @@ def test_dubins_path_joins_the_poses_within_its_bounds(first: Pose, last: Pose, 
 def test_continuous_curvature_has_no_jump_and_the_classic_path_has() -> None:
     def jump(ramp_m: float) -> float:
         path = dubins_path(*POSES[0], Bounds(12.0, 0.35, 30.0, ramp_m))
-        return float(np.abs(np.diff(path.at(np.linspace(0.0, path.length_m, 40001)).heading_rate)).max())
+        return float(
+            np.abs(np.diff(path.at(np.linspace(0.0, path.length_m, 40001)).heading_rate)).max()
+        )
 
     assert jump(6.0) < 1e-4
     assert jump(0.0) > 0.07
@@ -66,7 +88,9 @@ def test_continuous_curvature_has_no_jump_and_the_classic_path_has() -> None:
 
 def test_dubins_path_in_a_straight_line_is_that_line() -> None:
     path = dubins_path(
-        Pose(0, 0, 0, 0.3, 0.1), Pose(20 * np.cos(0.3), 20 * np.sin(0.3), -20 * np.tan(0.1), 0.3, 0.1), Bounds(10.0, 0.4, 20.0)
+        Pose(0, 0, 0, 0.3, 0.1),
+        Pose(20 * np.cos(0.3), 20 * np.sin(0.3), -20 * np.tan(0.1), 0.3, 0.1),
+        Bounds(10.0, 0.4, 20.0),
     )
     assert path.length_m == pytest.approx(20.0 / np.cos(0.1), abs=1e-6)
 
@@ -74,7 +98,9 @@ def test_dubins_path_in_a_straight_line_is_that_line() -> None:
 def test_impossible_dubins_pairs_say_what_is_missing() -> None:
     with pytest.raises(CampaignError, match="steeper than the path may be"):
         dubins_path(Pose(0, 0, 0, 0, 0.5), Pose(50, 0, 0, 0, 0), Bounds(10.0, 0.35, 20.0))
-    with pytest.raises(CampaignError, match=r"no Dubins path of five segments.*turns of 10 m radius"):
+    with pytest.raises(
+        CampaignError, match=r"no Dubins path of five segments.*turns of 10 m radius"
+    ):
         dubins_path(Pose(0, 0, 0, 0, 0), Pose(50, 0, 5000, 0, 0), Bounds(10.0, 0.35, 20.0))
     with pytest.raises(CampaignError, match="must be positive"):
         dubins_path(Pose(0, 0, 0, 0, 0), Pose(50, 0, 0, 0, 0), Bounds(0.0, 0.35, 20.0))
@@ -93,8 +119,15 @@ def test_a_piece_shorter_than_its_ramp_is_refused() -> None:
         path_of_pieces((0, 0, 0), 0.0, 0.0, [("turn", 1.0, 0.1, 0.0)], ramp_m=2.0)
 
 
-def test_frenet_frames_are_rotations_and_keep_the_vehicle_upright_on_either_turn_and_on_a_line() -> None:
-    pieces = [("line", 10.0, 0.0, 0.0), ("port", 10.0, -0.1, 0.0), ("line", 10.0, 0.0, 0.0), ("starboard", 10.0, 0.1, 0.02)]
+def test_frenet_frames_are_rotations_and_keep_the_vehicle_upright_on_either_turn_and_on_a_line() -> (
+    None
+):
+    pieces = [
+        ("line", 10.0, 0.0, 0.0),
+        ("port", 10.0, -0.1, 0.0),
+        ("line", 10.0, 0.0, 0.0),
+        ("starboard", 10.0, 0.1, 0.02),
+    ]
     points = path_of_pieces((0, 0, 0), 0.0, 0.1, pieces).at(np.linspace(0.0, 40.0, 401))
     frame = frenet_frame(points)
     assert np.allclose(frame @ frame.swapaxes(-1, -2), np.eye(3), atol=1e-12)
@@ -119,13 +152,23 @@ def test_tracking_error_tells_late_from_beside() -> None:
     assert error.position_m[-1] == pytest.approx(1.5 * 0.05 * 10, rel=0.01)
     assert error.cross_track_m.max() < 1e-3  # chord of a step against the arc
     beside = tracking_error(wanted, wanted.position + np.array([0.0, 0.0, 1.0]))
-    assert np.allclose(beside.cross_track_m, 1.0, atol=0.02)  # the helix rises by 0.1, so the nearest point lies a little ahead
+    assert np.allclose(
+        beside.cross_track_m, 1.0, atol=0.02
+    )  # the helix rises by 0.1, so the nearest point lies a little ahead
 
 
-@pytest.mark.parametrize(("speed", "frame", "words"), [(0.0, "level", "positive speed"), (1.0, "banked", "unknown frame")])
+@pytest.mark.parametrize(
+    ("speed", "frame", "words"),
+    [(0.0, "level", "positive speed"), (1.0, "banked", "unknown frame")],
+)
 def test_wrong_figures_of_a_trajectory_are_named(speed: float, frame: str, words: str) -> None:
     with pytest.raises(CampaignError, match=words):
-        fly_path(helix(radius_m=12.0, pitch_rad=0.1, turns=2.0), speed_m_s=speed, step_s=0.05, frame=frame)
+        fly_path(
+            helix(radius_m=12.0, pitch_rad=0.1, turns=2.0),
+            speed_m_s=speed,
+            step_s=0.05,
+            frame=frame,
+        )
 
 
 def test_a_recording_that_stands_still_has_no_path() -> None:

@@ -1,11 +1,22 @@
-"""Regulators and observers against scipy's algebraic solution and against their defining equations."""
+"""Regulators and observers against scipy's algebraic solution and against their
+defining equations.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_are
+
 from auvid.data_schemas.errors import PipelineError
-from auvid.hydro.control.observer import augmented, disturbance_target, feed_forward_gain, kalman_gain, observer_eigenvalues, placed_gain
+from auvid.hydro.control.observer import (
+    augmented,
+    disturbance_target,
+    feed_forward_gain,
+    kalman_gain,
+    observer_eigenvalues,
+    placed_gain,
+)
 from auvid.hydro.control.riccati import (
     algebraic_riccati,
     backward_riccati,
@@ -16,7 +27,6 @@ from auvid.hydro.control.riccati import (
     stability_margins,
     uncontrollable_states,
 )
-from scipy.linalg import solve_continuous_are
 
 RANDOM = np.random.default_rng(3)
 A = RANDOM.normal(size=(12, 12))
@@ -31,9 +41,14 @@ def still(matrix: np.ndarray, samples: int) -> np.ndarray:
 
 def test_backward_riccati_of_a_time_invariant_system_is_the_algebraic_solution() -> None:
     size = np.abs(P).max()
-    assert np.abs(backward_riccati(still(A, 30), still(B, 30), Q, R, step_s=0.05) - P).max() / size < 1e-8
+    assert (
+        np.abs(backward_riccati(still(A, 30), still(B, 30), Q, R, step_s=0.05) - P).max() / size
+        < 1e-8
+    )
     assert np.abs(frozen_riccati(still(A, 2), still(B, 2), Q, R) - P).max() / size < 1e-8
-    from_zero = backward_riccati(still(A, 400), still(B, 400), Q, R, step_s=0.05, end=np.zeros((12, 12)))
+    from_zero = backward_riccati(
+        still(A, 400), still(B, 400), Q, R, step_s=0.05, end=np.zeros((12, 12))
+    )
     assert np.abs(from_zero[0] - P).max() / size < 1e-8
 
 
@@ -48,7 +63,9 @@ def test_backward_riccati_satisfies_its_equation_where_the_system_varies() -> No
 
 
 def test_margins_of_a_regulator_with_diagonal_weights() -> None:
-    low, high, phase = stability_margins(A, B, regulator_gain(B, algebraic_riccati(A, B, Q, np.eye(4)), np.eye(4)))
+    low, high, phase = stability_margins(
+        A, B, regulator_gain(B, algebraic_riccati(A, B, Q, np.eye(4)), np.eye(4))
+    )
     assert low == pytest.approx(0.5, abs=1e-3)
     assert high > 100.0
     assert phase >= np.radians(59.9)
@@ -78,7 +95,9 @@ def test_placed_poles_are_five_times_faster_than_the_controller() -> None:
     gain = placed_gain(still(A, 2), poles)
     found = observer_eigenvalues(still(A, 2), gain)
     wanted = -5.0 * np.abs(poles.real).max()
-    assert np.allclose(found.real, wanted, rtol=1e-4)  # double poles: eigenvalues split by the root of rounding
+    assert np.allclose(
+        found.real, wanted, rtol=1e-4
+    )  # double poles: eigenvalues split by the root of rounding
     with pytest.raises(PipelineError, match="does not stabilise"):
         placed_gain(still(A, 2), -poles)
 
@@ -95,7 +114,9 @@ def test_a_disturbance_inside_the_reach_of_the_inputs_is_cancelled() -> None:
     reachable = np.zeros((12, 4))
     reachable[:4] = np.diag([1.0, 2.0, 3.0, 4.0])
     push = np.array([1.0, -2.0, 3.0, 0.5, 0.0, 0.0])
-    assert np.allclose(reachable @ (feed_forward_gain(reachable) @ push), np.concatenate([push, np.zeros(6)]))
+    assert np.allclose(
+        reachable @ (feed_forward_gain(reachable) @ push), np.concatenate([push, np.zeros(6)])
+    )
 
 
 def test_the_target_of_a_disturbance_is_at_rest_and_on_the_path() -> None:

@@ -1,4 +1,6 @@
-"""Equations of motion: conservation laws, forward against inverse, and the published terminal speeds."""
+"""Equations of motion: conservation laws, forward against inverse, and the published
+terminal speeds.
+"""
 
 import csv
 import math
@@ -8,6 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import (
@@ -22,12 +27,12 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 ROOT = Path(__file__).parents[4]
 VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
-BLUEROV2 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text()))
+BLUEROV2 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
+)
 IDLE = replace(VT690, propeller=None, fins=None)
 """The VT 690 without actuators: in still water without drag nothing takes energy out."""
 
@@ -45,7 +50,12 @@ def published(name):
 def drift(vehicle, state, seconds):
     """States along a motion without drag and actuators."""
     solution = solve_ivp(
-        lambda t, x: state_derivative(vehicle, x, Control(), np.zeros_like), (0.0, seconds), state, method="DOP853", rtol=1e-12, atol=1e-12
+        lambda t, x: state_derivative(vehicle, x, Control(), np.zeros_like),
+        (0.0, seconds),
+        state,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12,
     )
     assert solution.success
     return solution.y.T
@@ -55,31 +65,50 @@ def energy(vehicle, states):
     """Kinetic energy of body and water plus the potential of weight and buoyancy [J]."""
     kinetic = 0.5 * np.einsum("ni,ij,nj->n", states[:, 6:], vehicle.mass_matrix, states[:, 6:])
     turn = rotation_body_to_ned(states[:, 3:6])
-    depth_G, depth_B = states[:, 2] + (turn @ vehicle.r_G)[:, 2], states[:, 2] + (turn @ vehicle.r_B)[:, 2]
+    depth_G, depth_B = (
+        states[:, 2] + (turn @ vehicle.r_G)[:, 2],
+        states[:, 2] + (turn @ vehicle.r_B)[:, 2],
+    )
     return kinetic - vehicle.weight * depth_G + vehicle.buoyancy * depth_B
 
 
-@pytest.mark.parametrize("vehicle", [IDLE, replace(BLUEROV2, thrusters=None)], ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize(
+    "vehicle", [IDLE, replace(BLUEROV2, thrusters=None)], ids=lambda vehicle: vehicle.name
+)
 def test_energy_is_conserved_without_drag(vehicle):
     total = energy(vehicle, drift(vehicle, STATE, 10.0))
-    assert np.ptp(total) < 1e-8 * 0.5 * STATE[6] ** 2 * vehicle.mass_kg  # J, against the kinetic energy; integrator tolerance 1e-12
+    assert (
+        np.ptp(total) < 1e-8 * 0.5 * STATE[6] ** 2 * vehicle.mass_kg
+    )  # J, against the kinetic energy; integrator tolerance 1e-12
 
 
 def test_momentum_is_conserved_where_no_force_acts():
-    """Kirchhoff: with W = B and r_G = r_B the momentum of body and water keeps its components in NED."""
+    """Kirchhoff: with W = B and r_G = r_B the momentum of body and water keeps its
+    components in NED.
+    """
     neutral = replace(IDLE, displaced_mass_kg=IDLE.mass_kg, r_B=IDLE.r_G)
     states = drift(neutral, STATE, 10.0)
-    momentum = np.einsum("nij,nj->ni", rotation_body_to_ned(states[:, 3:6]), (states[:, 6:] @ neutral.mass_matrix)[:, :3])
-    np.testing.assert_allclose(momentum, np.broadcast_to(momentum[0], momentum.shape), rtol=0.0, atol=1e-8)  # kg m/s
+    momentum = np.einsum(
+        "nij,nj->ni",
+        rotation_body_to_ned(states[:, 3:6]),
+        (states[:, 6:] @ neutral.mass_matrix)[:, :3],
+    )
+    np.testing.assert_allclose(
+        momentum, np.broadcast_to(momentum[0], momentum.shape), rtol=0.0, atol=1e-8
+    )  # kg m/s
 
 
 def test_inverse_of_forward_dynamics():
     rng = np.random.default_rng(5)
     eta, nu, force = rng.uniform(-1.0, 1.0, size=(3, 4, 5, 6))
-    control = Control(propeller_rev_s=rng.uniform(20, 45, (4, 5)), fins_rad=rng.uniform(-0.3, 0.3, (4, 5, 4)))
+    control = Control(
+        propeller_rev_s=rng.uniform(20, 45, (4, 5)), fins_rad=rng.uniform(-0.3, 0.3, (4, 5, 4))
+    )
     nu_dot = forward_dynamics(VT690, eta, nu, control, force)
     assert nu_dot.shape == (4, 5, 6)
-    np.testing.assert_allclose(inverse_dynamics(VT690, eta, nu, nu_dot, control), force, rtol=0.0, atol=1e-12)  # N, N m; forces up to 100
+    np.testing.assert_allclose(
+        inverse_dynamics(VT690, eta, nu, nu_dot, control), force, rtol=0.0, atol=1e-12
+    )  # N, N m; forces up to 100
 
 
 def test_residual_is_equation_4_4():
@@ -105,7 +134,11 @@ def test_residual_is_equation_4_4():
 
 def test_filtered_thruster_forces_may_replace_pulses():
     pulses = np.array([[1600.0] * 8, [1450.0] * 8])
-    by_pulse = actuator_force(BLUEROV2, np.zeros((2, 6)), Control(thruster_pwm_us=pulses, voltage_v=np.array([15.0, 16.0])))
+    by_pulse = actuator_force(
+        BLUEROV2,
+        np.zeros((2, 6)),
+        Control(thruster_pwm_us=pulses, voltage_v=np.array([15.0, 16.0])),
+    )
     forces = thruster_forces(BLUEROV2.thrusters, pulses, np.array([15.0, 16.0]))
     by_force = actuator_force(BLUEROV2, np.zeros((2, 6)), Control(thruster_force_N=forces))
     assert list(by_pulse) == ["thrusters"]
@@ -134,12 +167,16 @@ def test_missing_commands_are_named(vehicle, control, what):
     ],
 )
 def test_level_terminal_speeds(model, speeds):
-    """Thrust against the published surge drag at 1800, 2133, 2350, 2600 rpm; 1e-3 m/s is the last digit quoted."""
+    """Thrust against the published surge drag at 1800, 2133, 2350, 2600 rpm; 1e-3 m/s
+    is the last digit quoted.
+    """
     viscous = published(model)
 
     def surge(u, n):
         nu = np.array([u, 0, 0, 0, 0, 0])
-        thrust = actuator_force(VT690, nu, Control(propeller_rev_s=n, fins_rad=np.zeros(4)))["propeller"][0]
+        thrust = actuator_force(VT690, nu, Control(propeller_rev_s=n, fins_rad=np.zeros(4)))[
+            "propeller"
+        ][0]
         return thrust + viscous.force(nu)[0]
 
     found = [brentq(surge, 0.3, 4.0, args=(rpm / 60.0,)) for rpm in (1800, 2133, 2350, 2600)]
@@ -147,9 +184,15 @@ def test_level_terminal_speeds(model, speeds):
 
 
 def test_level_speed_table_is_the_balance_of_the_mcfarland_model():
-    """McFarland's level drag is -4.797 u^2 alone, so u_c is proportional to n: one root gives the whole table (rounded to 1e-4)."""
+    """McFarland's level drag is -4.797 u^2 alone, so u_c is proportional to n: one root
+    gives the whole table (rounded to 1e-4).
+    """
     table = VT690.propeller
-    a = 1000.0 * 0.12**4 * np.array([-0.1378 * (0.7 / 0.12) ** 2, 0.0483 * 0.7 / 0.12, 0.0578]) + [-4.797, 0.0, 0.0]
+    a = 1000.0 * 0.12**4 * np.array([-0.1378 * (0.7 / 0.12) ** 2, 0.0483 * 0.7 / 0.12, 0.0578]) + [
+        -4.797,
+        0.0,
+        0.0,
+    ]
     slope = float(max(np.roots(a)))
     np.testing.assert_allclose(table.level_speed_m_s, slope * table.level_speed_rev_s, atol=1e-4)
 
@@ -157,14 +200,28 @@ def test_level_speed_table_is_the_balance_of_the_mcfarland_model():
 def test_open_water_efficiency_is_plausible():
     """0.48 to 0.59 at the operating points: K_Q, K_T and rev/s are read rightly."""
     for u, n in ((1.528, 30.0), (2.171, 43.33), (1.236, 30.0)):
-        tau = actuator_force(VT690, [u, 0, 0, 0, 0, 0], Control(propeller_rev_s=n, fins_rad=np.zeros(4)))["propeller"]
+        tau = actuator_force(
+            VT690, [u, 0, 0, 0, 0, 0], Control(propeller_rev_s=n, fins_rad=np.zeros(4))
+        )["propeller"]
         efficiency = 0.7 * u * tau[0] / (2.0 * math.pi * n * tau[3])
         assert 0.45 < efficiency < 0.62
 
 
 def test_roll_moves_back_and_the_vehicle_rises_slowly():
     """Forward in time: a rolled VT 690 rolls back, and 2.39 N of net buoyancy lift it."""
-    nu_dot = forward_dynamics(VT690, [0, 0, 5, 0.3, 0, 0], np.zeros(6), Control(propeller_rev_s=0.0, fins_rad=np.zeros(4)), np.zeros(6))
+    nu_dot = forward_dynamics(
+        VT690,
+        [0, 0, 5, 0.3, 0, 0],
+        np.zeros(6),
+        Control(propeller_rev_s=0.0, fins_rad=np.zeros(4)),
+        np.zeros(6),
+    )
     assert nu_dot[3] < 0.0
-    level = forward_dynamics(VT690, [0, 0, 5, 0, 0, 0], np.zeros(6), Control(propeller_rev_s=0.0, fins_rad=np.zeros(4)), np.zeros(6))
+    level = forward_dynamics(
+        VT690,
+        [0, 0, 5, 0, 0, 0],
+        np.zeros(6),
+        Control(propeller_rev_s=0.0, fins_rad=np.zeros(4)),
+        np.zeros(6),
+    )
     assert level[2] == pytest.approx(-2.393 / (41.458 + 40.165), rel=0.05)

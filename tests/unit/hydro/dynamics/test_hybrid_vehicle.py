@@ -1,4 +1,6 @@
-"""The H-AUV: its equations written out, equilibria, current and force field, batches, and the buoyancy engine."""
+"""The H-AUV: its equations written out, equilibria, current and force field, batches,
+and the buoyancy engine.
+"""
 
 import copy
 from dataclasses import replace
@@ -7,12 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.optimize import fsolve
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, chi_dot, hybrid_vehicle, nu_dot, parameter_coefficients
+from auvid.hydro.dynamics.hybrid_vehicle import (
+    PARAMETER_SETS,
+    chi_dot,
+    hybrid_vehicle,
+    nu_dot,
+    parameter_coefficients,
+)
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.viscous.basis import basis
-from scipy.optimize import fsolve
 
 ROOT = Path(__file__).parents[4]
 HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
@@ -33,10 +42,16 @@ def written_out(hybrid, chi, U, mass, rate):
     ud, vd, wd, pd, qd, rd = rate.T
     given = {}
     for item in parameter_coefficients(HAUV, hybrid.parameter_set):
-        key = item.name if item.kind in ("added_mass", "drag", "control") else f"{item.name}:{item.kind}"
+        key = (
+            item.name
+            if item.kind in ("added_mass", "drag", "control")
+            else f"{item.name}:{item.kind}"
+        )
         given[key] = given.get(key, 0.0) + item.value
     g = given.__getitem__
-    Xu, Yv, Zw, Kp, Mq, Nr, Yr, Zq = (g(f"{n}dot") for n in ("X_u", "Y_v", "Z_w", "K_p", "M_q", "N_r", "Y_r", "Z_q"))
+    Xu, Yv, Zw, Kp, Mq, Nr, Yr, Zq = (
+        g(f"{n}dot") for n in ("X_u", "Y_v", "Z_w", "K_p", "M_q", "N_r", "Y_r", "Z_q")
+    )
     thrust, dr, ds_right, ds_left = U.T
     xG, zG = 0.02 * (mass - 72.5), 0.05
     W, B = mass * 9.81, 72.5 * 9.81
@@ -48,12 +63,46 @@ def written_out(hybrid, chi, U, mass, rate):
     rudder = fin * (u * u * dr - u * v - xf * u * r)
     right, left = (-0.5 * fin * (u * u * d + u * w - xf * u * q) for d in (ds_right, ds_left))
     wings = -wing * (u * w - xw * u * q)
-    X = -(W - B) * s(theta) + Xu * ud + Zw * w * q + Zq * q * q - Yv * v * r - Yr * r * r + g("X_u|u|") * u * abs(u) + thrust
-    Y = (W - B) * c(theta) * s(phi) + Yv * vd + Yr * rd + Xu * u * r - Zw * w * p - Zq * p * q + rudder
+    X = (
+        -(W - B) * s(theta)
+        + Xu * ud
+        + Zw * w * q
+        + Zq * q * q
+        - Yv * v * r
+        - Yr * r * r
+        + g("X_u|u|") * u * abs(u)
+        + thrust
+    )
+    Y = (
+        (W - B) * c(theta) * s(phi)
+        + Yv * vd
+        + Yr * rd
+        + Xu * u * r
+        - Zw * w * p
+        - Zq * p * q
+        + rudder
+    )
     Y += g("Y_v|v|") * v * abs(v) + g("Y_r|r|") * r * abs(r) + g("Y_uv:body_lift") * u * v
-    Z = (W - B) * c(theta) * c(phi) + Zw * wd + Zq * qd - Xu * u * q + Yv * v * p + Yr * r * p + right + left + wings
+    Z = (
+        (W - B) * c(theta) * c(phi)
+        + Zw * wd
+        + Zq * qd
+        - Xu * u * q
+        + Yv * v * p
+        + Yr * r * p
+        + right
+        + left
+        + wings
+    )
     Z += g("Z_w|w|") * w * abs(w) + g("Z_q|q|") * q * abs(q) + g("Z_uw:body_lift") * u * w
-    K = -zG * W * c(theta) * s(phi) + Kp * pd - (Yv - Zw) * v * w - (Yr + Zq) * w * r + (Yr + Zq) * v * q - (Mq - Nr) * q * r
+    K = (
+        -zG * W * c(theta) * s(phi)
+        + Kp * pd
+        - (Yv - Zw) * v * w
+        - (Yr + Zq) * w * r
+        + (Yr + Zq) * v * q
+        - (Mq - Nr) * q * r
+    )
     K += g("K_p|p|") * p * abs(p) + y * (right - left)
     M = (
         -xG * W * c(theta) * c(phi)
@@ -65,15 +114,36 @@ def written_out(hybrid, chi, U, mass, rate):
         + (Kp - Nr) * r * p
         - Zq * u * q
     )
-    M += g("M_q|q|") * q * abs(q) + g("M_w|w|") * w * abs(w) + g("M_uw:body_lift") * u * w - xf * (right + left) - xw * wings
-    N = xG * W * c(theta) * s(phi) + Nr * rd + Yr * vd - (Xu - Yv) * u * v + Yr * u * r + Zq * w * p - (Kp - Mq) * p * q
-    N += g("N_r|r|") * r * abs(r) + g("N_v|v|") * v * abs(v) + g("N_uv:body_lift") * u * v + xf * rudder
+    M += (
+        g("M_q|q|") * q * abs(q)
+        + g("M_w|w|") * w * abs(w)
+        + g("M_uw:body_lift") * u * w
+        - xf * (right + left)
+        - xw * wings
+    )
+    N = (
+        xG * W * c(theta) * s(phi)
+        + Nr * rd
+        + Yr * vd
+        - (Xu - Yv) * u * v
+        + Yr * u * r
+        + Zq * w * p
+        - (Kp - Mq) * p * q
+    )
+    N += (
+        g("N_r|r|") * r * abs(r)
+        + g("N_v|v|") * v * abs(v)
+        + g("N_uv:body_lift") * u * v
+        + xf * rudder
+    )
     left_side = [
         mass * (ud - v * r + w * q - xG * (q * q + r * r) + zG * (p * r + qd)),
         mass * (vd - w * p + u * r + zG * (q * r - pd) + xG * (q * p + rd)),
         mass * (wd - u * q + v * p - zG * (p * p + q * q) + xG * (r * p - qd)),
         Ix * pd + (Iz - Iy) * q * r - mass * zG * (vd - w * p + u * r),
-        Iy * qd + (Ix - Iz) * r * p + mass * (zG * (ud - v * r + w * q) - xG * (wd - u * q + v * p)),
+        Iy * qd
+        + (Ix - Iz) * r * p
+        + mass * (zG * (ud - v * r + w * q) - xG * (wd - u * q + v * p)),
         Iz * rd + (Iy - Ix) * p * q + mass * xG * (vd - w * p + u * r),
     ]
     return np.column_stack(left_side) - np.column_stack([X, Y, Z, K, M, N])
@@ -85,7 +155,9 @@ def test_the_common_equations_are_those_of_the_thesis_written_out(parameter_set)
     chi, U, mass = states(3, 50)
     rate = nu_dot(hybrid, chi, U, mass_kg=mass)
     residual = written_out(hybrid, chi, U, mass, rate)
-    assert np.abs(residual).max() < 2e-3  # N and N m of some 1000: the lift slopes above have seven digits
+    assert (
+        np.abs(residual).max() < 2e-3
+    )  # N and N m of some 1000: the lift slopes above have seven digits
 
 
 def equilibrium(mass, thrust, guess):
@@ -98,8 +170,12 @@ def equilibrium(mass, thrust, guess):
 
 
 def test_glide_and_thrust_equilibria_of_the_simulations():
-    assert equilibrium(73.5, 0.0, [0.2, 0.04, -0.28]) == pytest.approx([0.2004, 0.0404, -0.2808], abs=1e-4)
-    assert equilibrium(71.5, 0.0, [0.2, -0.04, 0.28]) == pytest.approx([0.2, -0.0402, 0.2796], abs=2e-3)
+    assert equilibrium(73.5, 0.0, [0.2, 0.04, -0.28]) == pytest.approx(
+        [0.2004, 0.0404, -0.2808], abs=1e-4
+    )
+    assert equilibrium(71.5, 0.0, [0.2, -0.04, 0.28]) == pytest.approx(
+        [0.2, -0.0402, 0.2796], abs=2e-3
+    )
     assert equilibrium(72.5, 150.0, [1.5, 0.0, 0.0]) == pytest.approx([1.5, 0.0, 0.0], abs=0.012)
 
 
@@ -108,18 +184,26 @@ def test_every_member_of_a_batch_is_what_it_is_alone():
     push, current = np.array([1.0, 225.0, -3.0]), np.array([0.1, -0.2, 0.05])
     together = chi_dot(SIMULATED, chi, U, mass_kg=mass, force_ned_N=push, current_ned_m_s=current)
     for i in range(4):
-        alone = chi_dot(SIMULATED, chi[i], U[i], mass_kg=mass[i], force_ned_N=push, current_ned_m_s=current)
+        alone = chi_dot(
+            SIMULATED, chi[i], U[i], mass_kg=mass[i], force_ned_N=push, current_ned_m_s=current
+        )
         np.testing.assert_allclose(together[i], alone, rtol=1e-10, atol=1e-12)
-    assert chi_dot(SIMULATED, chi.reshape(2, 2, 12), U.reshape(2, 2, 4), mass_kg=mass.reshape(2, 2)).shape == (2, 2, 12)
+    assert chi_dot(
+        SIMULATED, chi.reshape(2, 2, 12), U.reshape(2, 2, 4), mass_kg=mass.reshape(2, 2)
+    ).shape == (2, 2, 12)
 
 
 def test_parameters_may_differ_from_member_to_member():
     chi, U, _ = states(6, 3)
     scale = np.array([1.0, 1.1, 0.9])[:, None, None]
-    varied = replace(SIMULATED, viscous=scale * SIMULATED.viscous, added_mass=scale * SIMULATED.added_mass)
+    varied = replace(
+        SIMULATED, viscous=scale * SIMULATED.viscous, added_mass=scale * SIMULATED.added_mass
+    )
     together = nu_dot(varied, chi, U)
     np.testing.assert_allclose(together[0], nu_dot(SIMULATED, chi[0], U[0]), rtol=1e-10)
-    single = replace(SIMULATED, viscous=1.1 * SIMULATED.viscous, added_mass=1.1 * SIMULATED.added_mass)
+    single = replace(
+        SIMULATED, viscous=1.1 * SIMULATED.viscous, added_mass=1.1 * SIMULATED.added_mass
+    )
     np.testing.assert_allclose(together[1], nu_dot(single, chi[1], U[1]), rtol=1e-10)
 
 
@@ -139,15 +223,23 @@ def test_a_steady_current_carries_the_vehicle_and_changes_nothing_else():
 
 
 def test_port_and_starboard_are_alike():
-    """The motion seen in a mirror is a motion: v, p, r, y, phi, psi and the rudder change sign, the stern fins change places."""
+    """The motion seen in a mirror is a motion: v, p, r, y, phi, psi and the rudder
+    change sign, the stern fins change places.
+    """
     chi, U, mass = states(8, 30)
     flip = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-    mirrored = nu_dot(SIMULATED, chi * np.tile(flip, 2), U[:, [0, 1, 3, 2]] * [1.0, -1.0, 1.0, 1.0], mass_kg=mass)
-    np.testing.assert_allclose(mirrored, flip * nu_dot(SIMULATED, chi, U, mass_kg=mass), rtol=1e-9, atol=1e-10)
+    mirrored = nu_dot(
+        SIMULATED, chi * np.tile(flip, 2), U[:, [0, 1, 3, 2]] * [1.0, -1.0, 1.0, 1.0], mass_kg=mass
+    )
+    np.testing.assert_allclose(
+        mirrored, flip * nu_dot(SIMULATED, chi, U, mass_kg=mass), rtol=1e-9, atol=1e-10
+    )
 
 
 def test_drag_and_lift_of_the_corrected_set_take_energy_out():
-    """Moving along or about one axis at a time, the viscous force of the corrected set opposes the motion."""
+    """Moving along or about one axis at a time, the viscous force of the corrected set
+    opposes the motion.
+    """
     hybrid = hybrid_vehicle(HAUV, "corrected")
     for axis in range(6):
         for speed in (-0.7, 0.7):
@@ -159,8 +251,13 @@ def test_drag_and_lift_of_the_corrected_set_take_energy_out():
 def test_the_force_field_acts_at_the_centre_of_gravity():
     chi, U, mass = np.zeros(12), np.zeros(4), 73.5
     M = SIMULATED.mass_matrix(mass, 0.02)
-    extra = M @ (nu_dot(SIMULATED, chi, U, mass_kg=mass, force_ned_N=[0.0, 225.0, 0.0]) - nu_dot(SIMULATED, chi, U, mass_kg=mass))
-    np.testing.assert_allclose(extra, [0.0, 225.0, 0.0, -0.05 * 225.0, 0.0, 0.02 * 225.0], atol=1e-9)
+    extra = M @ (
+        nu_dot(SIMULATED, chi, U, mass_kg=mass, force_ned_N=[0.0, 225.0, 0.0])
+        - nu_dot(SIMULATED, chi, U, mass_kg=mass)
+    )
+    np.testing.assert_allclose(
+        extra, [0.0, 225.0, 0.0, -0.05 * 225.0, 0.0, 0.02 * 225.0], atol=1e-9
+    )
 
 
 def test_the_propeller_rolls_the_vehicle_only_while_it_pushes():
@@ -198,7 +295,10 @@ def test_documents_that_cannot_be_are_refused():
     check_document(HAUV, "vehicle")
     with pytest.raises(CampaignError, match=r"unknown parameter set.*corrected"):
         hybrid_vehicle(HAUV, "correct")
-    for key, message in (("buoyancy_engine", "buoyancy_engine.mass_empty"), ("propulsion", "propulsion.roll_moment")):
+    for key, message in (
+        ("buoyancy_engine", "buoyancy_engine.mass_empty"),
+        ("propulsion", "propulsion.roll_moment"),
+    ):
         broken = copy.deepcopy(HAUV)
         del broken[key]
         with pytest.raises(CampaignError, match=message):

@@ -1,4 +1,6 @@
-"""The simplified model (18)-(26) of Alberti 2015: signs against the defining equations, and against the full equations of motion."""
+"""The simplified model (18)-(26) of Alberti 2015: signs against the defining equations,
+and against the full equations of motion.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.simplified import (
@@ -22,15 +25,21 @@ from auvid.hydro.dynamics.simplified import (
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 
-THAUS = vehicle_from_document(yaml.safe_load((SHIPPED_VEHICLES / "thaus.yaml").read_text(encoding="utf-8")))
+THAUS = vehicle_from_document(
+    yaml.safe_load((SHIPPED_VEHICLES / "thaus.yaml").read_text(encoding="utf-8"))
+)
 LINEAR = np.array([-20.0, -30.0, -85.9259, -1.0, -2.0, -0.5])
 QUADRATIC = np.array([-132.2436, -357.8624, -40.0, -3.0, -4.0, -5.8274])
 
 
 def low_vehicle():
-    """THAUS with the origin above its centre of gravity and all inertias added, so that every term of (26) counts."""
+    """THAUS with the origin above its centre of gravity and all inertias added, so that
+    every term of (26) counts.
+    """
     added = np.diag([-91.7507, -205.0403, -194.9859, -0.7, -1.9, -2.4765])
-    return replace(THAUS, r_G=np.array([0.0, 0.0, 0.03]), r_B=np.array([0.0, 0.0, -0.01]), added_mass=added)
+    return replace(
+        THAUS, r_G=np.array([0.0, 0.0, 0.03]), r_B=np.array([0.0, 0.0, -0.01]), added_mass=added
+    )
 
 
 def motions(n=200):
@@ -40,7 +49,9 @@ def motions(n=200):
 
 
 def test_with_z_g_terms_it_is_the_full_equation_of_motion():
-    """X_prop of (26) is the force that equations_of_motion needs beyond the viscous one, to rounding (forces of some 1000 N)."""
+    """X_prop of (26) is the force that equations_of_motion needs beyond the viscous
+    one, to rounding (forces of some 1000 N).
+    """
     vehicle = low_vehicle()
     model = simplified_of(vehicle, linear=LINEAR, quadratic=QUADRATIC, keep_z_G=True)
     eta, nu, nu_dot = motions()
@@ -55,7 +66,14 @@ def test_the_dropped_terms_are_those_of_the_text():
     eta, nu, nu_dot = motions()
     (u, v, w, p, q, r), (u_dot, v_dot, _, p_dot, q_dot, _) = nu.T, nu_dot.T
     low = model.mass * model.z_G
-    terms = [q_dot + p * r, q * r - p_dot, -(p**2 + q**2), -(v_dot - w * p + u * r), u_dot - v * r + w * q, 0.0 * r]
+    terms = [
+        q_dot + p * r,
+        q * r - p_dot,
+        -(p**2 + q**2),
+        -(v_dot - w * p + u * r),
+        u_dot - v * r + w * q,
+        0.0 * r,
+    ]
     more = propulsion(kept, eta, nu, nu_dot) - propulsion(model, eta, nu, nu_dot)
     np.testing.assert_allclose(more, low * np.stack(terms, axis=-1), atol=1e-9)
 
@@ -69,7 +87,11 @@ def test_products_of_velocities_do_no_work(keep):
     _, _, _, p, q, r = nu.T
     i_x, i_y, i_z = model.inertia
     k, m, n = model.added_mass[3:]
-    printed = p * (i_z - i_y + n + m) * q * r + q * (i_y - i_x + n - k) * r * p + r * (i_y - i_x + k - m) * r * p
+    printed = (
+        p * (i_z - i_y + n + m) * q * r
+        + q * (i_y - i_x + n - k) * r * p
+        + r * (i_y - i_x + k - m) * r * p
+    )
     assert np.abs(printed).max() > 0.1
 
 
@@ -77,7 +99,12 @@ def test_products_of_velocities_do_no_work(keep):
 def test_acceleration_undoes_propulsion(keep):
     model = simplified_of(low_vehicle(), linear=LINEAR, quadratic=QUADRATIC, keep_z_G=keep)
     eta, nu, nu_dot = motions()
-    np.testing.assert_allclose(acceleration(model, eta, nu, propulsion(model, eta, nu, nu_dot)), nu_dot, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        acceleration(model, eta, nu, propulsion(model, eta, nu, nu_dot)),
+        nu_dot,
+        rtol=1e-9,
+        atol=1e-9,
+    )
 
 
 def test_damping_takes_energy_and_the_vehicle_rights_itself():
@@ -89,7 +116,9 @@ def test_damping_takes_energy_and_the_vehicle_rights_itself():
         eta = np.zeros(6)
         eta[index] = 0.1
         assert acceleration(model, eta, np.zeros(6), np.zeros(6))[index] < 0.0
-        assert restoring_terms(model, eta)[index] == pytest.approx(38.10 * 9.80665 * 0.02 * np.sin(0.1))
+        assert restoring_terms(model, eta)[index] == pytest.approx(
+            38.10 * 9.80665 * 0.02 * np.sin(0.1)
+        )
 
 
 def test_single_channel_is_the_equation_of_the_text():
@@ -114,7 +143,10 @@ def test_pitch_answers_to_surge_and_heave():
 
 
 def test_a_vehicle_outside_of_the_assumptions_is_refused():
-    for changed in ({"r_G": np.array([0.1, 0.0, 0.0])}, {"added_mass": THAUS.added_mass + np.eye(6, k=4) + np.eye(6, k=-4)}):
+    for changed in (
+        {"r_G": np.array([0.1, 0.0, 0.0])},
+        {"added_mass": THAUS.added_mass + np.eye(6, k=4) + np.eye(6, k=-4)},
+    ):
         with pytest.raises(CampaignError, match="simplified model does not hold"):
             simplified_of(replace(THAUS, **changed), linear=LINEAR, quadratic=QUADRATIC)
 

@@ -1,4 +1,6 @@
-"""Golden tables and tolerances as files: what is read, what is refused and how it is named, and those of the repository."""
+"""Golden tables and tolerances as files: what is read, what is refused and how it is
+named, and those of the repository.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import CampaignError, PipelineError, SchemaError
 from auvid.pipeline.commands.regress import golden_tables as golden
 
@@ -22,31 +25,72 @@ GOOD = "linear,36,36,2,8,.25,1,1,1,1,1,1"
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (f"{HEAD}\n{GOOD}\nfossen,12,12,two,8,.5,1,1,1,1,1,1\n", r"training\.csv, row 3, field 'J': not a number; found 'two'"),
-        (f"{HEAD}\n{GOOD}\nfossen,12,12,2,8,.5,1,1,1,1\n", r"row 3: 10 cells under 12 headings; found 'fossen'"),
-        (f"{HEAD}\n{GOOD}\n{GOOD}\n", r"row 3, field 'model': each row needs a model of its own; found 'linear'"),
-        (f"{HEAD}\nlinear,36.5,36,2,8,.25,1,1,1,1,1,nan\n", r"(?s)2 faults.*field 'n_bar': a count.*field 'N': not a finite number"),
-        (f"{HEAD}\nlinear,36,36,,8,.25,1,1,1,1,1,1\n", r"row 2, field 'J': this cell may not be empty"),
-        (f"{HEAD}\nlinear,36,36,-1,8,.25,1,1,1,1,1,1\n", r"row 2, field 'J': not a finite number of at least 0"),
+        (
+            f"{HEAD}\n{GOOD}\nfossen,12,12,two,8,.5,1,1,1,1,1,1\n",
+            r"training\.csv, row 3, field 'J': not a number; found 'two'",
+        ),
+        (
+            f"{HEAD}\n{GOOD}\nfossen,12,12,2,8,.5,1,1,1,1\n",
+            r"row 3: 10 cells under 12 headings; found 'fossen'",
+        ),
+        (
+            f"{HEAD}\n{GOOD}\n{GOOD}\n",
+            r"row 3, field 'model': each row needs a model of its own; found 'linear'",
+        ),
+        (
+            f"{HEAD}\nlinear,36.5,36,2,8,.25,1,1,1,1,1,nan\n",
+            r"(?s)2 faults.*field 'n_bar': a count.*field 'N': not a finite number",
+        ),
+        (
+            f"{HEAD}\nlinear,36,36,,8,.25,1,1,1,1,1,1\n",
+            r"row 2, field 'J': this cell may not be empty",
+        ),
+        (
+            f"{HEAD}\nlinear,36,36,-1,8,.25,1,1,1,1,1,1\n",
+            r"row 2, field 'J': not a finite number of at least 0",
+        ),
         (f"{HEAD}\n", r"a header and at least one model"),
         ("", r"a header and at least one model"),
-        (f"model,n_bar,rank,J,ratio,X\n{GOOD}\n", r"row 1, field 'J0': not the heading that stands here; found 'ratio'"),
-        (f"{HEAD},X\n{GOOD},1\n", r"row 1, field 'column 13': each column needs a heading of its own; found 'X'"),
+        (
+            f"model,n_bar,rank,J,ratio,X\n{GOOD}\n",
+            r"row 1, field 'J0': not the heading that stands here; found 'ratio'",
+        ),
+        (
+            f"{HEAD},X\n{GOOD},1\n",
+            r"row 1, field 'column 13': each column needs a heading of its own; found 'X'",
+        ),
         (f'{HEAD}\n"linear"x,36\n', r"row 2: not valid CSV"),
         (b"model\n\xff\n", r"row 2: not UTF-8 text"),
     ],
 )
-def test_malformed_table_is_refused_with_file_row_and_field(tmp_path: Path, text: str | bytes, says: str) -> None:
+def test_malformed_table_is_refused_with_file_row_and_field(
+    tmp_path: Path, text: str | bytes, says: str
+) -> None:
     (tmp_path / "training.csv").write_bytes(text.encode() if isinstance(text, str) else text)
-    with pytest.raises(CampaignError, match=says) if "faults" not in says else pytest.raises(PipelineError, match=says):
+    with (
+        pytest.raises(CampaignError, match=says)
+        if "faults" not in says
+        else pytest.raises(PipelineError, match=says)
+    ):
         golden.read_tables(tmp_path)
 
 
 def test_spreadsheet_leavings_are_read(tmp_path: Path) -> None:
-    """A byte order mark, carriage returns and an empty last line, as spreadsheets leave them."""
-    (tmp_path / "training.csv").write_bytes(b"\xef\xbb\xbf" + f"{HEAD}\n{GOOD}\n\n".replace("\n", "\r\n").encode())
+    """A byte order mark, carriage returns and an empty last line, as spreadsheets leave
+    them.
+    """
+    (tmp_path / "training.csv").write_bytes(
+        b"\xef\xbb\xbf" + f"{HEAD}\n{GOOD}\n\n".replace("\n", "\r\n").encode()
+    )
     found = golden.read_tables(tmp_path)["training"]["linear"]
-    assert list(found.items())[:6] == [("n_bar", 36.0), ("rank", 36.0), ("J", 2.0), ("J0", 8.0), ("ratio", 0.25), ("X", 1.0)]
+    assert list(found.items())[:6] == [
+        ("n_bar", 36.0),
+        ("rank", 36.0),
+        ("J", 2.0),
+        ("J0", 8.0),
+        ("ratio", 0.25),
+        ("X", 1.0),
+    ]
 
 
 def test_misnamed_table_is_refused(tmp_path: Path) -> None:
@@ -58,21 +102,57 @@ def test_misnamed_table_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "kind", "says"),
     [
-        (lambda found: found["columns"].pop("K"), CampaignError, r"field 'columns\.K': no tolerance for this column"),
-        (lambda found: found["columns"].update(ration=found["columns"].pop("ratio")), PipelineError, "Did you mean 'ratio'"),
-        (lambda found: found["columns"].update(Q=found["columns"]["K"]), CampaignError, r"columns\.Q': no such column"),
-        (lambda found: found["columns"]["J"].pop("relative"), CampaignError, r"columns\.J': needs relative, absolute or both"),
-        (lambda found: found["columns"]["J"].update(relative=-0.1), SchemaError, r"columns\.J\.relative': out of range; found -0\.1"),
-        (lambda found: found["columns"]["J"].update(relative=math.nan), SchemaError, r"columns\.J\.relative': out of range"),
-        (lambda found: found["columns"]["J"].update(relativ=0.1), SchemaError, "Did you mean 'relative'"),
-        (lambda found: found["columns"]["J"].pop("reason"), SchemaError, r"columns\.J\.reason': missing key"),
+        (
+            lambda found: found["columns"].pop("K"),
+            CampaignError,
+            r"field 'columns\.K': no tolerance for this column",
+        ),
+        (
+            lambda found: found["columns"].update(ration=found["columns"].pop("ratio")),
+            PipelineError,
+            "Did you mean 'ratio'",
+        ),
+        (
+            lambda found: found["columns"].update(Q=found["columns"]["K"]),
+            CampaignError,
+            r"columns\.Q': no such column",
+        ),
+        (
+            lambda found: found["columns"]["J"].pop("relative"),
+            CampaignError,
+            r"columns\.J': needs relative, absolute or both",
+        ),
+        (
+            lambda found: found["columns"]["J"].update(relative=-0.1),
+            SchemaError,
+            r"columns\.J\.relative': out of range; found -0\.1",
+        ),
+        (
+            lambda found: found["columns"]["J"].update(relative=math.nan),
+            SchemaError,
+            r"columns\.J\.relative': out of range",
+        ),
+        (
+            lambda found: found["columns"]["J"].update(relativ=0.1),
+            SchemaError,
+            "Did you mean 'relative'",
+        ),
+        (
+            lambda found: found["columns"]["J"].pop("reason"),
+            SchemaError,
+            r"columns\.J\.reason': missing key",
+        ),
     ],
 )
-def test_tolerances_are_checked(tmp_path: Path, change: Callable[[Any], object], kind: type[PipelineError], says: str) -> None:
+def test_tolerances_are_checked(
+    tmp_path: Path, change: Callable[[Any], object], kind: type[PipelineError], says: str
+) -> None:
     path = tmp_path / "tolerances.yaml"
     with pytest.raises(PipelineError, match=r"tolerances\.yaml: tolerances is not there"):
         golden.read_tolerances(path, COLUMNS)
-    found = yaml.safe_load((ROOT / "pipeline" / "commands" / "regress" / "default_tolerances.yaml").read_text())
+    found = yaml.safe_load(
+        (ROOT / "pipeline" / "commands" / "regress" / "default_tolerances.yaml").read_text()
+    )
     found["columns"] = {name: dict(entry) for name, entry in found["columns"].items()}
     change(found)
     path.write_text(yaml.safe_dump(found))
@@ -80,7 +160,9 @@ def test_tolerances_are_checked(tmp_path: Path, change: Callable[[Any], object],
         golden.read_tolerances(path, COLUMNS)
 
 
-@pytest.mark.parametrize("folder", sorted((ROOT / "tests" / "golden").iterdir()), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "folder", sorted((ROOT / "tests" / "golden").iterdir()), ids=lambda path: path.name
+)
 def test_golden_tables_of_the_repository_are_well_formed(folder: Path) -> None:
     read = golden.read_tables(folder)
     tolerances = golden.read_tolerances(folder / golden.TOLERANCES, golden.columns_of(read))

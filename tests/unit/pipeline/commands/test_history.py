@@ -1,4 +1,6 @@
-"""What is remembered of finished runs: when, what, how many; in the terminal, as JSON, in the report, and as a side of a diff."""
+"""What is remembered of finished runs: when, what, how many; in the terminal, as JSON,
+in the report, and as a side of a diff.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,14 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
 from auvid.pipeline.commands.history import history_page
 from auvid.pipeline.commands.history import run_history as history
 from auvid.pipeline.commands.history.run_history import Entry, best, changes, read
 from auvid.pipeline.store.artefacts import to_json
-from typer.testing import CliRunner
 
 TABLES = {
     "training": {"linear": {"n_bar": 36, "rank": 36, "J": 1.0, "J0": 4.0, "ratio": 0.25}},
@@ -30,7 +33,14 @@ ENTRY = Entry(
     data={"dive logs/dive.BIN": "bb"},
     packages={"numpy": "2.0"},
     error_tables=TABLES,
-    figures={"pendulum: I_x": {"value": 0.2, "unit": "kg m^2", "standard_error": 0.01, "verdict": "identified"}},
+    figures={
+        "pendulum: I_x": {
+            "value": 0.2,
+            "unit": "kg m^2",
+            "standard_error": 0.01,
+            "verdict": "identified",
+        }
+    },
 )
 
 
@@ -46,19 +56,34 @@ def keep(folder: Path, entry: Entry, monkeypatch: pytest.MonkeyPatch) -> None:
     history.remember(Stub(folder))  # type: ignore[arg-type]
 
 
-def test_run_is_remembered_once_and_again_when_something_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for entry in (ENTRY, replace(ENTRY, finished_utc="2026-01-03 00:00:00"), replace(ENTRY, code={"fuse": "cc"}), ENTRY):
+def test_run_is_remembered_once_and_again_when_something_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for entry in (
+        ENTRY,
+        replace(ENTRY, finished_utc="2026-01-03 00:00:00"),
+        replace(ENTRY, code={"fuse": "cc"}),
+        ENTRY,
+    ):
         keep(tmp_path, entry, monkeypatch)
-    assert [(entry.number, entry.code["fuse"]) for entry in read(tmp_path)] == [(1, "aa"), (2, "cc"), (3, "aa")]
+    assert [(entry.number, entry.code["fuse"]) for entry in read(tmp_path)] == [
+        (1, "aa"),
+        (2, "cc"),
+        (3, "aa"),
+    ]
     assert read(tmp_path)[0] == ENTRY
 
 
-def test_run_without_figures_is_not_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_without_figures_is_not_remembered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     keep(tmp_path, replace(ENTRY, error_tables={}, figures={}), monkeypatch)
     assert read(tmp_path) == []
 
 
-def test_oldest_are_given_up_and_numbers_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oldest_are_given_up_and_numbers_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(history, "KEPT", 3)
     for number in range(5):
         keep(tmp_path, replace(ENTRY, code={"fuse": str(number)}), monkeypatch)
@@ -76,7 +101,11 @@ def test_damaged_files_are_passed_over(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_changes_name_parameters_with_both_values_and_what_else_moved() -> None:
-    new = replace(ENTRY, parameters={"fuse": {"cutoff_hz": 1.0, "method": "kinematic"}}, packages={"numpy": "2.1"})
+    new = replace(
+        ENTRY,
+        parameters={"fuse": {"cutoff_hz": 1.0, "method": "kinematic"}},
+        packages={"numpy": "2.1"},
+    )
     assert changes(None, ENTRY) == ["first run"]
     assert changes(ENTRY, new) == ["fuse.cutoff_hz: 2.0 -> 1.0", "packages: numpy"]
     assert changes(ENTRY, ENTRY) == ["nothing that is recorded"]
@@ -84,7 +113,11 @@ def test_changes_name_parameters_with_both_values_and_what_else_moved() -> None:
 
 def test_best_model_is_judged_on_validation() -> None:
     assert best(ENTRY) == ("linear", 0.25, 0.5)
-    assert best(replace(ENTRY, error_tables={"training": TABLES["training"]})) == ("linear", 0.25, None)
+    assert best(replace(ENTRY, error_tables={"training": TABLES["training"]})) == (
+        "linear",
+        0.25,
+        None,
+    )
     assert best(replace(ENTRY, error_tables={})) is None
 
 
@@ -92,20 +125,26 @@ def test_section_against_an_earlier_run_has_both_figures_and_the_change() -> Non
     table = json.loads(json.dumps(TABLES))
     table["validation"]["linear"]["ratio"] = 0.4
     section = history_page.comparison(ENTRY, replace(ENTRY, error_tables=table))
-    tables = {block["title"]: block["rows"] for block in section["blocks"] if block["kind"] == "table"}
+    tables = {
+        block["title"]: block["rows"] for block in section["blocks"] if block["kind"] == "table"
+    }
     assert tables["Validation"][0] == ["linear", 36, 36, 2.0, 2.0, 0.5, 0.4, pytest.approx(-20.0)]
     assert tables["Figures"] == [["pendulum: I_x", 0.2, 0.2, 0.0, "kg m^2"]]
 
 
 @pytest.fixture
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A new workspace with two remembered runs of its example, which itself has not been run."""
+    """A new workspace with two remembered runs of its example, which itself has not
+    been run.
+    """
     folder = tmp_path / "work"
     assert CliRunner().invoke(cli.app, ["new", str(folder)]).exit_code == 0
     monkeypatch.chdir(folder)
     kept = folder / "runs" / "example" / history.FOLDER
     kept.mkdir(parents=True)
-    second = replace(ENTRY, number=2, parameters={"fuse": {"cutoff_hz": 1.0, "method": "kinematic\x1b[31m"}})
+    second = replace(
+        ENTRY, number=2, parameters={"fuse": {"cutoff_hz": 1.0, "method": "kinematic\x1b[31m"}}
+    )
     for entry in (ENTRY, second):
         (kept / f"{entry.number:06d}.json").write_text(to_json({"format": 1, **asdict(entry)}))
     return folder
@@ -136,10 +175,32 @@ def test_two_remembered_runs_are_compared() -> None:
 
 def test_figures_come_back_as_results_and_are_counted() -> None:
     figures = {
-        "surge of leg a: X_udot": {"of": "surge of leg a", "value": -1.0, "unit": "kg", "verdict": "identified", "headline": True},
-        "surge of leg a: X_u": {"of": "surge of leg a", "value": None, "unit": "kg/s", "verdict": "weak", "headline": True},
-        "surge of leg a: X_u (linear)": {"of": "surge of leg a", "value": 3.0, "unit": "kg/s", "verdict": "weak", "headline": False},
+        "surge of leg a: X_udot": {
+            "of": "surge of leg a",
+            "value": -1.0,
+            "unit": "kg",
+            "verdict": "identified",
+            "headline": True,
+        },
+        "surge of leg a: X_u": {
+            "of": "surge of leg a",
+            "value": None,
+            "unit": "kg/s",
+            "verdict": "weak",
+            "headline": True,
+        },
+        "surge of leg a: X_u (linear)": {
+            "of": "surge of leg a",
+            "value": 3.0,
+            "unit": "kg/s",
+            "verdict": "weak",
+            "headline": False,
+        },
     }
     entry = replace(ENTRY, figures=figures)
-    assert [row["quantity"] for row in history.results_of(entry)["surge of leg a"]["rows"]] == ["X_udot", "X_u", "X_u (linear)"]
+    assert [row["quantity"] for row in history.results_of(entry)["surge of leg a"]["rows"]] == [
+        "X_udot",
+        "X_u",
+        "X_u (linear)",
+    ]
     assert history.judged(entry) == (1, 2)

@@ -1,4 +1,6 @@
-"""Golden error tables: what holds, what departs and how it is named, what an update writes, and what is refused."""
+"""Golden error tables: what holds, what departs and how it is named, what an update
+writes, and what is refused.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
 from auvid.pipeline.commands.regress import changelog
@@ -19,11 +22,16 @@ from auvid.pipeline.commands.regress.regress_command import Setting
 
 AXES = "XYZKMN"
 ROOT = Path(__file__).resolve().parents[4]
-CHANGES = "# Changelog\n\nText.\n\n## 0.2.0\n\n- fuse: new.\n  More of it.\n- validate: last.\n\n## 0.1.0\n\n- fuse: old.\n"
+CHANGES = (
+    "# Changelog\n\nText.\n\n## 0.2.0\n\n- fuse: new.\n  More of it.\n- validate: last.\n\n##"
+    " 0.1.0\n\n- fuse: old.\n"
+)
 
 
 def rows(**changed: Any) -> list[dict[str, Any]]:
-    """An error table of two models on both uses; `changed`: use_model_axis_field -> value."""
+    """An error table of two models on both uses; `changed`: use_model_axis_field ->
+    value.
+    """
     found = []
     for use in golden.USES:
         for model, n_bar, j in (("linear", 36, 2.0), ("fossen", 12, 4.0)):
@@ -45,7 +53,11 @@ def rows(**changed: Any) -> list[dict[str, Any]]:
                     found.append(row)
     for name, value in changed.items():
         use, model, axis, field = name.split("__")
-        place = next(row for row in found if (row["use"], row["leg"], row["model"], row["axis"]) == (use, "all", model, axis))
+        place = next(
+            row
+            for row in found
+            if (row["use"], row["leg"], row["model"], row["axis"]) == (use, "all", model, axis)
+        )
         place[field] = value
     return found
 
@@ -70,7 +82,11 @@ def against(setting: Setting, new: Any) -> Setting:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def test_layout_is_that_of_the_thesis_with_axes(setting: Setting) -> None:
@@ -82,7 +98,11 @@ def test_layout_is_that_of_the_thesis_with_axes(setting: Setting) -> None:
 
 
 def test_tables_come_back_from_their_files_to_six_digits(setting: Setting) -> None:
-    new = tables(training__linear__all__rms=1.23456789, validation__fossen__K__ratio=None, validation__fossen__M__ratio=math.nan)
+    new = tables(
+        training__linear__all__rms=1.23456789,
+        validation__fossen__K__ratio=None,
+        validation__fossen__M__ratio=math.nan,
+    )
     regress.update(against(setting, new), "x", as_json=False)
     read = golden.read_tables(setting.folder)
     assert read == new
@@ -95,9 +115,17 @@ def test_cells_that_hold_are_counted(setting: Setting, capsys: pytest.CaptureFix
     assert capsys.readouterr().out.splitlines()[-1] == "toy: all 44 cells hold (golden)"
 
 
-@pytest.mark.parametrize(("new", "holds"), [(2.0099, True), (1.9901, True), (2.01, True), (2.0101, False), (1.9899, False)])
-def test_relative_tolerance_is_half_a_per_cent_of_the_old_value(setting: Setting, new: float, holds: bool) -> None:
-    assert regress.check(against(setting, tables(training__linear__all__rms=new)), as_json=False) is holds
+@pytest.mark.parametrize(
+    ("new", "holds"),
+    [(2.0099, True), (1.9901, True), (2.01, True), (2.0101, False), (1.9899, False)],
+)
+def test_relative_tolerance_is_half_a_per_cent_of_the_old_value(
+    setting: Setting, new: float, holds: bool
+) -> None:
+    assert (
+        regress.check(against(setting, tables(training__linear__all__rms=new)), as_json=False)
+        is holds
+    )
 
 
 def test_larger_of_relative_and_absolute_counts() -> None:
@@ -107,13 +135,42 @@ def test_larger_of_relative_and_absolute_counts() -> None:
     assert tolerance.allowed(0.01) == 0.0005
 
 
-def test_departure_is_named_with_model_axis_old_new_tolerance(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
+def test_departure_is_named_with_model_axis_old_new_tolerance(
+    setting: Setting, capsys: pytest.CaptureFixture[str]
+) -> None:
     capsys.readouterr()
-    new = tables(training__fossen__K__ratio=0.6, validation__linear__all__rms=2.5, validation__linear__all__rank=35)
+    new = tables(
+        training__fossen__K__ratio=0.6,
+        validation__linear__all__rms=2.5,
+        validation__linear__all__rank=35,
+    )
     assert not regress.check(against(setting, new), as_json=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["use", "model", "axis", "figure", "old", "new", "change", "tolerance", "times", "tolerance"]
-    assert lines[1].split() == ["validation", "linear", "all", "rank", "36", "35", "-1", "(-2.78", "%)", "0", "-"]
+    assert lines[0].split() == [
+        "use",
+        "model",
+        "axis",
+        "figure",
+        "old",
+        "new",
+        "change",
+        "tolerance",
+        "times",
+        "tolerance",
+    ]
+    assert lines[1].split() == [
+        "validation",
+        "linear",
+        "all",
+        "rank",
+        "36",
+        "35",
+        "-1",
+        "(-2.78",
+        "%)",
+        "0",
+        "-",
+    ]
     assert lines[2].split() == [
         "validation",
         "linear",
@@ -132,7 +189,19 @@ def test_departure_is_named_with_model_axis_old_new_tolerance(setting: Setting, 
         "mixed",
         "50.0",
     ]
-    assert lines[3].split() == ["training", "fossen", "K", "J/J0", "0.5", "0.6", "+0.1", "(+20", "%)", "0.005", "20.0"]
+    assert lines[3].split() == [
+        "training",
+        "fossen",
+        "K",
+        "J/J0",
+        "0.5",
+        "0.6",
+        "+0.1",
+        "(+20",
+        "%)",
+        "0.005",
+        "20.0",
+    ]
     assert lines[-2] == "toy: 3 of 44 cells left their tolerance (golden)"
     assert "--update --message" in lines[-1]
 
@@ -140,14 +209,20 @@ def test_departure_is_named_with_model_axis_old_new_tolerance(setting: Setting, 
 def test_largest_departure_comes_first() -> None:
     tolerances = dict.fromkeys((*golden.FIXED[1:], *AXES), Tolerance("1", "test", relative=0.01))
     shares = {"X": 0.02, "Y": 0.5, "Z": 0.1, "M": 0.3}
-    new = tables(**{f"training__linear__{axis}__ratio": 0.25 * (1 + share) for axis, share in shares.items()})
+    new = tables(
+        **{f"training__linear__{axis}__ratio": 0.25 * (1 + share) for axis, share in shares.items()}
+    )
     held, found = golden.compare(tables(), new, tolerances)
     assert [item.axis for item in found] == ["Y", "M", "Z", "X"]
-    assert [item.size for item in found] == pytest.approx([50.0, 30.0, 10.0, 2.0], rel=1e-4)  # six digits in the tables
+    assert [item.size for item in found] == pytest.approx(
+        [50.0, 30.0, 10.0, 2.0], rel=1e-4
+    )  # six digits in the tables
     assert held == 40
 
 
-def test_missing_and_new_models_axes_and_uses_are_named(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_and_new_models_axes_and_uses_are_named(
+    setting: Setting, capsys: pytest.CaptureFixture[str]
+) -> None:
     new = tables()
     new["training"]["coe"] = new["training"].pop("linear")
     for row in new["training"].values():
@@ -165,10 +240,14 @@ def test_missing_and_new_models_axes_and_uses_are_named(setting: Setting, capsys
     assert "validation tables: in the run, not in the baseline" in capsys.readouterr().out
 
 
-def test_undefined_cells_hold_only_against_undefined(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
+def test_undefined_cells_hold_only_against_undefined(
+    setting: Setting, capsys: pytest.CaptureFixture[str]
+) -> None:
     new = against(setting, tables(training__fossen__K__ratio=None))
     assert not regress.check(new, as_json=False)
-    assert ["training", "fossen", "K", "J/J0", "0.5", "undefined"] in [line.split()[:6] for line in capsys.readouterr().out.splitlines()]
+    assert ["training", "fossen", "K", "J/J0", "0.5", "undefined"] in [
+        line.split()[:6] for line in capsys.readouterr().out.splitlines()
+    ]
     regress.update(new, "no roll moment", as_json=False)
     assert regress.check(new, as_json=False)
     assert not regress.check(setting, as_json=False)
@@ -190,19 +269,42 @@ def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str
     found = json.loads(capsys.readouterr().out)
     assert (found["holds"], found["held"]) == (False, 32)
     model, cell = found["departures"]
-    assert (model["kind"], model["use"], model["model"], model["tolerances"]) == ("missing", "validation", "linear", None)
-    assert (cell["kind"], cell["axis"], cell["figure"], cell["old"], cell["new"]) == ("changed", "K", "J/J0", 0.5, 0.6)
+    assert (model["kind"], model["use"], model["model"], model["tolerances"]) == (
+        "missing",
+        "validation",
+        "linear",
+        None,
+    )
+    assert (cell["kind"], cell["axis"], cell["figure"], cell["old"], cell["new"]) == (
+        "changed",
+        "K",
+        "J/J0",
+        0.5,
+        0.6,
+    )
     assert (cell["allowed"], cell["tolerances"]) == pytest.approx((0.005, 20.0))
     regress.update(against(setting, new), "fewer models", as_json=True)
-    assert json.loads(capsys.readouterr().out)["written"] == ["golden/training.csv", "golden/validation.csv", "CHANGELOG.md"]
+    assert json.loads(capsys.readouterr().out)["written"] == [
+        "golden/training.csv",
+        "golden/validation.csv",
+        "CHANGELOG.md",
+    ]
 
 
 def test_update_adds_one_line_beside_the_entries_of_the_stage(setting: Setting) -> None:
-    before = CHANGES.replace("- validate: last.\n", "- validate: last.\n- validate: first (golden tables of toy made)\n")
+    before = CHANGES.replace(
+        "- validate: last.\n", "- validate: last.\n- validate: first (golden tables of toy made)\n"
+    )
     assert setting.changelog.read_text() == before
-    regress.update(against(setting, tables(training__linear__all__rms=2.5)), "fuse: a lag\n of the DVL", as_json=False)
+    regress.update(
+        against(setting, tables(training__linear__all__rms=2.5)),
+        "fuse: a lag\n of the DVL",
+        as_json=False,
+    )
     line = "- fuse: a lag of the DVL (golden tables of toy: 1 cell changed)\n"
-    assert setting.changelog.read_text() == before.replace("  More of it.\n", f"  More of it.\n{line}")
+    assert setting.changelog.read_text() == before.replace(
+        "  More of it.\n", f"  More of it.\n{line}"
+    )
 
 
 @pytest.mark.parametrize(
@@ -213,12 +315,19 @@ def test_update_adds_one_line_beside_the_entries_of_the_stage(setting: Setting) 
         ({"training__linear__all__rank": 30}, "synthesise"),
     ],
 )
-def test_stage_follows_from_what_moved_unless_it_is_named(setting: Setting, change: dict[str, float], stage: str) -> None:
+def test_stage_follows_from_what_moved_unless_it_is_named(
+    setting: Setting, change: dict[str, float], stage: str
+) -> None:
     regress.update(against(setting, tables(**change)), "note: better", as_json=False)
-    assert f"\n- {stage}: note: better (golden tables of toy: 1 cell changed)\n" in setting.changelog.read_text()
+    assert (
+        f"\n- {stage}: note: better (golden tables of toy: 1 cell changed)\n"
+        in setting.changelog.read_text()
+    )
 
 
-def test_update_without_a_change_writes_nothing(setting: Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_update_without_a_change_writes_nothing(
+    setting: Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     before = contents(tmp_path)
     regress.update(setting, "again", as_json=False)
     assert contents(tmp_path) == before
@@ -229,10 +338,17 @@ def test_update_keeps_tolerances_and_takes_uses_away_that_are_gone(setting: Sett
     path = setting.folder / "tolerances.yaml"
     path.write_text(path.read_text().replace("relative: 0.005", "relative: 0.25"))
     kept = path.read_bytes()
-    regress.update(against(setting, {"training": tables(training__linear__all__rms=2.5)["training"]}), "training only", as_json=False)
+    regress.update(
+        against(setting, {"training": tables(training__linear__all__rms=2.5)["training"]}),
+        "training only",
+        as_json=False,
+    )
     assert path.read_bytes() == kept
     assert not (setting.folder / "validation.csv").exists()
-    assert regress.check(against(setting, {"training": tables(training__linear__all__rms=3.0)["training"]}), as_json=False)
+    assert regress.check(
+        against(setting, {"training": tables(training__linear__all__rms=3.0)["training"]}),
+        as_json=False,
+    )
 
 
 def test_update_replaces_a_malformed_table(setting: Setting) -> None:
@@ -244,18 +360,28 @@ def test_update_replaces_a_malformed_table(setting: Setting) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (CHANGES.replace("0.2.0", "0.3.0"), r"no heading for version 0\.2\.0; allowed: 0\.3\.0, 0\.1\.0\. Write a line '## 0\.2\.0'"),
+        (
+            CHANGES.replace("0.2.0", "0.3.0"),
+            (
+                r"no heading for version 0\.2\.0; allowed: 0\.3\.0, 0\.1\.0\. Write a line '##"
+                r" 0\.2\.0'"
+            ),
+        ),
         ("", r"no heading for version 0\.2\.0"),
         (None, r"changelog is not there"),
     ],
 )
-def test_update_is_refused_without_a_heading_and_nothing_changes(setting: Setting, tmp_path: Path, text: str | None, says: str) -> None:
+def test_update_is_refused_without_a_heading_and_nothing_changes(
+    setting: Setting, tmp_path: Path, text: str | None, says: str
+) -> None:
     setting.changelog.unlink()
     if text is not None:
         setting.changelog.write_text(text)
     before = contents(tmp_path)
     with pytest.raises(PipelineError, match=says):
-        regress.update(against(setting, tables(training__linear__all__rms=2.5)), "why", as_json=False)
+        regress.update(
+            against(setting, tables(training__linear__all__rms=2.5)), "why", as_json=False
+        )
     assert contents(tmp_path) == before
 
 
@@ -264,14 +390,23 @@ def test_empty_message_is_refused(setting: Setting) -> None:
         regress.update(setting, " \n", as_json=False)
 
 
-@pytest.mark.parametrize("heading", ["## 0.2.0", "## [0.2.0] - 2026-01-31", "## v0.2.0 (unreleased)"])
+@pytest.mark.parametrize(
+    "heading", ["## 0.2.0", "## [0.2.0] - 2026-01-31", "## v0.2.0 (unreleased)"]
+)
 def test_headings_in_common_forms_are_found(setting: Setting, heading: str) -> None:
     setting.changelog.write_text(f"# Changelog\n\n{heading}\n\n## 0.1.0\n")
-    assert changelog.with_entry(setting.changelog, "fuse", "why") == f"# Changelog\n\n{heading}\n\n- fuse: why\n\n## 0.1.0\n".encode()
+    assert (
+        changelog.with_entry(setting.changelog, "fuse", "why")
+        == f"# Changelog\n\n{heading}\n\n- fuse: why\n\n## 0.1.0\n".encode()
+    )
 
 
-def test_update_that_cannot_finish_takes_everything_back(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The changelog, written last, turns out not to be replaceable: the tables that were replaced come back."""
+def test_update_that_cannot_finish_takes_everything_back(
+    setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The changelog, written last, turns out not to be replaceable: the tables that
+    were replaced come back.
+    """
     before = contents(tmp_path)
     replace = Path.replace
 
@@ -283,14 +418,22 @@ def test_update_that_cannot_finish_takes_everything_back(setting: Setting, tmp_p
     monkeypatch.setattr(Path, "replace", refuse)
     new = tables(training__linear__all__rms=2.5)
     del new["validation"]
-    with pytest.raises(PipelineError, match=r"CHANGELOG\.md: cannot be written: Permission denied; nothing is changed"):
+    with pytest.raises(
+        PipelineError,
+        match=r"CHANGELOG\.md: cannot be written: Permission denied; nothing is changed",
+    ):
         regress.update(against(setting, new), "why", as_json=False)
     assert contents(tmp_path) == before
 
 
 def test_missing_baseline_says_how_to_make_it(setting: Setting, tmp_path: Path) -> None:
-    with pytest.raises(PipelineError, match=r"there are no golden tables\. Make them: auvid regress toy --update --message"):
-        regress.check(Setting("toy", tmp_path / "nowhere", setting.changelog, tables()), as_json=False)
+    with pytest.raises(
+        PipelineError,
+        match=r"there are no golden tables\. Make them: auvid regress toy --update --message",
+    ):
+        regress.check(
+            Setting("toy", tmp_path / "nowhere", setting.changelog, tables()), as_json=False
+        )
 
 
 def test_default_folder_is_that_of_the_workspace_then_of_the_campaign(tmp_path: Path) -> None:
@@ -306,7 +449,10 @@ def test_default_folder_is_that_of_the_workspace_then_of_the_campaign(tmp_path: 
 
 def test_departure_names_its_axis_and_figure() -> None:
     assert [
-        (Departure("changed", "training", "coe", name).axis, Departure("changed", "training", "coe", name).figure)
+        (
+            Departure("changed", "training", "coe", name).axis,
+            Departure("changed", "training", "coe", name).figure,
+        )
         for name in ("ratio", "J0", "K")
     ] == [
         ("all", "J/J0"),
@@ -315,7 +461,9 @@ def test_departure_names_its_axis_and_figure() -> None:
     ]
 
 
-def auvid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+def auvid(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str
+) -> tuple[int, str, str]:
     monkeypatch.setattr(sys, "argv", ["auvid", *words])
     monkeypatch.setattr("signal.signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
@@ -324,7 +472,9 @@ def auvid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *
     return int(end.value.code or 0), said.out, said.err
 
 
-def test_exit_codes(setting: Setting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_exit_codes(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     given: list[tuple[str, Path | None]] = []
 
     def opened(campaign: str, baseline: Path | None) -> Setting:
@@ -333,11 +483,16 @@ def test_exit_codes(setting: Setting, monkeypatch: pytest.MonkeyPatch, capsys: p
 
     monkeypatch.setattr(regress, "open_setting", opened)
     capsys.readouterr()
-    assert auvid(monkeypatch, capsys, "regress", "toy", "--baseline", "golden")[:2] == (0, "toy: all 44 cells hold (golden)\n")
+    assert auvid(monkeypatch, capsys, "regress", "toy", "--baseline", "golden")[:2] == (
+        0,
+        "toy: all 44 cells hold (golden)\n",
+    )
     assert given == [("toy", Path("golden"))]
     assert auvid(monkeypatch, capsys, "regress", "toy", "--update")[0] == 2
     assert auvid(monkeypatch, capsys, "regress", "toy", "--message", "why")[0] == 2
-    (setting.folder / "training.csv").write_text("model,n_bar,rank,J,J0,ratio\nlinear,36,36,2,8,.25\n")
+    (setting.folder / "training.csv").write_text(
+        "model,n_bar,rank,J,J0,ratio\nlinear,36,36,2,8,.25\n"
+    )
     assert auvid(monkeypatch, capsys, "regress", "toy", "--json")[0] == 1
     assert auvid(monkeypatch, capsys, "regress", "toy", "--update", "--message", "back")[0] == 0
     assert auvid(monkeypatch, capsys, "regress", "toy")[0] == 0

@@ -1,4 +1,6 @@
-"""What the end of a run says: losses, warnings, errors in short, and places. On made-up artefacts of the real graph."""
+"""What the end of a run says: losses, warnings, errors in short, and places. On made-up
+artefacts of the real graph.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.open_run import print_summary
@@ -18,10 +21,14 @@ from auvid.pipeline.store.fingerprints import hash_bytes
 from auvid.pipeline.store.manifest import Record
 from auvid.stages import STAGES
 from auvid.stages.presentation import remark, section
-
 from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
 
-FILE = {"name": "a.log", "status": "truncated", "skipped": [{"reason": "damaged bytes", "bytes": 40, "count": 1}], "seconds_lost": 1.25}
+FILE = {
+    "name": "a.log",
+    "status": "truncated",
+    "skipped": [{"reason": "damaged bytes", "bytes": 40, "count": 1}],
+    "seconds_lost": 1.25,
+}
 LOG_INFO: dict[str, Any] = {
     "log": "a",
     "files": [FILE],
@@ -57,10 +64,19 @@ def put(run: Run, stage: str, item: str, **artefacts: Any) -> None:
 
 
 def test_losses_name_log_bytes_time_and_reason(run: Run) -> None:
-    dropped = {"stream": ["a.log", "velocity", "velocity"], "reason": ["damaged bytes", "spike", "spike"], "count": [1, 3, 4]}
-    table = make_table("dropped", {**dropped, "bytes": [40, None, None], "first": [0, 0, 0], "last": [0, 0, 0]})
+    dropped = {
+        "stream": ["a.log", "velocity", "velocity"],
+        "reason": ["damaged bytes", "spike", "spike"],
+        "count": [1, 3, 4],
+    }
+    table = make_table(
+        "dropped", {**dropped, "bytes": [40, None, None], "first": [0, 0, 0], "last": [0, 0, 0]}
+    )
     put(run, "ingest", "a", log_info=LOG_INFO, dropped=table)
-    assert losses(run) == ["log 'a' is truncated: 40 bytes skipped, 1.2 s lost", "log 'a': 7 rejected (velocity: spike)"]
+    assert losses(run) == [
+        "log 'a' is truncated: 40 bytes skipped, 1.2 s lost",
+        "log 'a': 7 rejected (velocity: spike)",
+    ]
 
 
 def test_whole_log_has_no_losses(run: Run) -> None:
@@ -70,18 +86,39 @@ def test_whole_log_has_no_losses(run: Run) -> None:
 
 def test_warnings_are_counted(run: Run) -> None:
     for item in ("one", "two"):
-        put(run, "fuse", item, section=section("Fused", [remark("drifts", "warning"), remark("fine", "note")], order=1))
+        put(
+            run,
+            "fuse",
+            item,
+            section=section(
+                "Fused", [remark("drifts", "warning"), remark("fine", "note")], order=1
+            ),
+        )
     assert warnings(run) == ["drifts (2 times)"]
 
 
 def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
     rows = [
         (use, leg, "fossen", "all", ratio)
-        for use, leg, ratio in (("training", "all", 0.5), ("training", "one", 9.0), ("validation", "all", None))
+        for use, leg, ratio in (
+            ("training", "all", 0.5),
+            ("training", "one", 9.0),
+            ("validation", "all", None),
+        )
     ]
-    columns = {name: [row[index] for row in rows] for index, name in enumerate(("use", "leg", "model", "axis", "ratio"))}
+    columns = {
+        name: [row[index] for row in rows]
+        for index, name in enumerate(("use", "leg", "model", "axis", "ratio"))
+    }
     counts = {name: [12] * 3 for name in ("n_bar", "rank", "samples")}
-    put(run, "validate", "campaign", error_table=make_table("error_table", {**columns, **counts, **{name: [1.0] * 3 for name in ERRORS}}))
+    put(
+        run,
+        "validate",
+        "campaign",
+        error_table=make_table(
+            "error_table", {**columns, **counts, **{name: [1.0] * 3 for name in ERRORS}}
+        ),
+    )
     assert error_rows(run) == [("fossen", 12, 0.5, None)]
     assert places(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
     print_summary(run)

@@ -1,4 +1,6 @@
-"""The runner: what runs again, what does not, and what an interrupted or failed run leaves behind. On toy stages."""
+"""The runner: what runs again, what does not, and what an interrupted or failed run
+leaves behind. On toy stages.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,7 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.run_summary import warnings
 from auvid.pipeline.execution import runner
@@ -24,9 +27,10 @@ from auvid.pipeline.store import fingerprints
 from auvid.pipeline.store.atomic_files import TEMPORARY
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import make_params, port
-
 from tests.support import toy_stages
 from tests.support.toy_stages import MANIFEST, STAGES, open_run, write_campaign
+
+ROOT = Path(__file__).parents[4]
 
 
 @pytest.fixture
@@ -66,13 +70,19 @@ def ran(run: Run) -> dict[str, list[str]]:
 def contents(folder: Path) -> dict[str, bytes]:
     """All artefacts and manifests of a run, by path."""
     return {
-        str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file() and path.name[0] != "."
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name[0] != "."
     }
 
 
 def written(folder: Path) -> dict[Path, int]:
     """When each artefact and manifest was written."""
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
+    return {
+        path: path.stat().st_mtime_ns
+        for path in folder.rglob("*")
+        if path.is_file() and path.name[0] != "."
+    }
 
 
 def test_second_run_does_nothing(campaign: Path, runs: Path) -> None:
@@ -95,24 +105,35 @@ def test_changed_parameter_reruns_what_depends_on_it(campaign: Path, runs: Path)
 def test_same_result_again_makes_nothing_after_it_stale(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
     below_every_distance = 0.25
-    assert sorted(ran(open_run(campaign, runs, spread={"floor": below_every_distance}))) == ["spread"]
+    assert sorted(ran(open_run(campaign, runs, spread={"floor": below_every_distance}))) == [
+        "spread"
+    ]
 
 
 def test_changed_log_reruns_its_items_only(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
     (campaign / "a.log").write_bytes(bytes(range(50, 90)))
-    assert ran(open_run(campaign, runs)) == {"decode": ["a"], "cut": ["one"], "spread": ["one"], "total": ["campaign"]}
+    assert ran(open_run(campaign, runs)) == {
+        "decode": ["a"],
+        "cut": ["one"],
+        "spread": ["one"],
+        "total": ["campaign"],
+    }
 
 
 def test_changed_leg_does_not_touch_the_logs(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    (campaign / "campaign.yaml").write_text(MANIFEST.replace("log: a, use: training", "log: a, use: training, end_s: 40"))
+    (campaign / "campaign.yaml").write_text(
+        MANIFEST.replace("log: a, use: training", "log: a, use: training, end_s: 40")
+    )
     assert ran(open_run(campaign, runs)) == {"cut": ["one"]}
 
 
 def test_removed_leg_leaves_no_files(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    (campaign / "campaign.yaml").write_text(MANIFEST.replace("  - {id: three, log: b, use: validation}\n", ""))
+    (campaign / "campaign.yaml").write_text(
+        MANIFEST.replace("  - {id: three, log: b, use: validation}\n", "")
+    )
     run_all(open_run(campaign, runs))
     assert not list(runs.rglob("*three*"))
 
@@ -123,14 +144,22 @@ def test_other_number_of_segments_replaces_the_old_ones(campaign: Path, runs: Pa
     run_all(run)
     names = ["one.1", "one.2", "two.1", "two.2", "three.1", "three.2"]
     assert [place.item for place in run.places("segment")] == names
-    assert sorted(path.name for path in (runs / "toy" / "spread").iterdir() if path.is_dir()) == sorted(names)
-    assert [path.stem for path in sorted((runs / "toy" / "total" / "mode").iterdir())] == sorted(names)
+    assert sorted(
+        path.name for path in (runs / "toy" / "spread").iterdir() if path.is_dir()
+    ) == sorted(names)
+    assert [path.stem for path in sorted((runs / "toy" / "total" / "mode").iterdir())] == sorted(
+        names
+    )
 
 
-def test_changed_code_reruns_the_stage(campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changed_code_reruns_the_stage(
+    campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run_all(open_run(campaign, runs))
     true = fingerprints.stage_code
-    monkeypatch.setattr(runner, "stage_code", lambda stage: "edited" if stage.name == "cut" else true(stage))
+    monkeypatch.setattr(
+        runner, "stage_code", lambda stage: "edited" if stage.name == "cut" else true(stage)
+    )
     assert sorted(ran(open_run(campaign, runs))) == ["cut"]
 
 
@@ -157,7 +186,10 @@ def test_force_runs_everything_and_gives_the_same(campaign: Path, runs: Path) ->
     assert contents(runs) == whole
 
 
-def test_processes_give_the_same_bytes(campaign: Path, runs: Path, tmp_path: Path) -> None:
+def test_processes_give_the_same_bytes(
+    campaign: Path, runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(ROOT)  # the workers unpickle the toy stages of tests.support
     run_all(open_run(campaign, runs, cut={"parts": 3}))
     run = open_run(campaign, tmp_path / "other", cut={"parts": 3})
     run.execute(run.graph.stages, Processes(2))
@@ -181,7 +213,10 @@ def test_every_collects_by_stage_and_item(campaign: Path, runs: Path) -> None:
 
 def test_optional_input_is_none_where_the_log_has_none(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    found = {item: (runs / "toy" / "spread" / item / "section.json").read_text() for item in ("one", "two")}
+    found = {
+        item: (runs / "toy" / "spread" / item / "section.json").read_text()
+        for item in ("one", "two")
+    }
     assert ("battery" in found["one"], "battery" in found["two"]) == (False, True)
 
 
@@ -192,7 +227,9 @@ def test_missing_required_input_names_stage_item_and_artefact(campaign: Path, ru
 
     run = open_run(campaign, runs)
     run.graph = Graph((*STAGES[:2], replace(STAGES[2], inputs=Needs), STAGES[3]))
-    with pytest.raises(StageFault, match=r"spread, segment 'one': needs 'battery' .*stage decode gave none for 'a'"):
+    with pytest.raises(
+        StageFault, match=r"spread, segment 'one': needs 'battery' .*stage decode gave none for 'a'"
+    ):
         run_all(run)
     assert list(Manifest(runs / "toy" / "spread").records) == ["two", "three"]
 
@@ -216,7 +253,9 @@ def test_all_faults_of_a_stage_come_together(campaign: Path, runs: Path) -> None
 def test_crash_names_stage_and_item_and_keeps_the_trace(campaign: Path, runs: Path) -> None:
     (campaign / "b.log").write_bytes(b"CRASH")
     run = open_run(campaign, runs)
-    with pytest.raises(InternalFault, match=r"decode, log 'b': ZeroDivisionError: toy crash") as caught:
+    with pytest.raises(
+        InternalFault, match=r"decode, log 'b': ZeroDivisionError: toy crash"
+    ) as caught:
         run_all(run)
     assert "toy_stages.py" in caught.value.trace
 
@@ -228,7 +267,9 @@ def test_empty_log_is_an_empty_buffer(campaign: Path, runs: Path) -> None:
     assert (runs / "toy" / "decode" / "a" / "depth.parquet").is_file()
 
 
-def test_log_that_changes_while_it_is_read_is_refused(campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_that_changes_while_it_is_read_is_refused(
+    campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def grows(inputs: Any, params: Any) -> Any:
         with (campaign / "a.log").open("ab") as file:
             file.write(b"more")
@@ -236,7 +277,9 @@ def test_log_that_changes_while_it_is_read_is_refused(campaign: Path, runs: Path
 
     run = open_run(campaign, runs)
     run.graph = Graph((replace(STAGES[0], run=grows), *STAGES[1:]))
-    with pytest.raises(PipelineError, match=r"a.log: the file of log 'a' changed while it was read"):
+    with pytest.raises(
+        PipelineError, match=r"a.log: the file of log 'a' changed while it was read"
+    ):
         run_all(run)
 
 
@@ -256,7 +299,9 @@ def test_leg_without_segments_is_a_warning(campaign: Path, runs: Path) -> None:
 
 @pytest.fixture
 def break_writing(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BaseException | None]]:
-    """A list to which a test adds what the next writes raise in the middle; None lets one through."""
+    """A list to which a test adds what the next writes raise in the middle; None lets
+    one through.
+    """
     plan: list[BaseException | None] = []
     true = os.fsync
 
@@ -270,7 +315,9 @@ def break_writing(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[BaseExceptio
     return plan
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+@pytest.mark.parametrize(
+    "fault", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")]
+)
 def test_broken_write_leaves_nothing_half_done(
     campaign: Path, runs: Path, break_writing: list[BaseException | None], fault: BaseException
 ) -> None:
@@ -282,7 +329,9 @@ def test_broken_write_leaves_nothing_half_done(
         run_all(open_run(campaign, runs, decode={"scale": 2.0}))
     assert not list(runs.rglob(f"*{TEMPORARY}"))
     records = Manifest(runs / "toy" / "decode").records
-    assert "a" not in records, "the manifest must not vouch for a log whose artefacts are half replaced"
+    assert "a" not in records, (
+        "the manifest must not vouch for a log whose artefacts are half replaced"
+    )
     if expected is StageFault:
         assert "No space left on device" in str(caught.value)
         assert "Free some space" in str(caught.value)
@@ -299,7 +348,12 @@ def test_parts_of_killed_writers_are_swept(campaign: Path, runs: Path) -> None:
 
 
 def test_two_runs_of_one_campaign_exclude_each_other(campaign: Path, runs: Path) -> None:
-    with locked(runs / "toy"), pytest.raises(PipelineError, match=rf"another run .* under way; found 'process {os.getpid()}'"):
+    with (
+        locked(runs / "toy"),
+        pytest.raises(
+            PipelineError, match=rf"another run .* under way; found 'process {os.getpid()}'"
+        ),
+    ):
         run_all(open_run(campaign, runs))
     assert run_all(open_run(campaign, runs)) == 9
 
@@ -312,7 +366,9 @@ def test_lock_of_a_dead_process_is_free(campaign: Path, runs: Path) -> None:
 
 def test_only_needs_what_came_before(campaign: Path, runs: Path) -> None:
     run = open_run(campaign, runs)
-    with pytest.raises(PipelineError, match=r"stage cut has not been run.*auvid run toy --until cut"):
+    with pytest.raises(
+        PipelineError, match=r"stage cut has not been run.*auvid run toy --until cut"
+    ):
         run.execute(select(run.graph, only="spread"), Serial())
 
 
@@ -324,7 +380,9 @@ def test_until_runs_what_is_needed(campaign: Path, runs: Path) -> None:
 
 
 def test_stages_that_do_not_fit_together_are_refused() -> None:
-    with pytest.raises(WiringError, match=r"cut.depth needs one earlier stage that outputs 'depth'; there is: none"):
+    with pytest.raises(
+        WiringError, match=r"cut.depth needs one earlier stage that outputs 'depth'; there is: none"
+    ):
         Graph(STAGES[1:])
     twin = replace(STAGES[0], name="decode_too")
     with pytest.raises(WiringError, match="there is: decode, decode_too"):
@@ -343,5 +401,8 @@ def test_engine_names_and_jobs_are_checked() -> None:
 
 def test_params_of_a_record_are_those_of_the_run(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs, spread={"floor": 1.0, "plan": {"x": 2.0}}))
-    assert Manifest(runs / "toy" / "spread").records["one"].params == {"floor": 1.0, "plan": {"x": 2.0}}
+    assert Manifest(runs / "toy" / "spread").records["one"].params == {
+        "floor": 1.0,
+        "plan": {"x": 2.0},
+    }
     assert make_params(toy_stages.SpreadParams, {}, stage="spread").floor == 0.0

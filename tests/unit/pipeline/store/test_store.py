@@ -1,4 +1,6 @@
-"""The artefact store: what is written is whole, says its units, comes back equal, and is the same bytes for the same content."""
+"""The artefact store: what is written is whole, says its units, comes back equal, and
+is the same bytes for the same content.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from auvid.data_schemas.errors import PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph
@@ -18,17 +23,27 @@ from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import TEMPORARY, prune, sweep, write_atomically
 from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
 from auvid.stages import STAGES
-from hypothesis import given
-from hypothesis import strategies as st
-
 from tests.support import toy_stages
 
-SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
-JSON = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4), max_leaves=20)
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text()
+)
+JSON = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
+    max_leaves=20,
+)
 
 
 def depth_table(rows: int = 5) -> pa.Table:
-    return make_table("depth", {"time_us": np.arange(rows, dtype=np.int64), "depth_m": np.linspace(0.0, 1.0, rows)})
+    return make_table(
+        "depth",
+        {"time_us": np.arange(rows, dtype=np.int64), "depth_m": np.linspace(0.0, 1.0, rows)},
+    )
 
 
 def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
@@ -37,7 +52,11 @@ def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
     found = load(path, "depth")
     assert found.equals(depth_table())
     metadata = pq.read_schema(path).field("depth_m").metadata
-    assert metadata == {b"unit": b"m", b"frame": b"NED", b"meaning": b"depth of the pressure sensor"}
+    assert metadata == {
+        b"unit": b"m",
+        b"frame": b"NED",
+        b"meaning": b"depth of the pressure sensor",
+    }
     assert pq.ParquetFile(path).metadata.row_group(0).column(0).compression == "ZSTD"
 
 
@@ -56,7 +75,9 @@ def test_table_is_checked_on_write_and_on_read(tmp_path: Path) -> None:
         load(tmp_path / "depth.parquet", "depth")
 
 
-@pytest.mark.parametrize(("name", "artefact"), [("depth", b"bytes"), ("tables_text", "text"), ("section", {"title": 1})])
+@pytest.mark.parametrize(
+    ("name", "artefact"), [("depth", b"bytes"), ("tables_text", "text"), ("section", {"title": 1})]
+)
 def test_artefact_of_another_kind_is_refused(name: str, artefact: object) -> None:
     with pytest.raises(PipelineError, match=r"output 'x'"):
         encode(artefact, name, file="output 'x'")
@@ -77,7 +98,11 @@ def test_altered_artefact_is_noticed_by_its_hash(tmp_path: Path) -> None:
 
 
 def test_documents_hold_plain_finite_values_only() -> None:
-    assert to_plain({"a": np.float64(1.5), "b": np.arange(2), "c": (True, None)}) == {"a": 1.5, "b": [0, 1], "c": [True, None]}
+    assert to_plain({"a": np.float64(1.5), "b": np.arange(2), "c": (True, None)}) == {
+        "a": 1.5,
+        "b": [0, 1],
+        "c": [True, None],
+    }
     with pytest.raises(SchemaError, match=r"field 'a\[1\]': no number"):
         to_plain({"a": [1.0, float("nan")]}, file="x")
     with pytest.raises(SchemaError, match="cannot hold this"):
@@ -106,7 +131,9 @@ def test_json_is_one_key_a_line_and_keeps_the_order() -> None:
     ]
 
 
-def test_write_replaces_as_a_whole_and_leaves_no_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_write_replaces_as_a_whole_and_leaves_no_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "deep" / "x.json"
     write_atomically(path, b"old")
 
@@ -114,7 +141,9 @@ def test_write_replaces_as_a_whole_and_leaves_no_part(tmp_path: Path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(PipelineError, match=r"x.json: cannot be written: No space left on device.*Free some space"):
+    with pytest.raises(
+        PipelineError, match=r"x.json: cannot be written: No space left on device.*Free some space"
+    ):
         write_atomically(path, b"new")
     assert [entry.name for entry in path.parent.iterdir()] == ["x.json"]
     assert path.read_bytes() == b"old"
@@ -124,7 +153,10 @@ def test_prune_and_sweep(tmp_path: Path) -> None:
     for name in ("keep/a", "drop/b", "keep/c"):
         write_atomically(tmp_path / name, b"")
     prune(tmp_path, {tmp_path / "keep" / "a"})
-    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == ["keep", "keep/a"]
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
+        "keep",
+        "keep/a",
+    ]
     (tmp_path / "keep" / f".a.77{TEMPORARY}").touch()
     sweep(tmp_path)
     assert [path.name for path in (tmp_path / "keep").iterdir()] == ["a"]
@@ -150,7 +182,9 @@ def test_file_hashes_notice_change_and_forget_what_is_gone(tmp_path: Path) -> No
 
 
 def test_young_file_is_hashed_again(tmp_path: Path) -> None:
-    """Two writes of one length within a tick of the file system's clock must not be taken for one."""
+    """Two writes of one length within a tick of the file system's clock must not be
+    taken for one.
+    """
     path = tmp_path / "x"
     path.write_bytes(b"one")
     hashes = FileHashes()
@@ -175,26 +209,46 @@ def test_closure_holds_what_a_stage_imports_and_nothing_else() -> None:
         "auvid.hydro.identification.signals.splines",
         "auvid.data_schemas.tables",
     } <= set(fuse)
-    assert not {"auvid.stages", "auvid.stages.residual", "auvid.stages.ingest", "auvid.stages.ingest.decoded_log"} & set(fuse)
+    assert not {
+        "auvid.stages",
+        "auvid.stages.residual",
+        "auvid.stages.ingest",
+        "auvid.stages.ingest.decoded_log",
+    } & set(fuse)
     assert not [name for name in fuse if name.startswith("auvid.pipeline")]
-    assert {"auvid.stages.ingest.registry", "data_schemas/formats/streams.yaml"} <= set(import_closure("auvid.stages.ingest"))
-    assert {"stages/page/style.css", "stages/page/page.html.j2"} <= set(import_closure("auvid.stages.report"))
-    assert not {"auvid.hydro.dynamics.viscous.models", "auvid.hydro.identification.regression.least_squares"} & set(
-        import_closure("auvid.stages.resample")
+    assert {"auvid.stages.ingest.registry", "data_schemas/formats/streams.yaml"} <= set(
+        import_closure("auvid.stages.ingest")
     )
+    assert {"stages/page/style.css", "stages/page/page.html.j2"} <= set(
+        import_closure("auvid.stages.report")
+    )
+    assert not {
+        "auvid.hydro.dynamics.viscous.models",
+        "auvid.hydro.identification.regression.least_squares",
+    } & set(import_closure("auvid.stages.resample"))
 
 
 def test_every_module_that_a_stage_loads_is_in_its_closure() -> None:
-    """The closure is found in the source; what running Python imports for one stage alone must not go beyond it."""
+    """The closure is found in the source; what running Python imports for one stage
+    alone must not go beyond it.
+    """
     import subprocess
     import sys
 
     floors = ("auvid.data_schemas", "auvid.hydro", "auvid.stages")
-    program = "import sys, importlib, types; sys.modules['auvid.stages'] = types.ModuleType('auvid.stages')\n"
+    program = (
+        "import sys, importlib, types; sys.modules['auvid.stages'] ="
+        " types.ModuleType('auvid.stages')\n"
+    )
     program += "sys.modules['auvid.stages'].__path__ = [PATH]\n"
     program += "importlib.import_module('auvid.stages.residual'); print(*sorted(sys.modules))"
     path = str(Path(import_closure("auvid.stages.residual")["auvid.stages.residual"]).parent)
-    loaded = subprocess.run([sys.executable, "-c", program.replace("PATH", repr(path))], capture_output=True, text=True, check=True).stdout
+    loaded = subprocess.run(
+        [sys.executable, "-c", program.replace("PATH", repr(path))],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     modules = [name for name in loaded.split() if name.startswith(floors)]
     ours = {name for name in modules if not any(other.startswith(f"{name}.") for other in modules)}
     assert ours <= set(import_closure("auvid.stages.residual"))
@@ -203,10 +257,14 @@ def test_every_module_that_a_stage_loads_is_in_its_closure() -> None:
 
 def test_stages_have_different_code() -> None:
     assert len({stage_code(stage) for stage in STAGES}) == len(STAGES)
-    assert len({stage_code(stage) for stage in toy_stages.STAGES}) == 4, "schemas of the ports count, though the module is the same"
+    assert len({stage_code(stage) for stage in toy_stages.STAGES}) == 4, (
+        "schemas of the ports count, though the module is the same"
+    )
 
 
 def test_artefact_paths_of_the_real_graph_are_distinct() -> None:
     graph = Graph(STAGES)
-    paths = [(port.stage.name, port.path("item", "key" if port.many else None)) for port in graph.outputs]
+    paths = [
+        (port.stage.name, port.path("item", "key" if port.many else None)) for port in graph.outputs
+    ]
     assert len(set(paths)) == len(paths)

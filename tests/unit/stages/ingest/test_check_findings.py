@@ -1,4 +1,6 @@
-"""Every finding of the health page appears where its cause is put into a sound log, and the sound log has none."""
+"""Every finding of the health page appears where its cause is put into a sound log, and
+the sound log has none.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
 from auvid.stages.ingest.streams.mapping import OtherSource
-
 from tests.support.sound_log import DELAY_S, FIRST_US, LENGTH_S, Log, micro, sound
 
 IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
@@ -51,7 +53,15 @@ def saying(**info: Any) -> Spoil:
 
 def rejecting(stream: str, count: int) -> Spoil:
     def change(log: Log) -> None:
-        log.dropped.append({"stream": stream, "reason": "repeated time stamp", "count": count, "first": 0, "last": 9})
+        log.dropped.append(
+            {
+                "stream": stream,
+                "reason": "repeated time stamp",
+                "count": count,
+                "first": 0,
+                "last": 9,
+            }
+        )
 
     return change
 
@@ -74,11 +84,16 @@ def at(stream: str, start_s: float, end_s: float, **values: float) -> Spoil:
     return change
 
 
-def other(stream: str, source: str, *, refused: str | None = None, **change: Callable[[Any], Any]) -> Spoil:
+def other(
+    stream: str, source: str, *, refused: str | None = None, **change: Callable[[Any], Any]
+) -> Spoil:
     """Another source of a stream that the log has: its columns changed."""
 
     def add(log: Log) -> None:
-        columns = {name: change.get(name, lambda values: values)(values) for name, values in log.streams[stream].items()}
+        columns = {
+            name: change.get(name, lambda values: values)(values)
+            for name, values in log.streams[stream].items()
+        }
         log.others.append(OtherSource(stream, source, refused, None if refused else columns))
 
     return add
@@ -96,8 +111,12 @@ def of_file(status: str, reason: str, lost: int) -> Spoil:
 SPOIL |= {
     "file_damaged": of_file("damaged", "damaged bytes", 70),
     "file_truncated": of_file("truncated", "record cut off by the end of the file", 7),
-    "clock_leap": saying(notes=["The clock goes back by 5 s near byte 7. It leaps 3 times in all."]),
-    "stray_stamps": saying(notes=["2 time stamp(s) of mission stray ahead of the clock, up to 1194 s at byte 6."]),
+    "clock_leap": saying(
+        notes=["The clock goes back by 5 s near byte 7. It leaps 3 times in all."]
+    ),
+    "stray_stamps": saying(
+        notes=["2 time stamp(s) of mission stray ahead of the clock, up to 1194 s at byte 6."]
+    ),
     "rejected_samples": rejecting("imu", 40),
     "most_rejected": rejecting("depth", 2000),
     "low_rate": slower("attitude", 3),
@@ -115,9 +134,15 @@ SPOIL |= {
     "depth_disagrees": other("depth", "XKF1", depth_m=lambda depth: 1.5 * depth),
     "velocity_disagrees": other("velocity", "XKF1", v_m_s=lambda sway: -sway),
     "depth_unit": other("depth", "CTUN", depth_m=lambda depth: 0.01 * depth),
-    "depth_estimated": saying(notes=["depth: depth is the estimate of the navigation filter, not a pressure"]),
-    "unaided_velocity": other("velocity", "XKF1", refused="the navigation filter had no velocity or position sensor"),
-    "estimated_velocity": saying(notes=["velocity: velocity is the estimate of the navigation filter, not a velocity sensor"]),
+    "depth_estimated": saying(
+        notes=["depth: depth is the estimate of the navigation filter, not a pressure"]
+    ),
+    "unaided_velocity": other(
+        "velocity", "XKF1", refused="the navigation filter had no velocity or position sensor"
+    ),
+    "estimated_velocity": saying(
+        notes=["velocity: velocity is the estimate of the navigation filter, not a velocity sensor"]
+    ),
     "no_velocity": without("velocity"),
     "no_attitude": without("attitude"),
     "no_depth": without("depth"),
@@ -126,15 +151,30 @@ SPOIL |= {
     "no_battery": without("battery"),
     "battery_sag": at("battery", 30.0, 35.0, voltage_v=13.0),
     "battery_current": scaled("battery", ("current_a",), -1.0),
-    "little_actuation": lambda log: [at("actuators", 5.0, 99.0, **{f"pwm_{number}_us": 1500.0})(log) for number in range(1, 9)] and None,
+    "little_actuation": (
+        lambda log: (
+            [
+                at("actuators", 5.0, 99.0, **{f"pwm_{number}_us": 1500.0})(log)
+                for number in range(1, 9)
+            ]
+            and None
+        )
+    ),
     "not_excited": scaled("velocity", ("v_m_s",), 0.1),
     "simulated": saying(counts={"SIM2": 400}),
     "not_underwater": saying(vehicle="ArduCopter V4.5.0"),
     "firmware_unknown": saying(vehicle=None),
     "parameters_missing": saying(parameters={}),
-    "several_vehicles": saying(notes=["several vehicles: system 1 (90 messages) and system 2 (80 messages); system 1 is read"]),
+    "several_vehicles": saying(
+        notes=[
+            "several vehicles: system 1 (90 messages) and system 2 (80 messages); system 1 is read"
+        ]
+    ),
     "recut_messages": saying(
-        notes=["system 1 component 194: read although a router cut trailing zeros after the checksum was made: 73 DISTANCE_SENSOR"]
+        notes=[
+            "system 1 component 194: read although a router cut trailing zeros after the checksum"
+            " was made: 73 DISTANCE_SENSOR"
+        ]
     ),
     "wrong_checksum": saying(notes=["system 1 component 1: wrong checksum, not read: 3 ATTITUDE"]),
 }
@@ -143,7 +183,9 @@ SPOIL |= {
 @spoils("housing_barometer")
 def _housing(log: Log) -> None:
     log.info["streams"]["depth"] = {"source": "BARO[1]"}
-    other("depth", "BARO[0]", depth_m=lambda depth: 80.0 + 3.0 * np.linspace(0.0, 1.0, depth.size))(log)
+    other("depth", "BARO[0]", depth_m=lambda depth: 80.0 + 3.0 * np.linspace(0.0, 1.0, depth.size))(
+        log
+    )
 
 
 @spoils("gap")
@@ -201,7 +243,9 @@ def _rates_only(log: Log) -> None:
 
 @spoils("attitude_jumps")
 def _jump(log: Log) -> None:
-    log.streams["attitude"]["psi_rad"] = log.streams["attitude"]["psi_rad"] + np.where(log.t_s("attitude") > 33.0, 1.0, 0.0)
+    log.streams["attitude"]["psi_rad"] = log.streams["attitude"]["psi_rad"] + np.where(
+        log.t_s("attitude") > 33.0, 1.0, 0.0
+    )
 
 
 @spoils("depth_sign")
@@ -225,12 +269,16 @@ def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
     check_document(document, "health")
     (found,) = document["findings"]
     assert found["id"] == "command_lag"
-    # Motion was made to answer 0.3 s late; the moving mean that takes slow drift off bends the slow sines a little.
+    # Motion was made to answer 0.3 s late; the moving mean that takes slow drift off
+    # bends the slow sines a little.
     for axis in ("surge", "sway", "heave", "roll", "pitch", "yaw"):
         assert f"{axis} follows by" in found["text"]
     lags = [float(words.split(" s")[0]) for words in found["text"].split("follows by ")[1:]]
     assert lags == pytest.approx([DELAY_S] * 6, abs=0.04)
-    assert document["verdict"] == "A force model can be fitted in surge, sway, heave, roll, pitch and yaw."
+    assert (
+        document["verdict"]
+        == "A force model can be fitted in surge, sway, heave, roll, pitch and yaw."
+    )
     assert all(item["possible"] for item in document["capabilities"])
 
 
@@ -267,7 +315,10 @@ def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> No
 def test_a_velocity_against_the_filters_own() -> None:
     log = sound()
     SPOIL["velocity_disagrees"](log)
-    assert log.finding("velocity_disagrees")["text"] == "XKF1 moves against VELOCITY in sway (correlation -1.00)."
+    assert (
+        log.finding("velocity_disagrees")["text"]
+        == "XKF1 moves against VELOCITY in sway (correlation -1.00)."
+    )
     agreeing = sound()
     other("velocity", "XKF1")(agreeing)
     assert "velocity_disagrees" not in agreeing.ids()
@@ -292,7 +343,10 @@ def test_measured_values() -> None:
         "gyro_lag": (0.2, 0.02),  # s
         "gap": (4.0, 0.3),  # s
         "attitude_jumps": (np.degrees(1.0), 3.0),  # deg
-        "accelerometer_direction": (180.0, 1.0),  # deg, attitude and accelerometer agree within their noise
+        "accelerometer_direction": (
+            180.0,
+            1.0,
+        ),  # deg, attitude and accelerometer agree within their noise
         "stuck_sensor": (5.0, 0.3),  # s
         "low_actuator_rate": (2.0, 0.01),  # Hz
     }
@@ -303,24 +357,35 @@ def test_measured_values() -> None:
         assert found["value"] == pytest.approx(value, abs=tolerance), name
 
 
-def test_a_shared_gap_is_one_finding_and_a_signal_that_steps_by_its_resolution_is_not_held() -> None:
+def test_a_shared_gap_is_one_finding_and_a_signal_that_steps_by_its_resolution_is_not_held() -> (
+    None
+):
     log = sound()
     SPOIL["gap"](log)
     assert "imu, attitude, depth, velocity, actuators and battery" in log.finding("gap")["text"]
-    assert {"imu", "attitude"} & {item["stream"] for item in log.health()["findings"] if item["id"] == "gap"} == set()
+    assert {"imu", "attitude"} & {
+        item["stream"] for item in log.health()["findings"] if item["id"] == "gap"
+    } == set()
     still = sound()
     random = np.random.default_rng(5)
     for name in ("phi_rad", "theta_rad", "psi_rad"):
-        still.streams["attitude"][name] = np.radians(0.01 * np.round(random.uniform(0.0, 1.2, still.t_s("attitude").size)))
+        still.streams["attitude"][name] = np.radians(
+            0.01 * np.round(random.uniform(0.0, 1.2, still.t_s("attitude").size))
+        )
     assert "held_samples" not in still.ids()
 
 
 def test_what_cannot_run_is_said_with_the_reason() -> None:
     log = sound()
     del log.streams["velocity"]
-    reasons = {item["name"]: (item["possible"], item["reason"]) for item in log.health()["capabilities"]}
+    reasons = {
+        item["name"]: (item["possible"], item["reason"]) for item in log.health()["capabilities"]
+    }
     assert reasons["fuse (kinematic)"] == (False, "no velocity")
-    assert reasons["fuse (thesis)"] == (False, "no velocity"), "the accelerometer's bias is found against a velocity"
+    assert reasons["fuse (thesis)"] == (
+        False,
+        "no velocity",
+    ), "the accelerometer's bias is found against a velocity"
     assert reasons["fuse (smoother)"] == (False, "no velocity")
     assert not reasons["synthesise surge"][0]
     assert log.health()["verdict"] == "No force model can be fitted: no velocity."
@@ -332,7 +397,9 @@ def test_short_pieces_cannot_be_resampled() -> None:
     log = sound()
     keep = log.t_s("imu") % 6.0 < 3.0
     log.keep("imu", keep)
-    (reason,) = (item["reason"] for item in log.health()["capabilities"] if item["name"] == "resample")
+    (reason,) = (
+        item["reason"] for item in log.health()["capabilities"] if item["name"] == "resample"
+    )
     assert reason == "all sensors together cover 3.0 s at most, 5 s are needed"
 
 

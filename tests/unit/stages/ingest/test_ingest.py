@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, LogError
 from auvid.data_schemas.tables import column
@@ -30,16 +31,30 @@ def csv_log(name: str, text: str, columns: list[dict[str, Any]], **time: Any) ->
 
 
 def depth_csv(name: str = "depth.csv", text: str = "t,d\n1,5\n2,6\n3,7\n", **time: Any) -> RawFile:
-    return csv_log(name, text, [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}], **time)
+    return csv_log(
+        name, text, [{"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}], **time
+    )
 
 
 def range_csv(text: str = "t,h\n1.5,2\n2.5,3\n", **time: Any) -> RawFile:
-    return csv_log("range.csv", text, [{"column": "h", "stream": "range", "field": "range_m", "unit": "m"}], **time)
+    return csv_log(
+        "range.csv",
+        text,
+        [{"column": "h", "stream": "range", "field": "range_m", "unit": "m"}],
+        **time,
+    )
 
 
-def run(*files: RawFile, sources: dict[str, str] | None = None, vehicle: dict[str, Any] | None = None, **params: Any) -> ingest.Outputs:
+def run(
+    *files: RawFile,
+    sources: dict[str, str] | None = None,
+    vehicle: dict[str, Any] | None = None,
+    **params: Any,
+) -> ingest.Outputs:
     campaign = {"logs": [{"id": "dive", "sources": sources or {}}]}
-    return ingest.run(ingest.Inputs(RawLog("dive", tuple(files)), campaign, vehicle), ingest.Params(**params))
+    return ingest.run(
+        ingest.Inputs(RawLog("dive", tuple(files)), campaign, vehicle), ingest.Params(**params)
+    )
 
 
 def campaign_log(name: str) -> ingest.Outputs:
@@ -48,7 +63,9 @@ def campaign_log(name: str) -> ingest.Outputs:
     entry = manifest["logs"][0]
     files = []
     for item in entry.get("files", [entry]):
-        columns = yaml.safe_load((folder / item["columns"]).read_text()) if "columns" in item else None
+        columns = (
+            yaml.safe_load((folder / item["columns"]).read_text()) if "columns" in item else None
+        )
         files.append(raw_file(folder / item["file"], item["file"], columns))
     return ingest.run(ingest.Inputs(RawLog("dive", tuple(files)), manifest), ingest.Params())
 
@@ -75,14 +92,20 @@ def test_a_real_log_has_the_streams_that_it_should() -> None:
     assert info["parameters"]["FRAME_CONFIG"] == 1.0
     assert info["accelerometer"] == "specific_force"
     part = info["files"][0]
-    assert part["record_bytes"] + part["definition_bytes"] + sum(item["bytes"] for item in part["skipped"]) == SMALL.stat().st_size
+    assert (
+        part["record_bytes"]
+        + part["definition_bytes"]
+        + sum(item["bytes"] for item in part["skipped"])
+        == SMALL.stat().st_size
+    )
     # Still on the bench: gravity on the accelerometer, within the bias of a cheap unit.
     gravity = np.linalg.norm([column(outputs.imu, f"accel_{axis}_m_s2") for axis in "xyz"], axis=0)
     assert gravity.mean() == pytest.approx(9.81, abs=0.1)
 
 
 def test_legs_count_from_the_first_record_whatever_its_type() -> None:
-    # The first time-stamped record of this log is a parameter, 25 ms before the first sample.
+    # The first time-stamped record of this log is a parameter, 25 ms before the first
+    # sample.
     info = run(raw_file(SMALL)).log_info
     assert info["start_us"] == 265_648_719
     assert info["start_us"] < min(item["start_us"] for item in info["streams"].values())
@@ -123,15 +146,29 @@ def test_files_of_one_log_are_merged() -> None:
 
 def test_a_stream_of_two_files_needs_a_choice() -> None:
     other = depth_csv("spare.csv", "t,d\n1,50\n2,60\n")
-    with pytest.raises(CampaignError, match=r"several files .* 'depth'.*depth.csv, spare.csv.*sources: \{depth: depth.csv\}"):
+    with pytest.raises(
+        CampaignError,
+        match=r"several files .* 'depth'.*depth.csv, spare.csv.*sources: \{depth: depth.csv\}",
+    ):
         run(depth_csv(), other)
-    assert column(run(depth_csv(), other, sources={"depth": "spare.csv"}).depth, "depth_m").tolist() == [50.0, 60.0]
+    assert column(
+        run(depth_csv(), other, sources={"depth": "spare.csv"}).depth, "depth_m"
+    ).tolist() == [50.0, 60.0]
 
 
 def test_the_manifest_chooses_sources() -> None:
-    assert run(raw_file(SMALL), sources={"depth": "BARO[0]"}).log_info["streams"]["depth"]["source"] == "BARO[0]"
+    assert (
+        run(raw_file(SMALL), sources={"depth": "BARO[0]"}).log_info["streams"]["depth"]["source"]
+        == "BARO[0]"
+    )
     assert run(raw_file(SMALL), sources={"depth": "none"}).depth is None
-    with pytest.raises(CampaignError, match=r"no such source of stream 'depth'; found 'BARR'; allowed: BARO\[1\], BARO\[0\].*Did you mean"):
+    with pytest.raises(
+        CampaignError,
+        match=(
+            r"no such source of stream 'depth'; found 'BARR'; allowed: BARO\[1\], BARO\[0\].*Did"
+            r" you mean"
+        ),
+    ):
         run(raw_file(SMALL), sources={"depth": "BARR"})
     with pytest.raises(CampaignError, match=r"unknown stream; found 'dept'.*Did you mean 'depth'"):
         run(raw_file(SMALL), sources={"dept": "BARO"})
@@ -142,7 +179,12 @@ def test_the_manifest_chooses_sources() -> None:
 def test_the_vehicle_names_its_barometer() -> None:
     vehicle = {"sensors": {"depth": {"barometer_instance": 0}}}
     assert run(raw_file(SMALL), vehicle=vehicle).log_info["streams"]["depth"]["source"] == "BARO[0]"
-    assert run(raw_file(SMALL), vehicle=vehicle, sources={"depth": "BARO[1]"}).log_info["streams"]["depth"]["source"] == "BARO[1]"
+    assert (
+        run(raw_file(SMALL), vehicle=vehicle, sources={"depth": "BARO[1]"}).log_info["streams"][
+            "depth"
+        ]["source"]
+        == "BARO[1]"
+    )
 
 
 def test_declared_start_of_a_csv_log() -> None:
@@ -172,7 +214,12 @@ def test_sensors_without_a_time_field_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "words"), [(b"", "the file is empty"), (b"\0" * 64, "the file is empty"), (b"hello world\n" * 9, "no reader recognises")]
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b"\0" * 64, "the file is empty"),
+        (b"hello world\n" * 9, "no reader recognises"),
+    ],
 )
 def test_what_is_no_log(content: bytes, words: str) -> None:
     with pytest.raises(LogError, match=words):
@@ -181,12 +228,17 @@ def test_what_is_no_log(content: bytes, words: str) -> None:
 
 def test_a_forced_reader_that_does_not_exist() -> None:
     log = RawLog("dive", (raw_file(SMALL),), reader="dataflsh")
-    with pytest.raises(LogError, match=r"unknown reader; found 'dataflsh'.*Did you mean 'dataflash'"):
+    with pytest.raises(
+        LogError, match=r"unknown reader; found 'dataflsh'.*Did you mean 'dataflash'"
+    ):
         ingest.run(ingest.Inputs(log), ingest.Params())
 
 
 def test_gyro_without_accelerometer_has_the_columns_all_the_same() -> None:
-    columns = [{"column": axis, "stream": "imu", "field": f"gyro_{axis}_rad_s", "unit": "rad/s"} for axis in "xyz"]
+    columns = [
+        {"column": axis, "stream": "imu", "field": f"gyro_{axis}_rad_s", "unit": "rad/s"}
+        for axis in "xyz"
+    ]
     outputs = run(csv_log("gyro.csv", "t,x,y,z\n0,1,2,3\n1,1,2,3\n", columns))
     assert np.isnan(column(outputs.imu, "accel_x_m_s2")).all()
     assert outputs.log_info["accelerometer"] is None

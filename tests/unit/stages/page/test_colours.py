@@ -6,7 +6,20 @@ import itertools
 import re
 
 import pytest
-from auvid.stages.page.colours import AXES, COMPONENTS, MODELS, PAPER, ROLES, SCREEN, contrast, ink, inks_of, is_model, key
+
+from auvid.stages.page.colours import (
+    AXES,
+    COMPONENTS,
+    MODELS,
+    PAPER,
+    ROLES,
+    SCREEN,
+    contrast,
+    ink,
+    inks_of,
+    is_model,
+    key,
+)
 from auvid.stages.page.html import _text, inks
 
 LEAST_LINE = 3.0  # WCAG 2.1, 1.4.11
@@ -27,11 +40,20 @@ def test_line_stands_out_on_paper_and_on_screen(name: str) -> None:
 def test_no_two_models_look_the_same() -> None:
     names = [name for name in MODELS if name != "mcfarland_whitcomb"]
     for one, other in itertools.combinations(names, 2):
-        assert (MODELS[one].light, MODELS[one].dash) != (MODELS[other].light, MODELS[other].dash), (one, other)
+        assert (MODELS[one].light, MODELS[one].dash) != (MODELS[other].light, MODELS[other].dash), (
+            one,
+            other,
+        )
 
 
 @pytest.mark.parametrize(
-    ("one", "other"), [("Gertler & Hagen", "gertler_hagen"), ("McFarland & Whitcomb", "mcfarland"), ("X", "x"), ("surge", "u")]
+    ("one", "other"),
+    [
+        ("Gertler & Hagen", "gertler_hagen"),
+        ("McFarland & Whitcomb", "mcfarland"),
+        ("X", "x"),
+        ("surge", "u"),
+    ],
 )
 def test_name_as_printed_and_name_in_code_have_one_colour(one: str, other: str) -> None:
     assert ink(one) == ink(other)
@@ -50,8 +72,13 @@ def test_key_of_a_name_without_letters_is_empty() -> None:
 def test_text_stands_out_on_every_ground_of_the_page(theme: str) -> None:
     block = _text("style.css").split(theme, 1)[1].split("}", 1)[0]
     colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
-    pairs = [("ink", ground) for ground in ("paper", "faint", "good", "fair", "poor", "h0", "h1", "h2", "h3", "h4")]
-    pairs += [(text, "paper") for text in ("soft", "link", "good-ink", "fair-ink", "poor-ink")] + [("soft", "faint")]
+    pairs = [
+        ("ink", ground)
+        for ground in ("paper", "faint", "good", "fair", "poor", "h0", "h1", "h2", "h3", "h4")
+    ]
+    pairs += [(text, "paper") for text in ("soft", "link", "good-ink", "fair-ink", "poor-ink")] + [
+        ("soft", "faint")
+    ]
     for text, ground in pairs:
         assert contrast(colours[text], colours[ground]) >= LEAST_TEXT, (text, ground)
 

@@ -1,13 +1,16 @@
-"""LaTeX to MathML: what the thesis's equations need, and input that nobody should have written."""
+"""LaTeX to MathML: what the thesis's equations need, and input that nobody should have
+written.
+"""
 
 from __future__ import annotations
 
 from xml.etree import ElementTree
 
 import pytest
-from auvid.stages.page.equations import mathml
 from hypothesis import given
 from hypothesis import strategies as st
+
+from auvid.stages.page.equations import mathml
 
 
 def letters(latex: str) -> str:
@@ -36,7 +39,10 @@ def test_construct(latex: str, markup: str) -> None:
 
 
 def test_every_letter_of_the_residual_equation_is_shown_in_order() -> None:
-    assert letters(r"\bar\tau = M\dot\nu + C(\nu)\nu - \tau_G(\eta) - \tau_U(\nu, u)") == "τ¯=Mν˙+C(ν)ν−τG(η)−τU(ν,u)"
+    assert (
+        letters(r"\bar\tau = M\dot\nu + C(\nu)\nu - \tau_G(\eta) - \tau_U(\nu, u)")
+        == "τ¯=Mν˙+C(ν)ν−τG(η)−τU(ν,u)"
+    )
 
 
 def test_unknown_command_is_shown_as_written() -> None:
@@ -62,7 +68,23 @@ def test_any_text_gives_well_formed_markup(latex: str) -> None:
 
 @given(
     st.lists(
-        st.sampled_from([r"\left(", r"\right)", r"\begin{a}", r"\end{a}", r"\frac", r"\dot", "{", "}", "_", "^", "&", r"\\", "x"]),
+        st.sampled_from(
+            [
+                r"\left(",
+                r"\right)",
+                r"\begin{a}",
+                r"\end{a}",
+                r"\frac",
+                r"\dot",
+                "{",
+                "}",
+                "_",
+                "^",
+                "&",
+                r"\\",
+                "x",
+            ]
+        ),
         max_size=25,
     )
 )

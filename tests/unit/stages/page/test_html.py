@@ -1,4 +1,6 @@
-"""The page: arranged sections, escaped strings, one file without network, the same bytes every time."""
+"""The page: arranged sections, escaped strings, one file without network, the same
+bytes every time.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +10,11 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+
 from auvid.stages.page.html import Chapter, anchor, arrange, cells, heat, lead
 from auvid.stages.page.number_format import number, printed_unit, symbols, term, visible
 from auvid.stages.presentation import remark, section, table, text
 from auvid.stages.report import Params, run
-
 from tests.support.example_run import ExampleRun, example_run
 
 HOSTILE = '<script>alert("x")</script><img src=x onerror=alert(1)>\x1b[31mred\x07\u202egnp.exe</td>'
@@ -51,7 +53,11 @@ def test_sections_stand_by_order_and_share_a_heading_per_stage() -> None:
         "ingest/dive": section("Log dive", [], order=10),
         "fuse/check": section("State of check (kinematic)", [], order=30),
     }
-    assert titles(arrange(sections)) == [("Log dive", [""]), ("State (kinematic)", ["train", "check"]), ("Provenance", [""])]
+    assert titles(arrange(sections)) == [
+        ("Log dive", [""]),
+        ("State (kinematic)", ["train", "check"]),
+        ("Provenance", [""]),
+    ]
 
 
 def test_sections_with_titles_of_their_own_keep_them() -> None:
@@ -60,7 +66,14 @@ def test_sections_with_titles_of_their_own_keep_them() -> None:
 
 
 def test_anchors_of_different_names_differ() -> None:
-    names = [("fuse", "a b"), ("fuse", "a-b"), ("fuse", "a", "b"), ("fuse", "a_b"), ("fuse", "ä"), ("fuse", "train.1")]
+    names = [
+        ("fuse", "a b"),
+        ("fuse", "a-b"),
+        ("fuse", "a", "b"),
+        ("fuse", "a_b"),
+        ("fuse", "ä"),
+        ("fuse", "train.1"),
+    ]
     assert len({anchor(*name) for name in names}) == len(names)
     assert all(re.fullmatch(r"[A-Za-z0-9_-]+", anchor(*name)) for name in names)
 
@@ -96,20 +109,32 @@ def test_column_of_very_different_sizes_keeps_its_figures() -> None:
     assert [row[0].text for row in cells(block)] == ["1×10⁻⁵", "1235"]
 
 
-@pytest.mark.parametrize(("ratio", "kind"), [(0.0, "h0"), (0.3, "h1"), (0.5, "h2"), (0.99, "h3"), (1.0, "h4"), (None, "")])
+@pytest.mark.parametrize(
+    ("ratio", "kind"),
+    [(0.0, "h0"), (0.3, "h1"), (0.5, "h2"), (0.99, "h3"), (1.0, "h4"), (None, "")],
+)
 def test_heat(ratio: float | None, kind: str) -> None:
     assert heat(ratio) == kind
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("u*u", "u²"), ("v*|v|", "v|v|"), ("(u*v)*(eta-1)", "uv(η−1)"), ("r", "r"), ("constant", "constant")]
+    ("name", "words"),
+    [
+        ("u*u", "u²"),
+        ("v*|v|", "v|v|"),
+        ("(u*v)*(eta-1)", "uv(η−1)"),
+        ("r", "r"),
+        ("constant", "constant"),
+    ],
 )
 def test_terms(name: str, words: str) -> None:
     assert term(name) == words
 
 
 def test_verdict_and_model_cells_are_marked() -> None:
-    row = cells(table("t", ["model", "verdict", "x"], [["Linear", "inseparable from u, v", True]]))[0]
+    row = cells(table("t", ["model", "verdict", "x"], [["Linear", "inseparable from u, v", True]]))[
+        0
+    ]
     assert row[0].swatch == "--ink-linear"
     assert row[1].kind == "verdict fair"
     assert row[2].text == "yes"
@@ -123,11 +148,19 @@ def hostile_run() -> ExampleRun:
     made.cards["linear"]["title"] = HOSTILE
     made.sections[f"evil/{HOSTILE}"] = section(
         HOSTILE,
-        [text(HOSTILE), remark(HOSTILE, "warning"), table(HOSTILE, [(HOSTILE, HOSTILE)], [[HOSTILE]], note=HOSTILE)],
+        [
+            text(HOSTILE),
+            remark(HOSTILE, "warning"),
+            table(HOSTILE, [(HOSTILE, HOSTILE)], [[HOSTILE]], note=HOSTILE),
+        ],
         order=2,
         look_for=HOSTILE,
     )
-    made.sections["evil/equation"] = section("e", [{"kind": "equation", "latex": HOSTILE, "meaning": HOSTILE}, {"kind": HOSTILE}], order=3)
+    made.sections["evil/equation"] = section(
+        "e",
+        [{"kind": "equation", "latex": HOSTILE, "meaning": HOSTILE}, {"kind": HOSTILE}],
+        order=3,
+    )
     lines = [{"name": HOSTILE, "role": HOSTILE, "x": [0, 1], "y": [0, 1]}]
     axes = [{"label": HOSTILE, "unit": HOSTILE, "series": lines}]
     made.sections["evil/plot"] = section(
@@ -161,7 +194,9 @@ def test_page_allows_its_own_script_only(page: str) -> None:
     script = re.search(r"<script>(.*)</script>", page, re.DOTALL)
     assert script is not None
     digest = base64.b64encode(hashlib.sha256(script.group(1).encode()).digest()).decode()
-    assert f"script-src &#39;sha256-{digest}&#39;" in page or f"script-src 'sha256-{digest}'" in page
+    assert (
+        f"script-src &#39;sha256-{digest}&#39;" in page or f"script-src 'sha256-{digest}'" in page
+    )
     assert "default-src 'none'" in page
 
 
@@ -177,7 +212,10 @@ def test_page_refers_to_nothing_outside_itself(page: str) -> None:
 
 
 def test_report_is_the_same_every_time() -> None:
-    first, second = (run(example_run({"train": 4.0, "check": 2.0}).inputs(), Params()).report_html for _ in range(2))
+    first, second = (
+        run(example_run({"train": 4.0, "check": 2.0}).inputs(), Params()).report_html
+        for _ in range(2)
+    )
     assert first == second
 
 
@@ -204,7 +242,11 @@ def test_long_text_is_folded_after_its_first_sentence() -> None:
 
 
 def test_numbers_printed_by_a_stage_keep_their_digits_and_are_sorted_as_numbers() -> None:
-    block = table("T", ["quantity", "ours", "id"], [["X_udot", "-13.3967", "a1"], ["Z_w", "1.20e-05", "7"], ["K", "", ""]])
+    block = table(
+        "T",
+        ["quantity", "ours", "id"],
+        [["X_udot", "-13.3967", "a1"], ["Z_w", "1.20e-05", "7"], ["K", "", ""]],
+    )
     rows = cells(block)
     assert [row[1].text for row in rows] == ["−13.3967", "1.20×10⁻⁵", "–"]
     assert [row[1].sort for row in rows] == [-13.3967, 1.2e-05, None]
@@ -214,17 +256,34 @@ def test_numbers_printed_by_a_stage_keep_their_digits_and_are_sorted_as_numbers(
 
 
 def test_symbols_are_typeset_and_nothing_else_is_let_through() -> None:
-    assert symbols("m - Y_vdot, Y_v|v|, I_z") == "m - Y<sub>v\u0307</sub>, Y<sub>v|v|</sub>, I<sub>z</sub>"
-    assert symbols("X_prop and MAX_uv stay, <b>X_u</b>") == "X_prop and MAX_uv stay, &lt;b&gt;X<sub>u</sub>&lt;/b&gt;"
+    assert (
+        symbols("m - Y_vdot, Y_v|v|, I_z")
+        == "m - Y<sub>v\u0307</sub>, Y<sub>v|v|</sub>, I<sub>z</sub>"
+    )
+    assert (
+        symbols("X_prop and MAX_uv stay, <b>X_u</b>")
+        == "X_prop and MAX_uv stay, &lt;b&gt;X<sub>u</sub>&lt;/b&gt;"
+    )
 
 
 def test_units_are_printed_as_engineers_do() -> None:
-    assert [printed_unit(unit) for unit in ("kg*m^2", "1/s^2", "N", "m^-1")] == ["kg m²", "1/s²", "N", "m⁻¹"]
+    assert [printed_unit(unit) for unit in ("kg*m^2", "1/s^2", "N", "m^-1")] == [
+        "kg m²",
+        "1/s²",
+        "N",
+        "m⁻¹",
+    ]
 
 
 def test_many_parts_fold_and_say_their_warnings() -> None:
-    few = {f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90) for n in range(3)}
-    many = {f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90) for n in range(12)}
+    few = {
+        f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90)
+        for n in range(3)
+    }
+    many = {
+        f"ingest/log{n}": section(f"Health of log log{n}", [remark("lost", "warning")], order=90)
+        for n in range(12)
+    }
     assert not arrange(few)[0].folds
     chapter = arrange(many)[0]
     assert chapter.folds

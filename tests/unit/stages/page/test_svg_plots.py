@@ -1,4 +1,6 @@
-"""The path of a plotted line holds the samples; ticks are round and inside; of many models the best are drawn."""
+"""The path of a plotted line holds the samples; ticks are round and inside; of many
+models the best are drawn.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,11 @@ import re
 import numpy as np
 import numpy.typing as npt
 import pytest
-from auvid.stages.page.svg_plots import PANEL_STEPS, X_STEPS, Y_STEPS, Line, Plot, lay_out, ticks
-from auvid.stages.presentation import panel, plot, series
 from hypothesis import given
 from hypothesis import strategies as st
+
+from auvid.stages.page.svg_plots import PANEL_STEPS, X_STEPS, Y_STEPS, Line, Plot, lay_out, ticks
+from auvid.stages.presentation import panel, plot, series
 
 Array = npt.NDArray[np.float64]
 
@@ -76,7 +79,11 @@ def test_ticks_are_inside_and_differ(low: float, span: float, wanted: int) -> No
 
 @pytest.mark.parametrize(
     ("low", "high", "labels"),
-    [(0, 90, ["0", "20", "40", "60", "80"]), (-0.53, 0.48, ["−0.50", "−0.25", "0", "0.25"]), (98, 102, ["98", "99", "100", "101", "102"])],
+    [
+        (0, 90, ["0", "20", "40", "60", "80"]),
+        (-0.53, 0.48, ["−0.50", "−0.25", "0", "0.25"]),
+        (98, 102, ["98", "99", "100", "101", "102"]),
+    ],
 )
 def test_tick_labels(low: float, high: float, labels: list[str]) -> None:
     assert [tick.label for tick in ticks(low, high, 5)] == labels
@@ -84,25 +91,51 @@ def test_tick_labels(low: float, high: float, labels: list[str]) -> None:
 
 def model_plot(models: list[str]) -> dict[str, object]:
     x = np.arange(3.0)
-    return plot("title", [panel("X", "N", [series("measured", x, x, "measured"), *(series(name, x, x, name) for name in models)])])
+    return plot(
+        "title",
+        [
+            panel(
+                "X",
+                "N",
+                [
+                    series("measured", x, x, "measured"),
+                    *(series(name, x, x, name) for name in models),
+                ],
+            )
+        ],
+    )
 
 
 def test_of_many_models_the_preferred_are_drawn() -> None:
     models = ["linear", "fossen", "coe", "prestero", "uncoupled"]
-    drawn = lay_out(model_plot(models), preferred=["uncoupled", "fossen", "coe", "linear"], titles={"coe": "Coe"})
-    assert [entry.name for entry in drawn.entries if entry.shown] == ["measured", "fossen", "Coe", "uncoupled"]
+    drawn = lay_out(
+        model_plot(models),
+        preferred=["uncoupled", "fossen", "coe", "linear"],
+        titles={"coe": "Coe"},
+    )
+    assert [entry.name for entry in drawn.entries if entry.shown] == [
+        "measured",
+        "fossen",
+        "Coe",
+        "uncoupled",
+    ]
     assert drawn.hidden == 2
 
 
 def test_range_follows_the_lines_that_are_drawn() -> None:
     x = np.arange(3.0)
-    lines = [series(name, x, size * x, name) for name, size in (("linear", 1), ("fossen", 1), ("coe", 1), ("prestero", 1000))]
+    lines = [
+        series(name, x, size * x, name)
+        for name, size in (("linear", 1), ("fossen", 1), ("coe", 1), ("prestero", 1000))
+    ]
     drawn = lay_out(plot("title", [panel("X", "N", lines)]), preferred=["linear", "fossen", "coe"])
     assert drawn.panels[0].high < 3
 
 
 def test_plots_of_another_clock_are_another_group() -> None:
-    block = plot("title", [panel("u", "", [series("a", [0.0, 1.0], [0.0, 1.0], "raw")])], group="time")
+    block = plot(
+        "title", [panel("u", "", [series("a", [0.0, 1.0], [0.0, 1.0], "raw")])], group="time"
+    )
     assert lay_out(block).group == "time"
     assert lay_out(block, clock="dive_2").group == "dive_2 time"
 
@@ -122,14 +155,25 @@ def test_simulation_that_runs_away_does_not_flatten_the_measurement() -> None:
 
 def test_wide_start_of_a_band_does_not_flatten_its_estimate() -> None:
     t = np.linspace(0.0, 10.0, 200)
-    lines = [series("estimate", t, 1.0 + 0.1 * t, "fused"), series("95 % high", t, 1.0 + 1e5 * np.exp(-t), "band")]
-    assert lay_out(plot("History", [panel("X_u", "kg/s", lines)])).panels[0].high == pytest.approx(3.0)
+    lines = [
+        series("estimate", t, 1.0 + 0.1 * t, "fused"),
+        series("95 % high", t, 1.0 + 1e5 * np.exp(-t), "band"),
+    ]
+    assert lay_out(plot("History", [panel("X_u", "kg/s", lines)])).panels[0].high == pytest.approx(
+        3.0
+    )
 
 
 def test_place_over_place_has_equal_scales() -> None:
     angle = np.linspace(0.0, 2 * np.pi, 100)
     circle = plot(
-        "Plan", [panel("north", "m", [series("flown", 10 * np.cos(angle), 10 * np.sin(angle), "fused")])], x_label="east", x_unit="m"
+        "Plan",
+        [panel("north", "m", [series("flown", 10 * np.cos(angle), 10 * np.sin(angle), "fused")])],
+        x_label="east",
+        x_unit="m",
     )
     assert lay_out(circle).aspect == pytest.approx(1 / 1.12, rel=0.01)
-    assert lay_out(plot("Run", [panel("depth", "m", [series("z", angle, angle, "fused")])])).aspect == 0.0
+    assert (
+        lay_out(plot("Run", [panel("depth", "m", [series("z", angle, angle, "fused")])])).aspect
+        == 0.0
+    )

@@ -1,4 +1,6 @@
-"""The bench twin: its logs are read by our readers and by pymavlink, hold the motion that was flown, and give their truth back."""
+"""The bench twin: its logs are read by our readers and by pymavlink, hold the motion
+that was flown, and give their truth back.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pymavlink import DFReader, mavutil
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
@@ -19,12 +23,13 @@ from auvid.stages.base import RawFile, RawLog
 from auvid.stages.simulate.bench import pendulum_of
 from auvid.stages.simulate.bench_plans import bench_entries, bench_plan, output_of
 from auvid.stages.simulate.csv_writer import column_maps
-from pymavlink import DFReader, mavutil
 
 ROOT = Path(__file__).parents[4]
 DOCUMENT = yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
 THAUS = vehicle_from_document(DOCUMENT)
-APPARATUS = yaml.safe_load((ROOT / "campaigns/thaus_twin/apparatus.yaml").read_text(encoding="utf-8"))
+APPARATUS = yaml.safe_load(
+    (ROOT / "campaigns/thaus_twin/apparatus.yaml").read_text(encoding="utf-8")
+)
 STEPS = {"times_s": [0.0, 6.0, 11.0, 19.0, 26.0], "values_percent": [50, -80, 30, 90, -40]}
 POLE = {"pole_added_mass": -4.1996, "pole_linear": -1.0, "pole_quadratic": -2.0}
 WEISS = {
@@ -42,18 +47,49 @@ PLAN: dict[str, Any] = {
     "depth_m": 1.5,
     "sensors": {"ahrs": {"rate_hz": 50}, "dvl": {"rate_hz": 20}},
     "bench": {
-        "truths": {"weiss": WEISS, "decay": {**POLE, "X_udot": -87.0553, "X_u": -45.7734, "X_u|u|": -20.0}},
-        "tank": [{"id": "surge", "channel": "surge", "truth": "weiss", "duration_s": 32, "commands": {"surge": STEPS}}],
-        "decays": [{"id": "decay", "decay": "surge", "truth": "decay", "angle_deg": 22, "duration_s": 30}],
-        "swings": [{"id": "swing", "swing": "tray", "inertia_kg_m2": 2.197, "angle_deg": 5, "duration_s": 20}],
+        "truths": {
+            "weiss": WEISS,
+            "decay": {**POLE, "X_udot": -87.0553, "X_u": -45.7734, "X_u|u|": -20.0},
+        },
+        "tank": [
+            {
+                "id": "surge",
+                "channel": "surge",
+                "truth": "weiss",
+                "duration_s": 32,
+                "commands": {"surge": STEPS},
+            }
+        ],
+        "decays": [
+            {"id": "decay", "decay": "surge", "truth": "decay", "angle_deg": 22, "duration_s": 30}
+        ],
+        "swings": [
+            {
+                "id": "swing",
+                "swing": "tray",
+                "inertia_kg_m2": 2.197,
+                "angle_deg": 5,
+                "duration_s": 20,
+            }
+        ],
     },
 }
 
 
-def run(plan: dict[str, Any] = PLAN, format: str = "bin", apparatus: Any = APPARATUS) -> simulate.Outputs:
+def run(
+    plan: dict[str, Any] = PLAN, format: str = "bin", apparatus: Any = APPARATUS
+) -> simulate.Outputs:
     check_document(plan, "plan")
-    twin = {"plan": plan, "truth": {"kind": "physics", "name": "physics", "source": "plan"}, "seed": 3, "format": format}
-    return simulate.run(simulate.Inputs(DOCUMENT, {**twin, "accelerometer": "specific_force"}, apparatus), simulate.Params())
+    twin = {
+        "plan": plan,
+        "truth": {"kind": "physics", "name": "physics", "source": "plan"},
+        "seed": 3,
+        "format": format,
+    }
+    return simulate.run(
+        simulate.Inputs(DOCUMENT, {**twin, "accelerometer": "specific_force"}, apparatus),
+        simulate.Params(),
+    )
 
 
 @pytest.fixture(scope="module", params=["bin", "tlog", "csv"])
@@ -71,13 +107,21 @@ def streams(request: pytest.FixtureRequest) -> dict[str, ingest.Outputs]:
             )
             for item in files
         ]
-        found[log["id"]] = ingest.run(ingest.Inputs(RawLog(log["id"], tuple(raw)), None, DOCUMENT), ingest.Params())
+        found[log["id"]] = ingest.run(
+            ingest.Inputs(RawLog(log["id"], tuple(raw)), None, DOCUMENT), ingest.Params()
+        )
     return found
 
 
 def changed(part: str, **changes: Any) -> dict[str, Any]:
     plan = copy.deepcopy(PLAN)
-    target = plan["bench"]["tank"][0] if part == "tank" else plan["bench"][part][0] if part in ("decays", "swings") else plan["bench"][part]
+    target = (
+        plan["bench"]["tank"][0]
+        if part == "tank"
+        else plan["bench"][part][0]
+        if part in ("decays", "swings")
+        else plan["bench"][part]
+    )
     target.update(changes)
     return plan
 
@@ -87,9 +131,11 @@ def fitted(y: np.ndarray, *regressors: np.ndarray) -> np.ndarray:
 
 
 def test_a_tank_run_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> None:
-    """Integrated between samples: m_u (u2 - u1) = int X + X_u int u + X_u|u| int u|u|, by Simpson's rule within steps of thrust.
+    """Integrated between samples: m_u (u2 - u1) = int X + X_u int u + X_u|u| int u|u|,
+    by Simpson's rule within steps of thrust.
 
-    To 1e-3: single precision of the logs and the error of the quadrature (20 Hz against a time constant of some seconds).
+    To 1e-3: single precision of the logs and the error of the quadrature (20 Hz against
+    a time constant of some seconds).
     """
     log = streams["surge"]
     assert log.velocity is not None
@@ -104,7 +150,9 @@ def test_a_tank_run_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> 
     held = force[np.searchsorted(when, t + 1e-9, side="right") - 1]
     same = (held[first] == held[first + 1]) & (held[first] == held[last]) & (t[first] > t[0] + 2.1)
     changes = when[1:][np.diff(force) != 0.0]
-    same &= ~np.array([np.any((changes > a) & (changes <= b)) for a, b in zip(t[first], t[last], strict=True)])
+    same &= ~np.array(
+        [np.any((changes > a) & (changes <= b)) for a, b in zip(t[first], t[last], strict=True)]
+    )
     same &= np.sign(u[first]) == np.sign(u[last])
     width = t[last] - t[first]
 
@@ -124,10 +172,16 @@ def test_a_decay_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> Non
     assert log.attitude is not None
     assert log.imu is not None
     assert log.velocity is None
-    theta, rate, t = column(log.attitude, "theta_rad"), column(log.imu, "gyro_y_rad_s"), column(log.imu, "time_us") / 1e6
+    theta, rate, t = (
+        column(log.attitude, "theta_rad"),
+        column(log.imu, "gyro_y_rad_s"),
+        column(log.imu, "time_us") / 1e6,
+    )
     inside = slice(110, -5)
     speed = np.gradient(rate, t)[inside]
-    swing, linear, quadratic = fitted(speed, np.sin(theta)[inside], rate[inside], (rate * np.abs(rate))[inside])
+    swing, linear, quadratic = fitted(
+        speed, np.sin(theta)[inside], rate[inside], (rate * np.abs(rate))[inside]
+    )
     total = 38.10 + 5.93 + 4.62 + 87.0553 + 4.1996
     assert swing == pytest.approx(-(5.93 + 4.62) * 9.80665 / (total * 3.66), rel=1e-3)
     assert linear == pytest.approx(-(45.7734 + 1.0) / total, rel=1e-3)
@@ -136,13 +190,23 @@ def test_a_decay_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> Non
 
 
 def test_the_pixhawk_on_the_pole_feels_the_swing(streams: dict[str, ingest.Outputs]) -> None:
-    """In body axes, r below the pivot: f_x = r theta_ddot + g sin theta, f_z = -r theta_dot^2 - g cos theta (0.01 m/s2: differences)."""
+    """In body axes, r below the pivot: f_x = r theta_ddot + g sin theta, f_z = -r
+    theta_dot^2 - g cos theta (0.01 m/s2: differences).
+    """
     log = streams["decay"]
-    theta, rate, t = column(log.attitude, "theta_rad"), column(log.imu, "gyro_y_rad_s"), column(log.imu, "time_us") / 1e6
+    theta, rate, t = (
+        column(log.attitude, "theta_rad"),
+        column(log.imu, "gyro_y_rad_s"),
+        column(log.imu, "time_us") / 1e6,
+    )
     force = matrix(log.imu, ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"))
     inside = slice(110, -5)
-    np.testing.assert_allclose(force[inside, 0], (np.gradient(rate, t) + 9.80665 * np.sin(theta))[inside], atol=0.01)
-    np.testing.assert_allclose(force[inside, 2], (-(rate**2) - 9.80665 * np.cos(theta))[inside], atol=1e-4)
+    np.testing.assert_allclose(
+        force[inside, 0], (np.gradient(rate, t) + 9.80665 * np.sin(theta))[inside], atol=0.01
+    )
+    np.testing.assert_allclose(
+        force[inside, 2], (-(rate**2) - 9.80665 * np.cos(theta))[inside], atol=1e-4
+    )
     np.testing.assert_allclose(force[:, 1], 0.0, atol=1e-6)
 
 
@@ -156,24 +220,40 @@ def test_the_tray_swings_in_yaw(streams: dict[str, ingest.Outputs]) -> None:
     np.testing.assert_allclose(np.gradient(psi, t)[110:-5], rate[110:-5], atol=1e-4)
     up = np.flatnonzero((psi[:-1] < 0.0) & (psi[1:] >= 0.0))
     crossings = t[up] - psi[up] * (t[up + 1] - t[up]) / (psi[up + 1] - psi[up])
-    assert np.diff(crossings).mean() == pytest.approx(4.1571, abs=5e-3)  # s; 5 degrees lengthen it by 0.05 %
+    assert np.diff(crossings).mean() == pytest.approx(
+        4.1571, abs=5e-3
+    )  # s; 5 degrees lengthen it by 0.05 %
     assert np.abs(column(log.imu, "gyro_x_rad_s")).max() < 1e-6
 
 
-def test_logs_begin_at_rest_before_the_leg_and_are_whole(streams: dict[str, ingest.Outputs]) -> None:
+def test_logs_begin_at_rest_before_the_leg_and_are_whole(
+    streams: dict[str, ingest.Outputs],
+) -> None:
     for name, log in streams.items():
         assert log.log_info["status"] == "complete"
         assert not [row for row in log.dropped.to_pylist() if row["count"]]
-        assert np.abs(matrix(log.imu, ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"))[:95]).max() < 1e-7, name
+        assert (
+            np.abs(matrix(log.imu, ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"))[:95]).max()
+            < 1e-7
+        ), name
 
 
 def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
     file = RawFile("decay.BIN", np.frombuffer(run().logs["decay.BIN"], np.uint8))
     told = {}
     for kind in ("bench_twin", "identification"):
-        campaign = {"kind": kind, "vehicle": "thaus", "logs": [{"id": "decay", "file": "decay.BIN"}], "legs": []}
-        section = ingest.run(ingest.Inputs(RawLog("decay", (file,)), campaign, DOCUMENT), ingest.Params()).section
-        told[kind] = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
+        campaign = {
+            "kind": kind,
+            "vehicle": "thaus",
+            "logs": [{"id": "decay", "file": "decay.BIN"}],
+            "legs": [],
+        }
+        section = ingest.run(
+            ingest.Inputs(RawLog("decay", (file,)), campaign, DOCUMENT), ingest.Params()
+        ).section
+        told[kind] = " ".join(
+            block["text"] for block in section["blocks"] if block["kind"] == "remark"
+        )
     assert "No force model can be fitted" in told["identification"]
     assert "stream depth" in told["identification"]
     assert "force model" not in told["bench_twin"]
@@ -182,7 +262,10 @@ def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
 
 def test_pymavlink_reads_the_same(tmp_path: Path) -> None:
     outputs = run()
-    for name, types in (("surge.BIN", {"IMU", "ATT", "VISO", "BARO", "RCOU"}), ("decay.BIN", {"IMU", "ATT"})):
+    for name, types in (
+        ("surge.BIN", {"IMU", "ATT", "VISO", "BARO", "RCOU"}),
+        ("decay.BIN", {"IMU", "ATT"}),
+    ):
         path = tmp_path / name
         path.write_bytes(outputs.logs[name])
         reader = DFReader.DFReader_binary(str(path))
@@ -200,18 +283,27 @@ def test_pymavlink_reads_the_same(tmp_path: Path) -> None:
     path = tmp_path / "surge.tlog"
     path.write_bytes(run(format="tlog").logs["surge.tlog"])
     log = mavutil.mavlink_connection(str(path))
-    outputs_seen = {message.servo1_raw for message in iter(lambda: log.recv_match(type="SERVO_OUTPUT_RAW"), None)}
+    outputs_seen = {
+        message.servo1_raw
+        for message in iter(lambda: log.recv_match(type="SERVO_OUTPUT_RAW"), None)
+    }
     assert outputs_seen == {1500, 1700, 1180, 1620, 1860, 1340}
     log.close()
 
 
 def test_a_turned_pixhawk_reports_in_its_own_axes() -> None:
-    """Turned by 90 degrees in yaw the swing is in roll, backwards; the attitude is that of the sensor."""
+    """Turned by 90 degrees in yaw the swing is in roll, backwards; the attitude is that
+    of the sensor.
+    """
     plan = copy.deepcopy(PLAN)
     plan["bench"]["pixhawk"] = {"mounting_deg": [0, 0, 90]}
     outputs = run(plan, format="csv")
-    rows = np.genfromtxt(outputs.logs["decay_ahrs.csv"].decode().splitlines(), delimiter=",", names=True)
-    straight = np.genfromtxt(run(format="csv").logs["decay_ahrs.csv"].decode().splitlines(), delimiter=",", names=True)
+    rows = np.genfromtxt(
+        outputs.logs["decay_ahrs.csv"].decode().splitlines(), delimiter=",", names=True
+    )
+    straight = np.genfromtxt(
+        run(format="csv").logs["decay_ahrs.csv"].decode().splitlines(), delimiter=",", names=True
+    )
     np.testing.assert_allclose(rows["gyro_x_rad_s"], straight["gyro_y_rad_s"], atol=1e-12)
     np.testing.assert_allclose(rows["gyro_y_rad_s"], 0.0, atol=1e-12)
     np.testing.assert_allclose(rows["accel_y_m_s2"], -straight["accel_x_m_s2"], atol=1e-12)
@@ -220,19 +312,38 @@ def test_a_turned_pixhawk_reports_in_its_own_axes() -> None:
 
 def test_noise_is_what_the_plan_says_times_the_factor_of_the_run() -> None:
     plan = copy.deepcopy(PLAN)
-    plan["sensors"] = {"ahrs": {"rate_hz": 50, "gyro_sd_rad_s": 0.01}, "dvl": {"rate_hz": 20, "sd_m_s": 0.01}}
+    plan["sensors"] = {
+        "ahrs": {"rate_hz": 50, "gyro_sd_rad_s": 0.01},
+        "dvl": {"rate_hz": 20, "sd_m_s": 0.01},
+    }
     plan["bench"]["decays"], plan["bench"]["swings"] = [], []
-    noisy = np.genfromtxt(run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(), delimiter=",", names=True)
+    noisy = np.genfromtxt(
+        run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(),
+        delimiter=",",
+        names=True,
+    )
     plan["bench"]["tank"][0]["noise"] = 0
-    exact = np.genfromtxt(run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(), delimiter=",", names=True)
-    assert np.std(noisy["u_m_s"] - exact["u_m_s"]) == pytest.approx(0.01, rel=0.15)  # 680 samples: 3 % standard error
+    exact = np.genfromtxt(
+        run(plan, format="csv").logs["surge_dvl.csv"].decode().splitlines(),
+        delimiter=",",
+        names=True,
+    )
+    assert np.std(noisy["u_m_s"] - exact["u_m_s"]) == pytest.approx(
+        0.01, rel=0.15
+    )  # 680 samples: 3 % standard error
     np.testing.assert_array_equal(exact["v_m_s"], 0.0)
 
 
 def test_pitch_is_driven_through_surge_and_heave() -> None:
-    plan = changed("tank", channel="pitch", commands={"surge": STEPS, "heave": {"times_s": [1.0, 15.0], "values_percent": [70, -60]}})
+    plan = changed(
+        "tank",
+        channel="pitch",
+        commands={"surge": STEPS, "heave": {"times_s": [1.0, 15.0], "values_percent": [70, -60]}},
+    )
     outputs = run(plan, format="csv")
-    ahrs = np.genfromtxt(outputs.logs["surge_ahrs.csv"].decode().splitlines(), delimiter=",", names=True)
+    ahrs = np.genfromtxt(
+        outputs.logs["surge_ahrs.csv"].decode().splitlines(), delimiter=",", names=True
+    )
     assert np.abs(ahrs["gyro_y_rad_s"]).max() > 0.01
     np.testing.assert_allclose(ahrs["gyro_x_rad_s"], 0.0, atol=1e-9)
 
@@ -244,7 +355,9 @@ def test_a_physical_pendulum_has_each_part_at_its_own_arm() -> None:
     pole["inertia"] = {"value": 6.62, "unit": "kg*m^2", "source": "rod"}
     pole["displaced_mass"] = {"value": 2.0, "unit": "kg", "source": "wet part"}
     found = pendulum_of(apparatus, {"X_u": -10.0, **POLE}, THAUS, dof="surge")
-    assert found.inertia == pytest.approx(5.93 * 1.83**2 + 6.62 + (4.62 + 38.10 + 91.7507 + 4.1996) * 3.66**2)
+    assert found.inertia == pytest.approx(
+        5.93 * 1.83**2 + 6.62 + (4.62 + 38.10 + 91.7507 + 4.1996) * 3.66**2
+    )
     assert found.restoring == pytest.approx(9.80665 * ((5.93 - 2.0) * 1.83 + 4.62 * 3.66))
     assert found.linear == pytest.approx(-11.0 * 3.66**2)
     assert found.quadratic == pytest.approx(-2.0 * 3.66**3)
@@ -253,7 +366,9 @@ def test_a_physical_pendulum_has_each_part_at_its_own_arm() -> None:
 
 
 def test_channels_find_the_thruster_that_drives_them_alone() -> None:
-    assert [output_of(channel, THAUS) for channel in ("surge", "sway", "heave", "roll", "pitch", "yaw")] == [0, 1, 2, 3, None, 4]
+    assert [
+        output_of(channel, THAUS) for channel in ("surge", "sway", "heave", "roll", "pitch", "yaw")
+    ] == [0, 1, 2, 3, None, 4]
 
 
 @pytest.mark.parametrize(
@@ -261,9 +376,18 @@ def test_channels_find_the_thruster_that_drives_them_alone() -> None:
     [
         (changed("tank", truth="weis"), "no such truth"),
         (changed("tank", channel="pitch"), "not driven by these commands"),
-        (changed("tank", channel="pitch", commands={"pitch": STEPS}), "not driven by these commands"),
-        (changed("tank", commands={"surge": {"times_s": [0, 40], "values_percent": [1, 2]}}), "do not increase within the leg"),
-        (changed("tank", commands={"surge": {"times_s": [0], "values_percent": [1, 2]}}), "as many times as values"),
+        (
+            changed("tank", channel="pitch", commands={"pitch": STEPS}),
+            "not driven by these commands",
+        ),
+        (
+            changed("tank", commands={"surge": {"times_s": [0, 40], "values_percent": [1, 2]}}),
+            "do not increase within the leg",
+        ),
+        (
+            changed("tank", commands={"surge": {"times_s": [0], "values_percent": [1, 2]}}),
+            "as many times as values",
+        ),
         (changed("tank", id="decay"), "not a name of its own"),
         (changed("truths", weiss={"X_uu": -1.0}), "no number of the simplified model"),
         (changed("truths", weiss={"X_u": 1.0}), "is positive"),
@@ -279,7 +403,9 @@ def test_impossible_plans_are_refused(plan: dict[str, Any], words: str) -> None:
 
 
 def test_a_run_that_leaves_the_water_is_refused() -> None:
-    plan = changed("tank", channel="heave", commands={"heave": {"times_s": [0], "values_percent": [-90]}})
+    plan = changed(
+        "tank", channel="heave", commands={"heave": {"times_s": [0], "values_percent": [-90]}}
+    )
     with pytest.raises(DataError, match="leaves the water"):
         run(plan)
 

@@ -1,4 +1,6 @@
-"""The twin's logs: read back by pymavlink and by our readers, equal in all formats; sensors against what they measure; plans refused."""
+"""The twin's logs: read back by pymavlink and by our readers, equal in all formats;
+sensors against what they measure; plans refused.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pymavlink import DFReader, mavutil
+
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
@@ -24,9 +28,14 @@ from auvid.stages.base import RawFile, RawLog
 from auvid.stages.columns import VELOCITY
 from auvid.stages.simulate.csv_writer import column_maps
 from auvid.stages.simulate.flights import checked_coefficients, fly_leg
-from auvid.stages.simulate.plans import CSV_PARTS, csv_name, log_name, manifest_entries, plan_from_document
+from auvid.stages.simulate.plans import (
+    CSV_PARTS,
+    csv_name,
+    log_name,
+    manifest_entries,
+    plan_from_document,
+)
 from auvid.stages.simulate.sensing import record
-from pymavlink import DFReader, mavutil
 
 ROOT = Path(__file__).parents[4]
 DOCUMENT = yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
@@ -49,12 +58,23 @@ PLAN: dict[str, Any] = {
         "dvl": {"sd_m_s": 0.01},
         "depth": {"sd_m": 0.005},
     },
-    "legs": [{"id": "yaw", "rpm": 2133, "manoeuvre": "yaw_steps", "duration_s": 6, "use": "training"}],
+    "legs": [
+        {"id": "yaw", "rpm": 2133, "manoeuvre": "yaw_steps", "duration_s": 6, "use": "training"}
+    ],
 }
 
 
-def run(plan: Mapping[str, Any] = PLAN, truth: Mapping[str, Any] = PHYSICS, **more: Any) -> simulate.Outputs:
-    twin = {"plan": plan, "truth": truth, "seed": 3, "format": "bin", "accelerometer": "specific_force", **more}
+def run(
+    plan: Mapping[str, Any] = PLAN, truth: Mapping[str, Any] = PHYSICS, **more: Any
+) -> simulate.Outputs:
+    twin = {
+        "plan": plan,
+        "truth": truth,
+        "seed": 3,
+        "format": "bin",
+        "accelerometer": "specific_force",
+        **more,
+    }
     return simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
 
 
@@ -66,21 +86,36 @@ def logs() -> dict[str, simulate.Outputs]:
 @pytest.fixture(scope="module")
 def recorded() -> Any:
     plan = plan_from_document(PLAN, VT690)
-    return record(fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=3), plan, seed=3, text="twin")
+    return record(
+        fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=3),
+        plan,
+        seed=3,
+        text="twin",
+    )
 
 
-def ingested(outputs: simulate.Outputs, format: str, accelerometer: str = "specific_force") -> ingest.Outputs:
+def ingested(
+    outputs: simulate.Outputs, format: str, accelerometer: str = "specific_force"
+) -> ingest.Outputs:
     def raw(name: str, columns: Any = None) -> RawFile:
         return RawFile(name, np.frombuffer(outputs.logs[name], np.uint8), columns)
 
     maps = column_maps(accelerometer=accelerometer)
-    files = [raw(csv_name("yaw", part), maps[part]) for part in CSV_PARTS] if format == "csv" else [raw(log_name("yaw", format))]
+    files = (
+        [raw(csv_name("yaw", part), maps[part]) for part in CSV_PARTS]
+        if format == "csv"
+        else [raw(log_name("yaw", format))]
+    )
     return ingest.run(ingest.Inputs(RawLog("yaw", tuple(files)), None, DOCUMENT), ingest.Params())
 
 
 @pytest.mark.parametrize("format", ["bin", "tlog", "csv"])
-def test_our_readers_give_back_what_the_sensors_recorded(logs: dict[str, simulate.Outputs], recorded: Any, format: str) -> None:
-    """CSV exactly but for units turned there and back; the binary formats to single precision (4e-7 of the largest value)."""
+def test_our_readers_give_back_what_the_sensors_recorded(
+    logs: dict[str, simulate.Outputs], recorded: Any, format: str
+) -> None:
+    """CSV exactly but for units turned there and back; the binary formats to single
+    precision (4e-7 of the largest value).
+    """
     streams = ingested(logs[format], format)
     for name, columns in recorded.streams.items():
         table = getattr(streams, name)
@@ -90,14 +125,24 @@ def test_our_readers_give_back_what_the_sensors_recorded(logs: dict[str, simulat
                 found = column(table, field)
                 if field == "psi_rad":
                     found = np.remainder(found + np.pi, 2.0 * np.pi) - np.pi
-                largest = 2.0 * np.pi if field == "psi_rad" else max(float(np.abs(values).max()), 1.0)
-                assert np.max(np.abs(found - values)) <= (1e-12 if format == "csv" else 4e-7) * largest, field
+                largest = (
+                    2.0 * np.pi if field == "psi_rad" else max(float(np.abs(values).max()), 1.0)
+                )
+                assert (
+                    np.max(np.abs(found - values)) <= (1e-12 if format == "csv" else 4e-7) * largest
+                ), field
     info = streams.log_info
-    assert (info["status"], info["start_us"], info["accelerometer"]) == ("complete", 10_000_000, "specific_force")
+    assert (info["status"], info["start_us"], info["accelerometer"]) == (
+        "complete",
+        10_000_000,
+        "specific_force",
+    )
     assert streams.dropped.num_rows == 0
 
 
-def test_pymavlink_reads_the_dataflash_log(logs: dict[str, simulate.Outputs], recorded: Any, tmp_path: Path) -> None:
+def test_pymavlink_reads_the_dataflash_log(
+    logs: dict[str, simulate.Outputs], recorded: Any, tmp_path: Path
+) -> None:
     path = tmp_path / "yaw.BIN"
     path.write_bytes(logs["bin"].logs["yaw.BIN"])
     reader = DFReader.DFReader_binary(str(path))
@@ -105,11 +150,21 @@ def test_pymavlink_reads_the_dataflash_log(logs: dict[str, simulate.Outputs], re
     while (message := reader.recv_msg()) is not None:
         found.setdefault(message.get_type(), []).append(message)
     imu, actuators = recorded.streams["imu"], recorded.streams["actuators"]
-    assert [len(found[name]) for name in ("IMU", "ATT", "ACTU")] == [imu["time_us"].size, imu["time_us"].size, actuators["time_us"].size]
+    assert [len(found[name]) for name in ("IMU", "ATT", "ACTU")] == [
+        imu["time_us"].size,
+        imu["time_us"].size,
+        actuators["time_us"].size,
+    ]
     assert {message.Label for message in found["UNIT"]} >= {"rad/s", "m/s/s", "deg", "rad"}
-    assert np.allclose([message.GyrZ for message in found["IMU"]], imu["gyro_z_rad_s"], rtol=1e-6, atol=1e-9)
-    assert np.allclose([message.FinT for message in found["ACTU"]], actuators["fin_t_rad"], rtol=1e-6, atol=1e-9)
-    assert [message.TimeUS for message in found["VISO"]] == recorded.streams["velocity"]["time_us"].tolist()
+    assert np.allclose(
+        [message.GyrZ for message in found["IMU"]], imu["gyro_z_rad_s"], rtol=1e-6, atol=1e-9
+    )
+    assert np.allclose(
+        [message.FinT for message in found["ACTU"]], actuators["fin_t_rad"], rtol=1e-6, atol=1e-9
+    )
+    assert [message.TimeUS for message in found["VISO"]] == recorded.streams["velocity"][
+        "time_us"
+    ].tolist()
     reader.filehandle.close()
     ids = {definition.type: definition for definition in reader.formats.values()}
     for message in found["FMTU"]:
@@ -118,7 +173,9 @@ def test_pymavlink_reads_the_dataflash_log(logs: dict[str, simulate.Outputs], re
         assert set(message.MultIds) <= {chr(factor.Id) for factor in found["MULT"]}
 
 
-def test_pymavlink_reads_the_telemetry_log(logs: dict[str, simulate.Outputs], recorded: Any, tmp_path: Path) -> None:
+def test_pymavlink_reads_the_telemetry_log(
+    logs: dict[str, simulate.Outputs], recorded: Any, tmp_path: Path
+) -> None:
     path = tmp_path / "yaw.tlog"
     path.write_bytes(logs["tlog"].logs["yaw.tlog"])
     reader = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
@@ -127,25 +184,52 @@ def test_pymavlink_reads_the_telemetry_log(logs: dict[str, simulate.Outputs], re
         found.setdefault(message.get_type(), []).append(message)
     reader.close()
     assert "BAD_DATA" not in found
-    assert np.allclose([message.yaw for message in found["ATTITUDE"]], recorded.streams["attitude"]["psi_rad"], atol=1e-6)
-    assert np.allclose([message.xacc for message in found["HIGHRES_IMU"]], recorded.streams["imu"]["accel_x_m_s2"], atol=1e-6)
-    assert np.allclose([message.data[4] for message in found["DEBUG_FLOAT_ARRAY"]], recorded.streams["actuators"]["fin_t_rad"], atol=1e-7)
+    assert np.allclose(
+        [message.yaw for message in found["ATTITUDE"]],
+        recorded.streams["attitude"]["psi_rad"],
+        atol=1e-6,
+    )
+    assert np.allclose(
+        [message.xacc for message in found["HIGHRES_IMU"]],
+        recorded.streams["imu"]["accel_x_m_s2"],
+        atol=1e-6,
+    )
+    assert np.allclose(
+        [message.data[4] for message in found["DEBUG_FLOAT_ARRAY"]],
+        recorded.streams["actuators"]["fin_t_rad"],
+        atol=1e-7,
+    )
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(logs: dict[str, simulate.Outputs]) -> None:
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
+    logs: dict[str, simulate.Outputs],
+) -> None:
     assert run().logs == logs["bin"].logs
     assert run(seed=4).logs != logs["bin"].logs
-    assert run(seed=4).truth["yaw"].equals(logs["bin"].truth["yaw"])  # the autopilot knows the true state
+    assert (
+        run(seed=4).truth["yaw"].equals(logs["bin"].truth["yaw"])
+    )  # the autopilot knows the true state
 
 
 def test_a_legs_noise_does_not_depend_on_the_other_legs(logs: dict[str, simulate.Outputs]) -> None:
     more = copy.deepcopy(PLAN)
-    more["legs"].insert(0, {"id": "depth", "rpm": 1800, "manoeuvre": "depth_steps", "duration_s": 2, "use": "validation"})
+    more["legs"].insert(
+        0,
+        {
+            "id": "depth",
+            "rpm": 1800,
+            "manoeuvre": "depth_steps",
+            "duration_s": 2,
+            "use": "validation",
+        },
+    )
     assert run(more).logs["yaw.BIN"] == logs["bin"].logs["yaw.BIN"]
 
 
 def test_accelerometer_is_what_identification_takes_it_for() -> None:
-    """Specific force at an arm, undone by `inertial_acceleration`: v_dot + omega x v of the body origin, to 1e-12 m/s^2."""
+    """Specific force at an arm, undone by `inertial_acceleration`: v_dot + omega x v of
+    the body origin, to 1e-12 m/s^2.
+    """
     plan = plan_from_document(PLAN, VT690)
     flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=0)
     motion, arm = flown.motion(np.linspace(2.0, 8.0, 100)), np.array([0.3, -0.1, 0.05])
@@ -164,7 +248,9 @@ def test_accelerometer_is_what_identification_takes_it_for() -> None:
 
 
 def test_noise_has_the_deviations_of_the_plan(recorded: Any) -> None:
-    """500 samples of the gyro about the true rate: mean is the bias, deviation 0.002 rad/s within 10 %."""
+    """500 samples of the gyro about the true rate: mean is the bias, deviation 0.002
+    rad/s within 10 %.
+    """
     plan = plan_from_document(PLAN, VT690)
     flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=3)
     gyro = np.column_stack([recorded.streams["imu"][f"gyro_{axis}_rad_s"] for axis in "xyz"])
@@ -176,18 +262,27 @@ def test_noise_has_the_deviations_of_the_plan(recorded: Any) -> None:
 
 def test_dvl_sees_its_arm_and_mounting_error() -> None:
     """Without noise, at the error's arm and turned: R' (v + omega x arm)."""
-    exact = copy.deepcopy(PLAN) | {"sensors": {"dvl": {"arm_error_m": [0.5, 0.0, 0.1], "mounting_error_deg": [0.0, 0.0, 3.0]}}}
+    exact = copy.deepcopy(PLAN) | {
+        "sensors": {"dvl": {"arm_error_m": [0.5, 0.0, 0.1], "mounting_error_deg": [0.0, 0.0, 3.0]}}
+    }
     plan = plan_from_document(exact, VT690)
     flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=0)
     streams = record(flown, plan, seed=0, text="").streams
     motion = flown.motion((streams["velocity"]["time_us"] - 10_000_000) / 1e6)
     turn = rotation_body_to_ned(np.radians([0.0, 0.0, 3.0]))
     expected = (motion.nu[:, :3] + np.cross(motion.nu[:, 3:], [0.5, 0.0, 0.1])) @ turn
-    assert np.allclose(np.column_stack([streams["velocity"][name] for name in VELOCITY[:3]]), expected, rtol=0.0, atol=1e-14)
+    assert np.allclose(
+        np.column_stack([streams["velocity"][name] for name in VELOCITY[:3]]),
+        expected,
+        rtol=0.0,
+        atol=1e-14,
+    )
 
 
 def test_inertial_csv_has_gravity_taken_off_by_the_ahrs() -> None:
-    """Level running: the vertical accelerometer reads near 0 instead of -g, within bias, noise and 0.05 degrees of gravity."""
+    """Level running: the vertical accelerometer reads near 0 instead of -g, within
+    bias, noise and 0.05 degrees of gravity.
+    """
     outputs = run(format="csv", accelerometer="inertial")
     streams = ingested(outputs, "csv", "inertial")
     assert streams.log_info["accelerometer"] == "inertial"
@@ -210,19 +305,25 @@ def test_truth_is_the_equation_of_motion(logs: dict[str, simulate.Outputs]) -> N
         ({"truth": "refit:"}, "no such model"),
     ],
 )
-def test_what_a_twin_cannot_do_is_refused_before_it_flies(entry: dict[str, str], words: str, tmp_path: Path) -> None:
+def test_what_a_twin_cannot_do_is_refused_before_it_flies(
+    entry: dict[str, str], words: str, tmp_path: Path
+) -> None:
     plan = tmp_path / "plan.yaml"
     plan.write_text(yaml.safe_dump(dict(PLAN)), encoding="utf-8")
     file = ROOT / "vehicles/vt690.yaml"
     vehicle = yaml.safe_load(file.read_text(encoding="utf-8"))
     with pytest.raises(CampaignError, match=words):
-        load_twin(entry, vehicle, plan=plan, vehicle_file=file, folder=tmp_path, file="campaign.yaml")
+        load_twin(
+            entry, vehicle, plan=plan, vehicle_file=file, folder=tmp_path, file="campaign.yaml"
+        )
 
 
 def test_manifest_of_a_plan() -> None:
     entries = manifest_entries(PLAN, format="csv")
     assert entries[0][0]["files"][1] == {"file": "yaw_dvl.csv", "columns": "columns/dvl.yaml"}
-    assert entries[1] == [{"id": "yaw", "log": "yaw", "start_s": 2.0, "end_s": 8.0, "use": "training"}]
+    assert entries[1] == [
+        {"id": "yaw", "log": "yaw", "start_s": 2.0, "end_s": 8.0, "use": "training"}
+    ]
 
 
 def leg(**change: Any) -> dict[str, Any]:
@@ -235,16 +336,28 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "NO_LENGTH": (leg(duration_s=0), "the leg has no length"),
     "ENDLESS": (leg(duration_s=1.0e9), "too long to be flown"),
     "INFINITE_SCALE": ({"yaw_scale": float("inf")}, "not a finite number"),
-    "NO_NUMBER_DEEP_INSIDE": ({"sensors": {"dvl": {"arm_error_m": [0.0, float("nan"), 0.0]}}}, "sensors.dvl.arm_error_m\\[1\\]"),
+    "NO_NUMBER_DEEP_INSIDE": (
+        {"sensors": {"dvl": {"arm_error_m": [0.0, float("nan"), 0.0]}}},
+        "sensors.dvl.arm_error_m\\[1\\]",
+    ),
     "ABOVE_THE_SURFACE": (leg(manoeuvre="depth_steps") | {"depth_m": 0.8}, "above the surface"),
     "AT_THE_SURFACE": ({"depth_m": 0.0}, "run at the surface"),
     "NO_LEGS": ({"legs": []}, "no legs"),
     "SAME_NAME": ({"legs": PLAN["legs"] * 2}, "not a name of its own"),
     "STEPS_UNKNOWN": ({"yaw_steps": None}, "does not say what these steps are"),
-    "STEPS_OUT_OF_ORDER": ({"yaw_steps": {"times_s": [2, 1], "values_deg": [1, 2]}}, "do not increase"),
-    "STEPS_WITHOUT_VALUE": ({"yaw_steps": {"times_s": [1, 2], "values_deg": [1]}}, "as many times as values"),
+    "STEPS_OUT_OF_ORDER": (
+        {"yaw_steps": {"times_s": [2, 1], "values_deg": [1, 2]}},
+        "do not increase",
+    ),
+    "STEPS_WITHOUT_VALUE": (
+        {"yaw_steps": {"times_s": [1, 2], "values_deg": [1]}},
+        "as many times as values",
+    ),
     "LONG_MARGIN": ({"margin_s": 6.0}, "begin before the vehicle does"),
-    "UNSTEADY_OF_TWO": ({"unsteady": {"force_sd_N": [1, 1], "moment_sd_N_m": [1, 1, 1], "correlation_s": 1}}, "three numbers"),
+    "UNSTEADY_OF_TWO": (
+        {"unsteady": {"force_sd_N": [1, 1], "moment_sd_N_m": [1, 1, 1], "correlation_s": 1}},
+        "three numbers",
+    ),
 }
 
 
@@ -257,11 +370,15 @@ def test_impossible_plans_are_refused(name: str) -> None:
 
 def test_all_faults_of_a_plan_come_together() -> None:
     with pytest.raises(PipelineError, match="2 faults"):
-        plan_from_document({**PLAN, "legs": [PLAN["legs"][0] | {"rpm": -1, "duration_s": 0}]}, VT690)
+        plan_from_document(
+            {**PLAN, "legs": [PLAN["legs"][0] | {"rpm": -1, "duration_s": 0}]}, VT690
+        )
 
 
 def test_a_vehicle_that_cannot_be_flown_is_refused() -> None:
-    rov = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8")))
+    rov = vehicle_from_document(
+        yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+    )
     with pytest.raises(CampaignError, match="propeller and fins"):
         plan_from_document(PLAN, rov)
 
@@ -275,20 +392,40 @@ def test_a_vehicle_that_cannot_be_flown_is_refused() -> None:
         ({}, "no coefficients"),
     ],
 )
-def test_bad_coefficients_are_refused(coefficients: dict[str, dict[str, float]], words: str) -> None:
+def test_bad_coefficients_are_refused(
+    coefficients: dict[str, dict[str, float]], words: str
+) -> None:
     with pytest.raises(PipelineError, match=words):
         checked_coefficients(coefficients, file="card.json")
 
 
 def test_unstable_truth_keeps_what_was_flown() -> None:
-    """Slow growth of u: the leg is cut, its log ends there, and the section says when and why."""
-    damping = {"Y": {"v": -200.0}, "Z": {"w": -200.0}, "K": {"p": -5.0}, "M": {"q": -200.0}, "N": {"r": -200.0}}
-    truth = {"kind": "coefficients", "name": "runaway", "source": "made up", "coefficients": {"X": {"u": 6.0}} | damping}
-    outputs = run({**PLAN, "legs": [PLAN["legs"][0] | {"manoeuvre": "straight", "duration_s": 60}]}, truth)
+    """Slow growth of u: the leg is cut, its log ends there, and the section says when
+    and why.
+    """
+    damping = {
+        "Y": {"v": -200.0},
+        "Z": {"w": -200.0},
+        "K": {"p": -5.0},
+        "M": {"q": -200.0},
+        "N": {"r": -200.0},
+    }
+    truth = {
+        "kind": "coefficients",
+        "name": "runaway",
+        "source": "made up",
+        "coefficients": {"X": {"u": 6.0}} | damping,
+    }
+    outputs = run(
+        {**PLAN, "legs": [PLAN["legs"][0] | {"manoeuvre": "straight", "duration_s": 60}]}, truth
+    )
     (flown,) = outputs.simulation["legs"]
     assert "speed above 8 m/s" in flown["stopped"]
     assert 3.0 < flown["end_s"] < 60.0
     assert outputs.truth["yaw"]["t_s"][-1].as_py() == pytest.approx(flown["end_s"], abs=0.02)
-    assert any(block.get("level") == "warning" and "speed above" in block["text"] for block in outputs.section["blocks"])
+    assert any(
+        block.get("level") == "warning" and "speed above" in block["text"]
+        for block in outputs.section["blocks"]
+    )
     with pytest.raises(DataError, match="reached no leg"):
         run(truth=truth | {"coefficients": {"X": {"u": 200.0}} | damping})

@@ -6,15 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.actuators.propeller import advance_ratio, level_speed, propeller_force
-from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm, thruster_force, thruster_forces
+from auvid.hydro.dynamics.actuators.thrusters import (
+    thrust_from_pwm,
+    thruster_force,
+    thruster_forces,
+)
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 
 ROOT = Path(__file__).parents[5]
 VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
-BLUEROV2 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text()))
+BLUEROV2 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
+)
 
 FACTORS = np.array(
     [
@@ -28,7 +35,9 @@ FACTORS = np.array(
         [-1, 1, 0, -1, 0, 0],
     ]
 )
-"""ArduPilot's vectored 6-DOF frame: roll, pitch, yaw, up, forward, lateral of thrusters 1 to 8."""
+"""ArduPilot's vectored 6-DOF frame: roll, pitch, yaw, up, forward, lateral of thrusters
+1 to 8.
+"""
 
 
 def pose(phi=0.0, theta=0.0, psi=0.0):
@@ -55,7 +64,9 @@ def test_restoring_equals_forces_and_arms_in_ned():
     force = (120.0 - 90.0) * down
     moment = np.cross(r_G, 120.0 * down) + np.cross(r_B, -90.0 * down)
     expected = np.concatenate([force, moment])
-    np.testing.assert_allclose(restoring(eta, 120.0, 90.0, r_G, r_B), expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        restoring(eta, 120.0, 90.0, r_G, r_B), expected, rtol=1e-12, atol=1e-12
+    )
 
 
 def test_vt690_is_buoyant():
@@ -64,7 +75,9 @@ def test_vt690_is_buoyant():
 
 @pytest.mark.parametrize("fin", range(4))
 def test_every_positive_fin_rolls_to_port(fin):
-    """Table B.4: a positive deflection of any one fin gives K < 0 (0.1 rad, below where the quadratic part matters)."""
+    """Table B.4: a positive deflection of any one fin gives K < 0 (0.1 rad, below where
+    the quadratic part matters).
+    """
     delta = np.zeros(4)
     delta[fin] = 0.1
     assert fin_force(VT690.fins, [1.5, 0, 0, 0, 0, 0], delta, water_density=1000.0)[3] < 0.0
@@ -75,20 +88,32 @@ def test_fin_force_is_the_sum_of_b4_and_scales_with_u_squared_only():
     tau = fin_force(VT690.fins, [2.0, 0.5, 0.3, 0, 0, 0], delta, water_density=1000.0)
     z = 0.5 * 1000.0 * 2.057**2 * 2.0**2
     linear_z = -0.00208 * 0.1 + 0.0019506 * -0.05 + -4.5858e-21 * 0.03
-    quadratic_z = -0.00018319 * 0.1**2 - 0.00015493 * 0.05**2 + 0.00025333 * 0.2**2 - 0.00029625 * 0.03**2
+    quadratic_z = (
+        -0.00018319 * 0.1**2 - 0.00015493 * 0.05**2 + 0.00025333 * 0.2**2 - 0.00029625 * 0.03**2
+    )
     assert tau[2] == pytest.approx(z * (linear_z + quadratic_z), rel=1e-12)
     linear_n = -1.9695e-05 * 0.1 - 0.00088374 * 0.2 + 0.00097045 * 0.03
-    quadratic_n = -0.00015519 * 0.1**2 + 6.7519e-05 * 0.05**2 + 4.6321e-05 * 0.2**2 + 1.2038e-05 * 0.03**2
+    quadratic_n = (
+        -0.00015519 * 0.1**2 + 6.7519e-05 * 0.05**2 + 4.6321e-05 * 0.2**2 + 1.2038e-05 * 0.03**2
+    )
     assert tau[5] == pytest.approx(z * 2.057 * (linear_n + quadratic_n), rel=1e-12)
     coefficients = VT690.fins.linear @ delta + VT690.fins.quadratic @ delta**2
-    np.testing.assert_allclose(tau, z * np.array([1.0, 1.0, 1.0, 2.057, 2.057, 2.057]) * coefficients, rtol=1e-12)
+    np.testing.assert_allclose(
+        tau, z * np.array([1.0, 1.0, 1.0, 2.057, 2.057, 2.057]) * coefficients, rtol=1e-12
+    )
     still = fin_force(VT690.fins, [0.0, 0.5, 0.3, 0, 0, 0], delta, water_density=1000.0)
     np.testing.assert_array_equal(still, 0.0)
-    np.testing.assert_allclose(fin_force(VT690.fins, [4.0, 0, 0, 0, 0, 0], delta, water_density=1000.0), 4.0 * tau, rtol=1e-12)
+    np.testing.assert_allclose(
+        fin_force(VT690.fins, [4.0, 0, 0, 0, 0, 0], delta, water_density=1000.0),
+        4.0 * tau,
+        rtol=1e-12,
+    )
 
 
 def test_aft_fins_turn_the_vehicle_against_their_force():
-    """Stern planes: starboard fin trailing edge gives Z and M of the same sign, the rudders Y and N of opposite sign."""
+    """Stern planes: starboard fin trailing edge gives Z and M of the same sign, the
+    rudders Y and N of opposite sign.
+    """
     nu = [1.5, 0, 0, 0, 0, 0]
     starboard = fin_force(VT690.fins, nu, [0.1, 0, 0, 0], water_density=1000.0)
     bottom = fin_force(VT690.fins, nu, [0, 0, 0.1, 0], water_density=1000.0)
@@ -118,7 +143,9 @@ def test_thrust_vanishes_at_the_published_advance_ratio():
 def test_propeller_passes_smoothly_through_standstill():
     assert np.isnan(advance_ratio(VT690.propeller, 1.0, 0.0))
     n = np.array([-1e-9, 0.0, 1e-9])
-    thrust = propeller_force(VT690.propeller, np.broadcast_to([1.0, 0, 0, 0, 0, 0], (3, 6)), n, water_density=1000.0)[:, 0]
+    thrust = propeller_force(
+        VT690.propeller, np.broadcast_to([1.0, 0, 0, 0, 0, 0], (3, 6)), n, water_density=1000.0
+    )[:, 0]
     np.testing.assert_allclose(thrust, thrust[1], rtol=1e-6)
     astern = propeller_force(VT690.propeller, np.zeros(6), -10.0, water_density=1000.0)
     ahead = propeller_force(VT690.propeller, np.zeros(6), 10.0, water_density=1000.0)
@@ -135,7 +162,9 @@ def test_level_speed_is_not_extrapolated():
 
 def test_thrust_curve_keeps_table_dead_band_and_ends():
     curve = BLUEROV2.thrusters.curve
-    pwm = np.array([1472.0, 1500.0, 1528.0, 1100.0, 1900.0, 1000.0, 2000.0, 0.0, 799.0, 1560.0, np.nan])
+    pwm = np.array(
+        [1472.0, 1500.0, 1528.0, 1100.0, 1900.0, 1000.0, 2000.0, 0.0, 799.0, 1560.0, np.nan]
+    )
     force = thrust_from_pwm(pwm, None, curve)
     np.testing.assert_array_equal(force[:3], 0.0)
     np.testing.assert_array_equal(force[3:9], [-39.91, 51.44, -39.91, 51.44, 0.0, 0.0])
@@ -150,8 +179,10 @@ def test_thrust_scales_with_voltage():
 
 
 def test_allocation_has_the_signs_of_the_autopilot():
-    """Each nonzero factor has the sign of the geometry; where the factor is 0 so is the geometry, except the roll and pitch of the
-    horizontal thrusters, which sit 0.085 m below the origin and which the autopilot's mixer leaves to its feedback."""
+    """Each nonzero factor has the sign of the geometry; where the factor is 0 so is the
+    geometry, except the roll and pitch of the horizontal thrusters, which sit 0.085 m
+    below the origin and which the autopilot's mixer leaves to its feedback.
+    """
     allocation = BLUEROV2.thrusters.allocation
     assert allocation.shape == (6, 8)
     roll, pitch, yaw, up, forward, lateral = FACTORS.T
@@ -159,24 +190,34 @@ def test_allocation_has_the_signs_of_the_autopilot():
     geometric = np.where(np.abs(allocation) > 1e-9, np.sign(allocation), 0.0)
     np.testing.assert_array_equal(geometric[wanted != 0], wanted[wanted != 0])
     surplus = (wanted == 0) & (geometric != 0)
-    assert set(zip(*np.nonzero(surplus), strict=True)) == {(axis, thruster) for axis in (3, 4) for thruster in range(4)}
+    assert set(zip(*np.nonzero(surplus), strict=True)) == {
+        (axis, thruster) for axis in (3, 4) for thruster in range(4)
+    }
     np.testing.assert_allclose(np.abs(allocation[surplus]), 0.085 / math.sqrt(2.0), rtol=1e-7)
 
 
-@pytest.mark.parametrize(("column", "axis", "sign"), [(0, 3, 1), (1, 4, 1), (2, 5, 1), (3, 2, -1), (4, 0, 1), (5, 1, 1)])
+@pytest.mark.parametrize(
+    ("column", "axis", "sign"), [(0, 3, 1), (1, 4, 1), (2, 5, 1), (3, 2, -1), (4, 0, 1), (5, 1, 1)]
+)
 def test_a_command_of_the_autopilot_moves_its_own_axis(column, axis, sign):
-    """Pulses as the mixer writes them, 1500 + 150 direction factor, push along the commanded axis."""
+    """Pulses as the mixer writes them, 1500 + 150 direction factor, push along the
+    commanded axis.
+    """
     pulses = 1500.0 + 150.0 * BLUEROV2.thrusters.direction * FACTORS[:, column]
     tau = thruster_force(BLUEROV2.thrusters, thruster_forces(BLUEROV2.thrusters, pulses))
     assert sign * tau[axis] > 0.0
     moved = BLUEROV2.thrusters.allocation[axis]
-    assert abs(tau[axis]) > 0.9 * np.abs(moved[FACTORS[:, column] != 0]).sum() * 9.0  # N; the weaker direction gives 9.2 N here
+    assert (
+        abs(tau[axis]) > 0.9 * np.abs(moved[FACTORS[:, column] != 0]).sum() * 9.0
+    )  # N; the weaker direction gives 9.2 N here
 
 
 def test_direction_mirrors_the_pulse_and_keeps_the_strong_direction():
     pulses = np.full(8, 1500.0) + 200.0 * BLUEROV2.thrusters.direction
     np.testing.assert_allclose(thruster_forces(BLUEROV2.thrusters, pulses), 17.88)
     np.testing.assert_array_equal(thruster_forces(BLUEROV2.thrusters, np.zeros(8)), 0.0)
-    by_voltage = thruster_forces(BLUEROV2.thrusters, np.stack([pulses, pulses]), np.array([16.0, 14.0]))
+    by_voltage = thruster_forces(
+        BLUEROV2.thrusters, np.stack([pulses, pulses]), np.array([16.0, 14.0])
+    )
     assert by_voltage.shape == (2, 8)
     np.testing.assert_allclose(by_voltage[1] / by_voltage[0], (14.0 / 16.0) ** 1.1)

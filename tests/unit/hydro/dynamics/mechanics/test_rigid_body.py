@@ -1,12 +1,21 @@
-"""Kinematics, rigid body and added mass against the component forms and limits of their sources."""
+"""Kinematics, rigid body and added mass against the component forms and limits of their
+sources.
+"""
 
 import math
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.mechanics.added_mass import equal_volume_semi_axes, spheroid_added_mass
-from auvid.hydro.dynamics.mechanics.kinematics import body_velocity, eta_dot, euler_rate_matrix, rotation_body_to_ned, skew
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    body_velocity,
+    eta_dot,
+    euler_rate_matrix,
+    rotation_body_to_ned,
+    skew,
+)
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
 
 ROUNDING = 1e-12
@@ -49,7 +58,9 @@ def component_form(mass, r_G, inertia, nu, nu_dot):
 
 
 def added_mass_component_form(m, nu, nu_dot):
-    """Al Makdah (2.30) with the M row completed; xy- and xz-symmetry, McCarter's sign convention."""
+    """Al Makdah (2.30) with the M row completed; xy- and xz-symmetry, McCarter's sign
+    convention.
+    """
     u, v, w, p, q, r = nu
     du, dv, dw, dp, dq, dr = nu_dot
     return np.array(
@@ -62,8 +73,18 @@ def added_mass_component_form(m, nu, nu_dot):
             - (m["Yr"] + m["Zq"]) * w * r
             + (m["Yr"] + m["Zq"]) * v * q
             - (m["Mq"] - m["Nr"]) * q * r,
-            m["Mq"] * dq + m["Zq"] * dw - (m["Zw"] - m["Xu"]) * u * w - m["Yr"] * v * p + (m["Kp"] - m["Nr"]) * r * p - m["Zq"] * u * q,
-            m["Nr"] * dr + m["Yr"] * dv - (m["Xu"] - m["Yv"]) * u * v + m["Yr"] * u * r + m["Zq"] * w * p - (m["Kp"] - m["Mq"]) * p * q,
+            m["Mq"] * dq
+            + m["Zq"] * dw
+            - (m["Zw"] - m["Xu"]) * u * w
+            - m["Yr"] * v * p
+            + (m["Kp"] - m["Nr"]) * r * p
+            - m["Zq"] * u * q,
+            m["Nr"] * dr
+            + m["Yr"] * dv
+            - (m["Xu"] - m["Yv"]) * u * v
+            + m["Yr"] * u * r
+            + m["Zq"] * w * p
+            - (m["Kp"] - m["Mq"]) * p * q,
         ]
     )
 
@@ -75,18 +96,31 @@ def test_rigid_body_force_equals_component_form():
     M = rigid_body_matrix(41.0, r_G, inertia)
     for nu, nu_dot in rng.normal(size=(20, 2, 6)):
         force = M @ nu_dot + coriolis(M, nu) @ nu
-        np.testing.assert_allclose(force, component_form(41.0, r_G, inertia, nu, nu_dot), rtol=ROUNDING, atol=1e-11)
+        np.testing.assert_allclose(
+            force, component_form(41.0, r_G, inertia, nu, nu_dot), rtol=ROUNDING, atol=1e-11
+        )
 
 
 def test_added_mass_force_equals_component_form():
     rng = np.random.default_rng(2)
-    m = {"Xu": -1.0, "Yv": -40.0, "Zw": -35.0, "Kp": -0.5, "Mq": -9.0, "Nr": -8.0, "Yr": 2.5, "Zq": -3.5}
+    m = {
+        "Xu": -1.0,
+        "Yv": -40.0,
+        "Zw": -35.0,
+        "Kp": -0.5,
+        "Mq": -9.0,
+        "Nr": -8.0,
+        "Yr": 2.5,
+        "Zq": -3.5,
+    }
     M_A = np.diag([m["Xu"], m["Yv"], m["Zw"], m["Kp"], m["Mq"], m["Nr"]])
     M_A[1, 5] = M_A[5, 1] = m["Yr"]
     M_A[2, 4] = M_A[4, 2] = m["Zq"]
     for nu, nu_dot in rng.normal(size=(20, 2, 6)):
         force = M_A @ nu_dot + coriolis_force(M_A, nu)
-        np.testing.assert_allclose(force, added_mass_component_form(m, nu, nu_dot), rtol=ROUNDING, atol=1e-11)
+        np.testing.assert_allclose(
+            force, added_mass_component_form(m, nu, nu_dot), rtol=ROUNDING, atol=1e-11
+        )
 
 
 def test_munk_moment_turns_the_bow_away_from_the_flow():
@@ -103,13 +137,21 @@ def test_batches_equal_single_samples():
         assert function(eta, nu).shape == (3, 4, 6)
         np.testing.assert_array_equal(function(eta, nu)[1, 2], function(eta[1, 2], nu[1, 2]))
     assert coriolis(M, nu).shape == (3, 4, 6, 6)
-    np.testing.assert_allclose(coriolis_force(M, nu)[2, 3], coriolis(M, nu[2, 3]) @ nu[2, 3], rtol=ROUNDING, atol=1e-13)
+    np.testing.assert_allclose(
+        coriolis_force(M, nu)[2, 3], coriolis(M, nu[2, 3]) @ nu[2, 3], rtol=ROUNDING, atol=1e-13
+    )
 
 
 def test_attitude_turns_axes_the_right_way():
-    assert rotation_body_to_ned([0.0, 0.0, math.pi / 2]) @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0])
-    assert rotation_body_to_ned([0.0, math.pi / 2, 0.0]) @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 0.0, -1.0])
-    assert rotation_body_to_ned([math.pi / 2, 0.0, 0.0]) @ [0.0, 1.0, 0.0] == pytest.approx([0.0, 0.0, 1.0])
+    assert rotation_body_to_ned([0.0, 0.0, math.pi / 2]) @ [1.0, 0.0, 0.0] == pytest.approx(
+        [0.0, 1.0, 0.0]
+    )
+    assert rotation_body_to_ned([0.0, math.pi / 2, 0.0]) @ [1.0, 0.0, 0.0] == pytest.approx(
+        [0.0, 0.0, -1.0]
+    )
+    assert rotation_body_to_ned([math.pi / 2, 0.0, 0.0]) @ [0.0, 1.0, 0.0] == pytest.approx(
+        [0.0, 0.0, 1.0]
+    )
 
 
 def test_singular_pitch_gives_nan_without_warning():
@@ -128,17 +170,24 @@ def test_skew_is_the_cross_product():
 
 def test_sphere_has_half_its_displaced_mass():
     m_f = 4.0 / 3.0 * math.pi * 1000.0 * 0.2**3
-    np.testing.assert_allclose(np.diag(spheroid_added_mass(0.2, 0.2)), [-m_f / 2] * 3 + [0.0] * 3, rtol=1e-14)
+    np.testing.assert_allclose(
+        np.diag(spheroid_added_mass(0.2, 0.2)), [-m_f / 2] * 3 + [0.0] * 3, rtol=1e-14
+    )
     nearly = spheroid_added_mass(0.2 * (1 + 1e-6), 0.2)
     assert nearly[0, 0] == pytest.approx(-m_f / 2, rel=1e-5)
     assert abs(nearly[4, 4]) < 1e-9 * m_f
 
 
 def test_series_and_closed_form_meet():
-    """At the eccentricity where the formula changes the two must agree: step below the slope's change over 2e-6 of b."""
+    """At the eccentricity where the formula changes the two must agree: step below the
+    slope's change over 2e-6 of b.
+    """
     b = 0.1
     a = b / math.sqrt(1.0 - 0.1**2)
-    below, above = spheroid_added_mass(a * (1 - 1e-9), b, fluid_mass=1.0), spheroid_added_mass(a * (1 + 1e-9), b, fluid_mass=1.0)
+    below, above = (
+        spheroid_added_mass(a * (1 - 1e-9), b, fluid_mass=1.0),
+        spheroid_added_mass(a * (1 + 1e-9), b, fluid_mass=1.0),
+    )
     np.testing.assert_allclose(below, above, rtol=1e-6)
 
 
@@ -150,7 +199,9 @@ def test_slender_body_limit():
 
 
 def test_table_b3_in_its_true_reading():
-    """Table B.3 = X, Y from the dry mass and the hull's aspect ratio; M, N with semi-axes l/2, d/2 (0.004 kg m^2: l and d are rounded)."""
+    """Table B.3 = X, Y from the dry mass and the hull's aspect ratio; M, N with
+    semi-axes l/2, d/2 (0.004 kg m^2: l and d are rounded).
+    """
     length, diameter, dry_mass = 2.057, 0.1753, 41.458
     a, b = equal_volume_semi_axes(length, diameter, dry_mass / 1000.0)
     assert a / b == pytest.approx(length / diameter)

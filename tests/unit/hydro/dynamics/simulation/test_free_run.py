@@ -1,4 +1,6 @@
-"""Free runs against an independent integration, and what they say of models that leave the run."""
+"""Free runs against an independent integration, and what they say of models that leave
+the run.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.integrate import solve_ivp
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from scipy.integrate import solve_ivp
 
 VEHICLES = Path(__file__).parents[5] / "vehicles"
-STABLE = {"X": {"u": -40.0}, "Y": {"v": -60.0}, "Z": {"w": -80.0}, "K": {"p": -2.0}, "M": {"q": -2.0}, "N": {"r": -3.0, "r*|r|": -4.0}}
+STABLE = {
+    "X": {"u": -40.0},
+    "Y": {"v": -60.0},
+    "Z": {"w": -80.0},
+    "K": {"p": -2.0},
+    "M": {"q": -2.0},
+    "N": {"r": -3.0, "r*|r|": -4.0},
+}
 TRIM = np.array([0.5, 0.0, -1.0, 0.0, 0.0, 0.0])
 
 
@@ -27,21 +37,30 @@ def vehicle() -> Vehicle:
 
 @pytest.fixture(scope="module")
 def run(vehicle: Vehicle) -> tuple[Array, Array, Array]:
-    """Clock, thruster forces and the true state of a driven run, by an integrator of another kind."""
+    """Clock, thruster forces and the true state of a driven run, by an integrator of
+    another kind.
+    """
     t = np.arange(0.0, 20.0, 0.02)
     thrust = 4.0 * np.sin(np.outer(t, [0.5, 0.7, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8]))
     model = IdentifiedModel("truth", STABLE)
 
     def rate(s: float, x: Array) -> Array:
         now = np.array([np.interp(s, t, column) for column in thrust.T])
-        return state_derivative(vehicle, x, Control(thruster_force_N=now), lambda nu: model.force(nu) + TRIM)
+        return state_derivative(
+            vehicle, x, Control(thruster_force_N=now), lambda nu: model.force(nu) + TRIM
+        )
 
     start = np.array([0.0, 0.0, 5.0, 0.02, -0.01, 0.3, 0.2, 0.0, 0.0, 0.0, 0.0, 0.05])
     solved = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, rtol=1e-10, atol=1e-12, max_step=0.02)
     return t, thrust, solved.y.T
 
 
-def runs(vehicle: Vehicle, run: tuple[Array, Array, Array], coefficients: dict[str, dict[str, float]], trim: Array = TRIM) -> FreeRuns:
+def runs(
+    vehicle: Vehicle,
+    run: tuple[Array, Array, Array],
+    coefficients: dict[str, dict[str, float]],
+    trim: Array = TRIM,
+) -> FreeRuns:
     t, thrust, state = run
     return free_runs(
         vehicle,
@@ -55,7 +74,9 @@ def runs(vehicle: Vehicle, run: tuple[Array, Array, Array], coefficients: dict[s
     )
 
 
-def test_the_true_model_follows_the_motion(vehicle: Vehicle, run: tuple[Array, Array, Array]) -> None:
+def test_the_true_model_follows_the_motion(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
     found = runs(vehicle, run, STABLE)
     assert np.nanmax(np.abs(found.errors)) < 1e-7  # RK4 at 50 Hz against DOP853
     assert np.isnan(found.errors[0, 2, 1]).all(), "12 s + 10 s lies beyond the data"
@@ -63,20 +84,26 @@ def test_the_true_model_follows_the_motion(vehicle: Vehicle, run: tuple[Array, A
     assert found.rms().shape == (1, 2, 12)
 
 
-def test_a_wrong_coefficient_shows_in_its_velocity(vehicle: Vehicle, run: tuple[Array, Array, Array]) -> None:
+def test_a_wrong_coefficient_shows_in_its_velocity(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
     wrong = runs(vehicle, run, {**STABLE, "X": {"u": -20.0}}).rms()[0]
     assert wrong[0, 6] > 0.01
     assert wrong[0, 6] > 10 * wrong[0, 9]
 
 
-def test_an_unstable_model_is_named_with_its_time(vehicle: Vehicle, run: tuple[Array, Array, Array]) -> None:
+def test_an_unstable_model_is_named_with_its_time(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
     found = runs(vehicle, run, {**STABLE, "N": {"r": +30.0}})
     assert np.all(found.diverged_s[0, :2] > 0)
     assert np.isnan(found.errors[0, 0, 1]).all()
     assert np.isnan(found.rms()[0, 1]).all()
 
 
-def test_a_segment_shorter_than_the_horizon_is_refused(vehicle: Vehicle, run: tuple[Array, Array, Array]) -> None:
+def test_a_segment_shorter_than_the_horizon_is_refused(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
     t, thrust, state = (part[:100] for part in run)
     with pytest.raises(DataError, match="shorter"):
         free_runs(
@@ -91,6 +118,8 @@ def test_a_segment_shorter_than_the_horizon_is_refused(vehicle: Vehicle, run: tu
         )
 
 
-def test_terms_with_the_propulsion_ratio_need_a_propeller_speed(vehicle: Vehicle, run: tuple[Array, Array, Array]) -> None:
+def test_terms_with_the_propulsion_ratio_need_a_propeller_speed(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
     with pytest.raises(DataError, match="propeller speed"):
         runs(vehicle, run, {"X": {"(u*u)*(eta-1)": -1.0}})

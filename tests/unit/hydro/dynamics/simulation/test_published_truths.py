@@ -1,6 +1,8 @@
-"""The eight published coefficient sets as the truth of a twin: all of them fly or stop in words, and their own force is what acts.
+"""The eight published coefficient sets as the truth of a twin: all of them fly or stop
+in words, and their own force is what acts.
 
-All are unstable in open loop at 1 to 2 m/s, and five leave the bounds under the autopilot within a minute of straight running.
+All are unstable in open loop at 1 to 2 m/s, and five leave the bounds under the
+autopilot within a minute of straight running.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.actuators.propeller import level_speed
@@ -28,10 +31,22 @@ PUBLISHED = published_coefficients(VEHICLE_FILE)
 
 
 def fly(name: str, duration_s: float, *, settle_s: float = 2) -> simulate.Outputs:
-    leg = {"id": "run", "rpm": 2350, "manoeuvre": "straight", "duration_s": duration_s, "use": "training"}
+    leg = {
+        "id": "run",
+        "rpm": 2350,
+        "manoeuvre": "straight",
+        "duration_s": duration_s,
+        "use": "training",
+    }
     plan: dict[str, Any] = {"title": "One leg", "settle_s": settle_s, "sensors": {}, "legs": [leg]}
     truth = load_truth(name, vehicle_file=VEHICLE_FILE, folder=VEHICLE_FILE.parent, file=None)
-    twin = {"plan": plan, "truth": truth, "seed": 1, "format": "csv", "accelerometer": "specific_force"}
+    twin = {
+        "plan": plan,
+        "truth": truth,
+        "seed": 1,
+        "format": "csv",
+        "accelerometer": "specific_force",
+    }
     return simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
 
 
@@ -51,7 +66,10 @@ def test_force_that_acts_is_that_of_the_published_model(name: str) -> None:
     size = np.max(np.abs(force))
     assert size > 1.0
     assert np.max(np.abs(matrix(truth, force_columns("viscous")) - force)) < 1e-9 * size
-    assert leg["end_s"] == pytest.approx(float(column(truth, "t_s")[-1]), abs=0.03) or leg["stopped"] is None
+    assert (
+        leg["end_s"] == pytest.approx(float(column(truth, "t_s")[-1]), abs=0.03)
+        or leg["stopped"] is None
+    )
 
 
 STOPS = {
@@ -66,7 +84,9 @@ STOPS = {
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
-    """What stops says when, in which state and why, and what it flew of the leg is kept."""
+    """What stops says when, in which state and why, and what it flew of the leg is
+    kept.
+    """
     made = fly(name, 60.0)
     (leg,) = made.simulation["legs"]
     if name not in STOPS:
@@ -81,5 +101,7 @@ def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
 
 
 def test_no_leg_reached_is_said_with_time_state_and_reason() -> None:
-    with pytest.raises(DataError, match=r"the twin reached no leg: run: speed above 8 m/s at .* s; last state: x "):
+    with pytest.raises(
+        DataError, match=r"the twin reached no leg: run: speed above 8 m/s at .* s; last state: x "
+    ):
         fly("uncoupled", 60.0, settle_s=20)

@@ -1,4 +1,6 @@
-"""Simulation: the compiled loop against numpy, both against an independent integrator, batches, energy, limits, interpolation."""
+"""Simulation: the compiled loop against numpy, both against an independent integrator,
+batches, energy, limits, interpolation.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.equations_of_motion import inverse_dynamics
@@ -28,26 +33,45 @@ from auvid.hydro.dynamics.simulation.simulation import (
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 ROOT = Path(__file__).parents[5]
-VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
+VT690 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+)
 PHYSICS = Plant(VT690, physical_viscous(VT690))
-DAMPING = {"Y": {"v": -200.0}, "Z": {"w": -200.0}, "K": {"p": -5.0}, "M": {"q": -200.0}, "N": {"r": -200.0}}
-MODELS = ("gertler_hagen", "prestero", "pitch_yaw", "linear", "mcfarland", "uncoupled", "fossen", "coe")
+DAMPING = {
+    "Y": {"v": -200.0},
+    "Z": {"w": -200.0},
+    "K": {"p": -5.0},
+    "M": {"q": -200.0},
+    "N": {"r": -200.0},
+}
+MODELS = (
+    "gertler_hagen",
+    "prestero",
+    "pitch_yaw",
+    "linear",
+    "mcfarland",
+    "uncoupled",
+    "fossen",
+    "coe",
+)
 
 
 def published(name: str) -> IdentifiedModel:
     coefficients: dict[str, dict[str, float]] = {}
-    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(newline="", encoding="utf-8") as file:
+    with (ROOT / f"vehicles/vt690/coefficients/{name}.csv").open(
+        newline="", encoding="utf-8"
+    ) as file:
         for row in csv.DictReader(file):
             coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
     return IdentifiedModel(name, coefficients)
 
 
 def plants() -> dict[str, Plant]:
-    return {"physics": PHYSICS, "lag": replace(PHYSICS, lag_s=0.3)} | {name: Plant(VT690, published(name)) for name in MODELS}
+    return {"physics": PHYSICS, "lag": replace(PHYSICS, lag_s=0.3)} | {
+        name: Plant(VT690, published(name)) for name in MODELS
+    }
 
 
 def random_states(n: int, states: int = 12) -> np.ndarray:
@@ -62,12 +86,23 @@ def test_compiled_right_hand_side_is_that_of_numpy(name: str) -> None:
     """The same maths: rounding apart (1e-12 of the largest rate)."""
     plant = plants()[name]
     x, random = random_states(20, plant.states), np.random.default_rng(1)
-    n, fins, force = random.uniform(20.0, 45.0, 20), random.normal(size=(20, 4)) * 0.3, random.normal(size=(20, 6))
+    n, fins, force = (
+        random.uniform(20.0, 45.0, 20),
+        random.normal(size=(20, 4)) * 0.3,
+        random.normal(size=(20, 6)),
+    )
     expected = plant.rate(x, Inputs(n, fins, force))
     level = plant.level_speed(n)
     out = np.empty((20, plant.states))
     for i in range(20):
-        rate(x[i], np.concatenate([[n[i], level[i]], fins[i], force[i]]), plant.tables, out[i], np.empty(room_for(plant.tables)), 0.0)
+        rate(
+            x[i],
+            np.concatenate([[n[i], level[i]], fins[i], force[i]]),
+            plant.tables,
+            out[i],
+            np.empty(room_for(plant.tables)),
+            0.0,
+        )
     assert np.max(np.abs(out - expected)) < 1e-12 * np.max(np.abs(expected))
 
 
@@ -77,31 +112,51 @@ def test_every_factor_of_the_basis_is_known_to_the_compiled_loop() -> None:
 
 def test_batch_of_vehicles_under_moving_inputs_agrees_with_numpy() -> None:
     random = np.random.default_rng(2)
-    inputs = Inputs(random.uniform(30.0, 43.0, (5, 4, 6)), random.normal(size=(5, 4, 6, 4)) * 0.1, random.normal(size=(5, 4, 6, 6)))
+    inputs = Inputs(
+        random.uniform(30.0, 43.0, (5, 4, 6)),
+        random.normal(size=(5, 4, 6, 4)) * 0.1,
+        random.normal(size=(5, 4, 6, 6)),
+    )
     x = random_states(20).reshape(5, 4, 12)
     fast = integrate_open_loop(PHYSICS, x, inputs, step_s=0.01, steps_per_knot=2)
     slow = integrate_open_loop(PHYSICS, x, inputs, step_s=0.01, steps_per_knot=2, compiled=False)
     assert fast.shape == (5, 4, 11, 12)
     assert np.allclose(fast, slow, rtol=0.0, atol=1e-12)
     part = Inputs(inputs.propeller_rev_s[3], inputs.fins_rad[3], inputs.force[3])
-    assert np.array_equal(integrate_open_loop(PHYSICS, x[3], part, step_s=0.01, steps_per_knot=2), fast[3])
+    assert np.array_equal(
+        integrate_open_loop(PHYSICS, x[3], part, step_s=0.01, steps_per_knot=2), fast[3]
+    )
     alone = Inputs(inputs.propeller_rev_s[1, 2], inputs.fins_rad[1, 2], inputs.force[1, 2])
-    assert np.allclose(integrate_open_loop(PHYSICS, x[1, 2], alone, step_s=0.01, steps_per_knot=2), fast[1, 2], rtol=0.0, atol=1e-12)
+    assert np.allclose(
+        integrate_open_loop(PHYSICS, x[1, 2], alone, step_s=0.01, steps_per_knot=2),
+        fast[1, 2],
+        rtol=0.0,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("name", ["lag", *MODELS])
 def test_batch_under_every_truth_agrees_with_one_vehicle_at_a_time(name: str) -> None:
-    """Eleven vehicles, so that a register of eight is full and the next is not; to 1e-12 of the largest state."""
+    """Eleven vehicles, so that a register of eight is full and the next is not; to
+    1e-12 of the largest state.
+    """
     plant, random = plants()[name], np.random.default_rng(4)
     x = 0.1 * random_states(11, plant.states)
     x[:, 6] = 1.5
     inputs = Inputs(
-        np.linspace(30.0, 43.0, 11)[:, None] + np.zeros(5), random.normal(size=(11, 5, 4)) * 0.1, random.normal(size=(11, 5, 6))
+        np.linspace(30.0, 43.0, 11)[:, None] + np.zeros(5),
+        random.normal(size=(11, 5, 4)) * 0.1,
+        random.normal(size=(11, 5, 6)),
     )
     together = integrate_open_loop(plant, x, inputs, step_s=0.01)
     for i in range(11):
         own = Inputs(inputs.propeller_rev_s[i], inputs.fins_rad[i], inputs.force[i])
-        assert np.allclose(integrate_open_loop(plant, x[i], own, step_s=0.01), together[i], rtol=0.0, atol=1e-12 * np.max(np.abs(together)))
+        assert np.allclose(
+            integrate_open_loop(plant, x[i], own, step_s=0.01),
+            together[i],
+            rtol=0.0,
+            atol=1e-12 * np.max(np.abs(together)),
+        )
 
 
 def test_angles_of_many_turns_keep_their_sine_and_cosine() -> None:
@@ -111,16 +166,30 @@ def test_angles_of_many_turns_keep_their_sine_and_cosine() -> None:
     inputs = constant_inputs(np.full(16, 35.0), np.zeros((16, 4)), knots=2)
     fast = integrate_open_loop(PHYSICS, x, inputs, step_s=0.001)
     slow = integrate_open_loop(PHYSICS, x, inputs, step_s=0.001, compiled=False)
-    assert np.allclose(fast[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]], slow[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]], rtol=0.0, atol=1e-12)
+    assert np.allclose(
+        fast[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
+        slow[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
+        rtol=0.0,
+        atol=1e-12,
+    )
 
 
 def test_sixty_seconds_agree_with_dop853() -> None:
-    """Twelve states to 1e-6 (m, rad, m/s, rad/s) of scipy's integrator at rtol 1e-10, fins held askew."""
+    """Twelve states to 1e-6 (m, rad, m/s, rad/s) of scipy's integrator at rtol 1e-10,
+    fins held askew.
+    """
     fins = np.array([0.02, -0.02, 0.05, -0.05])
     start = PHYSICS.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     ours = integrate_open_loop(PHYSICS, start, constant_inputs(35.0, fins, knots=6001), step_s=0.01)
     held = Inputs(np.array(35.0), fins, np.zeros(6))
-    theirs = solve_ivp(lambda _, x: PHYSICS.rate(x, held), (0.0, 60.0), start, method="DOP853", rtol=1e-10, atol=1e-12)
+    theirs = solve_ivp(
+        lambda _, x: PHYSICS.rate(x, held),
+        (0.0, 60.0),
+        start,
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-12,
+    )
     assert np.max(np.abs(ours[-1] - theirs.y[:, -1])) < 1e-6
 
 
@@ -128,20 +197,36 @@ def test_error_falls_with_the_fourth_power_of_the_step() -> None:
     start = random_states(1)[0]
 
     def end(steps: int) -> np.ndarray:
-        return integrate_open_loop(PHYSICS, start, constant_inputs(35.0, np.zeros(4), knots=steps + 1), step_s=0.8 / steps)[-1]
+        return integrate_open_loop(
+            PHYSICS, start, constant_inputs(35.0, np.zeros(4), knots=steps + 1), step_s=0.8 / steps
+        )[-1]
 
     exact = end(640)
     errors = [np.max(np.abs(end(steps) - exact)) for steps in (20, 40)]
-    assert 10.0 < errors[0] / errors[1] < 25.0  # 16, and the force bends where a velocity changes its sign
+    assert (
+        10.0 < errors[0] / errors[1] < 25.0
+    )  # 16, and the force bends where a velocity changes its sign
 
 
 def test_energy_is_kept_in_still_water_without_drag() -> None:
-    """No viscous force, no propeller, neutral and balanced: 1/2 nu' M nu stays to 1e-9 of itself over 5 s."""
-    free = replace(VT690, mass_kg=VT690.displaced_mass_kg, r_G=np.zeros(3), inertia=np.diag([0.3, 10.0, 10.0]))
-    plant = Plant(free, PhysicalViscous(np.zeros((0, 2)), np.zeros((0, 11)), np.zeros(3), np.zeros(2), np.zeros(6)))
+    """No viscous force, no propeller, neutral and balanced: 1/2 nu' M nu stays to 1e-9
+    of itself over 5 s.
+    """
+    free = replace(
+        VT690, mass_kg=VT690.displaced_mass_kg, r_G=np.zeros(3), inertia=np.diag([0.3, 10.0, 10.0])
+    )
+    plant = Plant(
+        free,
+        PhysicalViscous(np.zeros((0, 2)), np.zeros((0, 11)), np.zeros(3), np.zeros(2), np.zeros(6)),
+    )
     start = plant.start([0.0, 0.0, 50.0, 0.0, 0.0, 0.0], [0.5, 0.2, -0.1, 0.1, 0.2, -0.3])
     idle = replace(free, propeller=replace(free.propeller, thrust=np.zeros(3), torque=np.zeros(3)))  # type: ignore[type-var]
-    states = integrate_open_loop(replace(plant, vehicle=idle), start, constant_inputs(0.0, np.zeros(4), knots=2501), step_s=0.002)
+    states = integrate_open_loop(
+        replace(plant, vehicle=idle),
+        start,
+        constant_inputs(0.0, np.zeros(4), knots=2501),
+        step_s=0.002,
+    )
     nu = states[:, 6:]
     energy = 0.5 * np.einsum("ni,ij,nj->n", nu, idle.mass_matrix, nu)
     assert np.ptp(energy) < 1e-9 * energy[0]
@@ -149,7 +234,11 @@ def test_energy_is_kept_in_still_water_without_drag() -> None:
 
 @pytest.mark.parametrize(
     ("name", "speeds"),
-    [("mcfarland", (1.528, 1.810, 1.994, 2.207)), ("linear", (1.070, 1.491, 1.795, 2.171)), ("fossen", (1.236, 1.629, 1.897, 2.214))],
+    [
+        ("mcfarland", (1.528, 1.810, 1.994, 2.207)),
+        ("linear", (1.070, 1.491, 1.795, 2.171)),
+        ("fossen", (1.236, 1.629, 1.897, 2.214)),
+    ],
 )
 def test_terminal_speeds_of_published_models(name: str, speeds: tuple[float, ...]) -> None:
     """Thrust of Table B.5 against the surge drag of Appendix E, to 1e-3 m/s."""
@@ -159,7 +248,10 @@ def test_terminal_speeds_of_published_models(name: str, speeds: tuple[float, ...
     def surplus(u: float, rev_s: float) -> float:
         nu = np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
         assert VT690.propeller is not None
-        return float(model.force(nu, 1.0)[0] + propeller_force(VT690.propeller, nu, rev_s, water_density=VT690.water_density)[0])
+        return float(
+            model.force(nu, 1.0)[0]
+            + propeller_force(VT690.propeller, nu, rev_s, water_density=VT690.water_density)[0]
+        )
 
     for rpm, known in zip((1800, 2133, 2350, 2600), speeds, strict=True):
         assert brentq(surplus, 0.3, 4.0, args=(rpm / 60.0,)) == pytest.approx(known, abs=1e-3)
@@ -190,23 +282,35 @@ def test_interpolated_states_agree_with_a_finer_simulation() -> None:
     coarse = fly(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=2, **common)  # type: ignore[arg-type]
     fine = fly(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=20, **common)  # type: ignore[arg-type]
     between = motion_at(PHYSICS, coarse, fine.t_s)
-    assert np.max(np.abs(np.hstack([between.eta, between.nu]) - fine.state)) < 2e-6  # roll settles at 10 rad/s here
+    assert (
+        np.max(np.abs(np.hstack([between.eta, between.nu]) - fine.state)) < 2e-6
+    )  # roll settles at 10 rad/s here
 
 
 def test_lagged_force_follows_with_its_time_constant() -> None:
     plant = replace(PHYSICS, lag_s=0.5)
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert np.array_equal(start[12:], PHYSICS.viscous_force(start[6:12], 0.0))
-    behind = plant.rate(start + np.r_[np.zeros(12), np.ones(6)], Inputs(np.array(35.0), np.zeros(4), np.zeros(6)))
+    behind = plant.rate(
+        start + np.r_[np.zeros(12), np.ones(6)], Inputs(np.array(35.0), np.zeros(4), np.zeros(6))
+    )
     assert np.allclose(behind[12:], -1.0 / 0.5)
 
 
 def test_unstable_truth_stops_with_time_state_and_reason() -> None:
-    """A driving force along u: the flight ends where the speed leaves its limit, and what was flown before is kept."""
+    """A driving force along u: the flight ends where the speed leaves its limit, and
+    what was flown before is kept.
+    """
     plant = Plant(VT690, IdentifiedModel("runaway", {"X": {"u": 40.0}} | DAMPING))
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     flight = fly(
-        plant, lambda *_: np.zeros(4), start, propeller_rev_s=np.full(2001, 30.0), force=np.zeros((2001, 6)), tick_s=0.02, steps_per_tick=2
+        plant,
+        lambda *_: np.zeros(4),
+        start,
+        propeller_rev_s=np.full(2001, 30.0),
+        force=np.zeros((2001, 6)),
+        tick_s=0.02,
+        steps_per_tick=2,
     )
     assert flight.stop is not None
     assert flight.stop.reason == "speed above 8 m/s"
@@ -219,7 +323,12 @@ def test_unstable_truth_stops_with_time_state_and_reason() -> None:
 
 def test_a_vehicle_that_comes_up_is_stopped_at_the_surface() -> None:
     start = PHYSICS.start([0.0, 0.0, 0.1, 0.0, 0.3, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
-    common = {"propeller_rev_s": np.full(501, 35.0), "force": np.zeros((501, 6)), "tick_s": 0.02, "steps_per_tick": 2}
+    common = {
+        "propeller_rev_s": np.full(501, 35.0),
+        "force": np.zeros((501, 6)),
+        "tick_s": 0.02,
+        "steps_per_tick": 2,
+    }
     flight = fly(PHYSICS, lambda *_: np.zeros(4), start, limits=Limits(), **common)  # type: ignore[arg-type]
     assert flight.stop is not None
     assert "depth" in flight.stop.reason
@@ -228,7 +337,9 @@ def test_a_vehicle_that_comes_up_is_stopped_at_the_surface() -> None:
 def test_motion_that_grows_without_bound_leaves_nan_in_a_batch() -> None:
     plant = Plant(VT690, IdentifiedModel("explosion", {"X": {"u*u": 500.0}} | DAMPING))
     start = np.array([plant.start(np.zeros(6), [u, 0.0, 0.0, 0.0, 0.0, 0.0]) for u in (0.0, 3.0)])
-    states = integrate_open_loop(plant, start, constant_inputs(np.zeros(2), np.zeros((2, 4)), knots=101), step_s=0.02)
+    states = integrate_open_loop(
+        plant, start, constant_inputs(np.zeros(2), np.zeros((2, 4)), knots=101), step_s=0.02
+    )
     assert np.isfinite(states[0]).all()
     assert np.isnan(states[1, -1]).all()
 
@@ -240,10 +351,19 @@ def test_a_model_with_propulsion_ratio_needs_the_table_of_level_speeds() -> None
 
 
 def test_gauss_markov_has_its_deviation_and_correlation() -> None:
-    """200 000 samples, 10 000 correlation times: 3 % of the deviation, 0.02 of the correlation."""
-    x = gauss_markov(np.random.default_rng(5), sd=[1.0, 3.0], correlation_s=0.4, step_s=0.02, samples=200_000)
+    """200 000 samples, 10 000 correlation times: 3 % of the deviation, 0.02 of the
+    correlation.
+    """
+    x = gauss_markov(
+        np.random.default_rng(5), sd=[1.0, 3.0], correlation_s=0.4, step_s=0.02, samples=200_000
+    )
     assert np.allclose(x.std(axis=0), [1.0, 3.0], rtol=0.03)
     lag = 20
     correlation = (x[lag:] * x[:-lag]).mean(axis=0) / x.var(axis=0)
     assert np.allclose(correlation, np.exp(-1.0), atol=0.02)
-    assert np.allclose(gauss_markov(np.random.default_rng(5), sd=1.0, correlation_s=0.0, step_s=0.1, samples=3).shape, (3, 1))
+    assert np.allclose(
+        gauss_markov(
+            np.random.default_rng(5), sd=1.0, correlation_s=0.0, step_s=0.1, samples=3
+        ).shape,
+        (3, 1),
+    )

@@ -8,13 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 
 THAUS = Path(__file__).parents[5] / "vehicles" / "thaus.yaml"
-MEASURED = {"vehicle": "thaus", "source": "pendulum", "I_x": {"value": 1.8, "unit": "kg*m^2", "source": "swing x"}}
+MEASURED = {
+    "vehicle": "thaus",
+    "source": "pendulum",
+    "I_x": {"value": 1.8, "unit": "kg*m^2", "source": "swing x"},
+}
 
 
 def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
@@ -25,16 +30,23 @@ def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
     # I_x about the origin: I_x + m (y^2 + z^2).
     np.testing.assert_allclose(np.diag(found.inertia), [1.8 + 38.10 * 0.05**2, 2.2278, 1.4046])
     assert json.dumps(document) == before
-    assert "the rest: Table 7" in with_measured_inertia(document, MEASURED)["rigid_body"]["inertia"]["source"]
+    assert (
+        "the rest: Table 7"
+        in with_measured_inertia(document, MEASURED)["rigid_body"]["inertia"]["source"]
+    )
 
 
 def test_vehicle_file_names_the_document(tmp_path: Path) -> None:
-    text = THAUS.read_text(encoding="utf-8").replace("rigid_body:\n", "rigid_body:\n  measured_inertia: measured.json\n")
+    text = THAUS.read_text(encoding="utf-8").replace(
+        "rigid_body:\n", "rigid_body:\n  measured_inertia: measured.json\n"
+    )
     (tmp_path / "mine.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(PipelineError, match=r"measured\.json"):
         load_vehicle(tmp_path / "mine.yaml")
     (tmp_path / "measured.json").write_text(json.dumps(MEASURED), encoding="utf-8")
     assert vehicle_from_document(load_vehicle(tmp_path / "mine.yaml").value).inertia[0, 0] == 1.8
-    (tmp_path / "measured.json").write_text(json.dumps({**MEASURED, "I_w": MEASURED["I_x"]}), encoding="utf-8")
+    (tmp_path / "measured.json").write_text(
+        json.dumps({**MEASURED, "I_w": MEASURED["I_x"]}), encoding="utf-8"
+    )
     with pytest.raises(PipelineError, match="unknown key"):
         load_vehicle(tmp_path / "mine.yaml")

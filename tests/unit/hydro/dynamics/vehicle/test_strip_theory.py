@@ -1,4 +1,6 @@
-"""Strip theory and lift: the tables of the thesis, limits with known answers, signs, and geometry that cannot be."""
+"""Strip theory and lift: the tables of the thesis, limits with known answers, signs,
+and geometry that cannot be.
+"""
 
 import copy
 from pathlib import Path
@@ -6,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.actuators.fins import fin_force
@@ -13,18 +16,47 @@ from auvid.hydro.dynamics.hybrid_vehicle import published_coefficients
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.vehicle.geometry import geometry_from_document
 from auvid.hydro.dynamics.vehicle.lift import fins_from_geometry, lift_slope
-from auvid.hydro.dynamics.vehicle.strip_theory import finned_circle, finned_circle_roll, strip_theory
+from auvid.hydro.dynamics.vehicle.strip_theory import (
+    finned_circle,
+    finned_circle_roll,
+    strip_theory,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
-from auvid.hydro.dynamics.viscous.coefficients import added_mass_matrix, term_of, unit_of, viscous_terms
+from auvid.hydro.dynamics.viscous.coefficients import (
+    added_mass_matrix,
+    term_of,
+    unit_of,
+    viscous_terms,
+)
 
 ROOT = Path(__file__).parents[5]
 HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
 RHO = 1025.0
 
-LAST_DIGIT = ("Y_v|v|", "Z_w|w|", "K_p|p|", "M_q|q|", "N_r|r|", "Y_r|r|", "Z_q|q|", "M_w|w|", "N_v|v|")
+LAST_DIGIT = (
+    "Y_v|v|",
+    "Z_w|w|",
+    "K_p|p|",
+    "M_q|q|",
+    "N_r|r|",
+    "Y_r|r|",
+    "Z_q|q|",
+    "M_w|w|",
+    "N_v|v|",
+)
 """Table 2.10 agrees to one unit of the last printed digit."""
-NEARLY = {"Y_vdot": 5e-5, "Z_wdot": 7e-4, "M_qdot": 5e-5, "N_rdot": 5e-5, "Z_qdot": 1e-4, "X_u|u|": 4e-3, "K_pdot": 1.6e-2}
-"""Relative distance of those that agree in digits, but not to the last one: the thesis rounds on the way."""
+NEARLY = {
+    "Y_vdot": 5e-5,
+    "Z_wdot": 7e-4,
+    "M_qdot": 5e-5,
+    "N_rdot": 5e-5,
+    "Z_qdot": 1e-4,
+    "X_u|u|": 4e-3,
+    "K_pdot": 1.6e-2,
+}
+"""Relative distance of those that agree in digits, but not to the last one: the thesis
+rounds on the way.
+"""
 NOT = {"X_udot": "no input gives -1.14", "Y_rdot": "printed with the other sign than (2.81)"}
 
 
@@ -36,7 +68,9 @@ def computed(*, corrected, document=HAUV):
     kinds = ("added_mass", "drag")
     return {
         item.name: item
-        for item in strip_theory(geometry_from_document(document), water_density=RHO, corrected=corrected)
+        for item in strip_theory(
+            geometry_from_document(document), water_density=RHO, corrected=corrected
+        )
         if item.kind in kinds
     }
 
@@ -93,29 +127,47 @@ def test_the_vehicle_file_holds_the_corrected_added_mass():
 
 def test_lift_of_the_thesis():
     geometry = geometry_from_document(HAUV)
-    assert [lift_slope(item) for item in geometry.surfaces] == pytest.approx([4.18819, 4.83222], rel=1e-5)
+    assert [lift_slope(item) for item in geometry.surfaces] == pytest.approx(
+        [4.18819, 4.83222], rel=1e-5
+    )
     found = {}
     for corrected in (False, True):
         items = strip_theory(geometry, water_density=RHO, corrected=corrected)
         found[corrected] = {item.name: item.value for item in items if item.kind == "body_lift"}
     assert found[False]["Y_uv"] == pytest.approx(-352.369, rel=1e-5)
     assert found[True]["Y_uv"] == pytest.approx(-35.237, rel=1e-5)
-    assert found[False]["M_uw"] == pytest.approx(+0.3 * 352.369, rel=1e-5)  # the printed sign of (2.50)
-    assert found[True]["M_uw"] == pytest.approx(-0.3 * 35.237, rel=1e-5)  # M = -x_cp Z with x_cp = -0.3
+    assert found[False]["M_uw"] == pytest.approx(
+        +0.3 * 352.369, rel=1e-5
+    )  # the printed sign of (2.50)
+    assert found[True]["M_uw"] == pytest.approx(
+        -0.3 * 35.237, rel=1e-5
+    )  # M = -x_cp Z with x_cp = -0.3
 
 
 def test_axial_added_mass_is_that_of_table_2_8():
-    table = {1.5: 0.3038, 2.0: 0.2100, 2.5: 0.1563, 3.0: 0.1220, 5.0: 0.05912, 7.0: 0.03585, 10.0: 0.02071}
+    table = {
+        1.5: 0.3038,
+        2.0: 0.2100,
+        2.5: 0.1563,
+        3.0: 0.1220,
+        5.0: 0.05912,
+        7.0: 0.03585,
+        10.0: 0.02071,
+    }
     for ratio, alpha in table.items():
         fluid = 4.0 / 3.0 * np.pi * ratio
         ours = -spheroid_added_mass(ratio, 1.0, water_density=1.0)[0, 0] / fluid
-        assert ours == pytest.approx(alpha, abs=1.5e-4)  # Table 2.8 is rounded, and not always in the last digit
+        assert ours == pytest.approx(
+            alpha, abs=1.5e-4
+        )  # Table 2.8 is rounded, and not always in the last digit
 
 
 def spheroid(ratio):
     x = np.linspace(-1.0, 1.0, 4001) * ratio
     document = {"geometry": {"hull": {"shape": "stations", "station_x": quantity(x.tolist(), "m")}}}
-    document["geometry"]["hull"]["station_radius"] = quantity(np.sqrt(1.0 - (x / ratio) ** 2).tolist(), "m")
+    document["geometry"]["hull"]["station_radius"] = quantity(
+        np.sqrt(1.0 - (x / ratio) ** 2).tolist(), "m"
+    )
     return document
 
 
@@ -134,8 +186,12 @@ def test_a_slender_spheroid_has_the_added_mass_of_the_closed_form():
 def test_sections_have_their_limits():
     a, b = np.array([0.0, 1e-9, 0.5]), 0.5
     assert finned_circle(a, b) == pytest.approx(np.pi * b**2)  # flat plate, and circle
-    assert finned_circle_roll(np.array([0.0, 0.01 * b]), b) == pytest.approx(np.pi / 8.0 * b**4, rel=1e-3)
-    assert finned_circle_roll(np.array([b * (1.0 - 1e-6)]), b) == pytest.approx(0.0, abs=1e-6)  # a circle moves no water in roll
+    assert finned_circle_roll(np.array([0.0, 0.01 * b]), b) == pytest.approx(
+        np.pi / 8.0 * b**4, rel=1e-3
+    )
+    assert finned_circle_roll(np.array([b * (1.0 - 1e-6)]), b) == pytest.approx(
+        0.0, abs=1e-6
+    )  # a circle moves no water in roll
     near = finned_circle_roll(np.array([1.001e-3 * b, 0.999e-3 * b]), b)
     assert near[0] == pytest.approx(near[1], rel=1e-4)
 
@@ -143,7 +199,14 @@ def test_sections_have_their_limits():
 def test_corrected_signs_damp_and_stabilise():
     geometry = geometry_from_document(HAUV)
     terms = viscous_terms(strip_theory(geometry, water_density=RHO, corrected=True))
-    for axis, term in (("X", "u*|u|"), ("Y", "v*|v|"), ("Z", "w*|w|"), ("K", "p*|p|"), ("M", "q*|q|"), ("N", "r*|r|")):
+    for axis, term in (
+        ("X", "u*|u|"),
+        ("Y", "v*|v|"),
+        ("Z", "w*|w|"),
+        ("K", "p*|p|"),
+        ("M", "q*|q|"),
+        ("N", "r*|r|"),
+    ):
         assert terms[axis][term] < 0.0
     assert terms["N"]["v*|v|"] > 0.0 > terms["M"]["w*|w|"]  # aft fins turn the nose into the flow
     assert terms["N"]["u*r"] < 0.0
@@ -154,7 +217,9 @@ def test_corrected_signs_damp_and_stabilise():
 
 
 def test_moving_the_origin_moves_the_moments():
-    """Added mass about an origin 0.3 m further aft: N_rdot and Y_rdot by the parallel-axis rule."""
+    """Added mass about an origin 0.3 m further aft: N_rdot and Y_rdot by the
+    parallel-axis rule.
+    """
     moved = copy.deepcopy(HAUV)
     moved["geometry"]["hull"]["nose_x"] = quantity(1.3, "m")
     for item in moved["geometry"]["surfaces"].values():
@@ -163,7 +228,9 @@ def test_moving_the_origin_moves_the_moments():
     here, there = computed(corrected=True), computed(corrected=True, document=moved)
     assert there["Y_vdot"].value == pytest.approx(here["Y_vdot"].value)
     assert there["Y_rdot"].value == pytest.approx(here["Y_rdot"].value + 0.3 * here["Y_vdot"].value)
-    assert there["N_rdot"].value == pytest.approx(here["N_rdot"].value + 0.6 * here["Y_rdot"].value + 0.09 * here["Y_vdot"].value)
+    assert there["N_rdot"].value == pytest.approx(
+        here["N_rdot"].value + 0.6 * here["Y_rdot"].value + 0.09 * here["Y_vdot"].value
+    )
 
 
 def test_fins_from_geometry_push_as_the_text_says():

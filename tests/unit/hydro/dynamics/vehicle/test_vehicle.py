@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 
 ROOT = Path(__file__).parents[5]
-DOCUMENTS = {name: yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text()) for name in ("vt690", "bluerov2_heavy")}
+DOCUMENTS = {
+    name: yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text())
+    for name in ("vt690", "bluerov2_heavy")
+}
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
@@ -22,13 +26,17 @@ def test_shipped_vehicles_agree_with_the_schema(name):
     assert vehicle.name == name
     np.testing.assert_array_equal(vehicle.mass_matrix, vehicle.mass_matrix.T)
     assert np.linalg.eigvalsh(vehicle.mass_matrix)[0] > 0.0
-    np.testing.assert_allclose(vehicle.mass_matrix @ vehicle.mass_matrix_inverse, np.eye(6), atol=1e-12)
+    np.testing.assert_allclose(
+        vehicle.mass_matrix @ vehicle.mass_matrix_inverse, np.eye(6), atol=1e-12
+    )
     assert (np.diag(vehicle.added_mass) <= 0.0).all()
 
 
 def test_vt690_holds_the_tables_of_appendix_b():
     vehicle = vehicle_from_document(DOCUMENTS["vt690"])
-    np.testing.assert_array_equal(np.diag(vehicle.added_mass), [-0.6673, -40.1654, -40.1654, 0.0, -8.0212, -8.0212])
+    np.testing.assert_array_equal(
+        np.diag(vehicle.added_mass), [-0.6673, -40.1654, -40.1654, 0.0, -8.0212, -8.0212]
+    )
     assert vehicle.inertia[0, 2] == 0.1407  # printed as the matrix of (2.18), so I_xz = -0.1407
     assert (vehicle.mass_kg, vehicle.displaced_mass_kg) == (41.458, 41.702)
     assert vehicle.has_propeller_speed
@@ -59,11 +67,17 @@ def test_units_are_converted():
     document = copy.deepcopy(DOCUMENTS["vt690"])
     document["rigid_body"]["mass"].update(value=41458.0, unit="g")
     document["rigid_body"]["centre_of_gravity"].update(value=[-2.9, -0.2, 8.4], unit="mm")
-    document["sensors"]["dvl"]["mounting"] = {"value": [0.0, 0.0, 45.0], "unit": "deg", "source": "test"}
+    document["sensors"]["dvl"]["mounting"] = {
+        "value": [0.0, 0.0, 45.0],
+        "unit": "deg",
+        "source": "test",
+    }
     vehicle, plain = vehicle_from_document(document), vehicle_from_document(DOCUMENTS["vt690"])
     assert vehicle.mass_kg == pytest.approx(plain.mass_kg, rel=1e-15)
     np.testing.assert_allclose(vehicle.r_G, plain.r_G, rtol=1e-12)
-    np.testing.assert_allclose(vehicle.dvl.rotation @ [1.0, 0.0, 0.0], [np.sqrt(0.5), np.sqrt(0.5), 0.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        vehicle.dvl.rotation @ [1.0, 0.0, 0.0], [np.sqrt(0.5), np.sqrt(0.5), 0.0], rtol=1e-12
+    )
 
 
 def test_off_diagonal_added_mass_is_symmetric():
@@ -106,7 +120,11 @@ def put(value, *path):
         ("vt690", drop("rigid_body", "mass"), "rigid_body.mass"),
         ("vt690", drop("added_mass", "N_rdot"), "added_mass.N_rdot"),
         ("vt690", put(0.6673, "added_mass", "X_udot", "value"), "added mass is positive"),
-        ("vt690", put([[-0.2, 0, 0], [0, 1, 0], [0, 0, 1]], "rigid_body", "inertia", "value"), "not positive definite"),
+        (
+            "vt690",
+            put([[-0.2, 0, 0], [0, 1, 0], [0, 0, 1]], "rigid_body", "inertia", "value"),
+            "not positive definite",
+        ),
         ("vt690", put(-1.0, "rigid_body", "mass", "value"), "must be positive"),
         ("vt690", put("m", "rigid_body", "mass", "unit"), "rigid_body.mass.unit"),
         ("vt690", put([0.1, 0.2], "rigid_body", "centre_of_gravity", "value"), "wrong shape"),
@@ -114,11 +132,34 @@ def put(value, *path):
         ("vt690", put(float("nan"), "rigid_body", "mass", "value"), "not finite"),
         ("vt690", put(41.458, "rigid_body", "mass"), "not a quantity"),
         ("vt690", put(3, "rigid_body"), "not a mapping"),
-        ("vt690", put([[1, 2, 0], [0, 1, 0], [0, 0, 1]], "rigid_body", "inertia", "value"), "not symmetric"),
-        ("vt690", put([0, 30, 20, 40, 50, 60], "actuators", "propeller", "level_speed", "propeller_speed", "value"), "ascending"),
+        (
+            "vt690",
+            put([[1, 2, 0], [0, 1, 0], [0, 0, 1]], "rigid_body", "inertia", "value"),
+            "not symmetric",
+        ),
+        (
+            "vt690",
+            put(
+                [0, 30, 20, 40, 50, 60],
+                "actuators",
+                "propeller",
+                "level_speed",
+                "propeller_speed",
+                "value",
+            ),
+            "ascending",
+        ),
         ("vt690", put("up", "sensors", "imu", "accelerometer"), "accelerometer"),
-        ("bluerov2_heavy", put([1, -1, 0, 1, 1, 1, 1, 1], "actuators", "thrusters", "direction", "value"), "neither 1 nor -1"),
-        ("bluerov2_heavy", put([[1, 1, 0]] * 8, "actuators", "thrusters", "axis", "value"), "unit length"),
+        (
+            "bluerov2_heavy",
+            put([1, -1, 0, 1, 1, 1, 1, 1], "actuators", "thrusters", "direction", "value"),
+            "neither 1 nor -1",
+        ),
+        (
+            "bluerov2_heavy",
+            put([[1, 1, 0]] * 8, "actuators", "thrusters", "axis", "value"),
+            "unit length",
+        ),
         ("bluerov2_heavy", put([1, 2, 3], "actuators", "thrusters", "outputs"), "output channel"),
     ],
 )

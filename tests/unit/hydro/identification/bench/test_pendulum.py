@@ -1,4 +1,6 @@
-"""Quadrifilar pendulum and free decay: printed figures of Alberti, known truth with and without noise, and what is refused."""
+"""Quadrifilar pendulum and free decay: printed figures of Alberti, known truth with and
+without noise, and what is refused.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,26 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.dynamics.simulation.bench_motion import PhysicalPendulum, Quadrifilar, free_decay, swing
-from auvid.hydro.identification.bench.free_decay import Decay, DecayEstimate, Derivatives, Part, derivatives, estimate_decay, hanging, judge
+from auvid.hydro.dynamics.simulation.bench_motion import (
+    PhysicalPendulum,
+    Quadrifilar,
+    free_decay,
+    swing,
+)
+from auvid.hydro.identification.bench.free_decay import (
+    Decay,
+    DecayEstimate,
+    Derivatives,
+    Part,
+    derivatives,
+    estimate_decay,
+    hanging,
+    judge,
+)
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.quadrifilar import (
     Estimate,
@@ -36,8 +55,6 @@ from auvid.hydro.identification.bench.swing import (
     spectral_period,
     swing_axis,
 )
-from scipy.integrate import quad
-from scipy.spatial.transform import Rotation
 
 Array = npt.NDArray[np.float64]
 G = 9.80665
@@ -47,7 +64,9 @@ ARM = 3.66
 POLE = [Part(5.93, ARM / 2.0), Part(4.62, ARM)]
 VEHICLE = Part(38.10, ARM, 38.10, ARM)
 TRUTH = np.array([-87.0553, -45.7734, -40.0])
-"""Added mass and linear damping of Table 12; its quadratic damping, -0.68 kg/m, is too small to be found in any recording."""
+"""Added mass and linear damping of Table 12; its quadratic damping, -0.68 kg/m, is too
+small to be found in any recording.
+"""
 POLE_TRUTH = np.array([-4.1996, -1.0, -1.0])
 
 
@@ -56,7 +75,10 @@ def test_printed_figures() -> None:
     assert swing_period(TRAY, 9.8 + TUBE_MASS, I_BOTH) == pytest.approx(4.254, abs=5e-4)
     assert hollow_cylinder(TUBE_MASS, 1.82, 0.0254, 0.0219) == pytest.approx(0.6576, abs=5e-5)
     found = object_inertia(
-        TRAY, TUBE_MASS, Estimate(swing_period(TRAY, 12.18, I_BOTH), 0.0), Estimate(swing_period(TRAY, 9.8, I_TRAY), 0.0)
+        TRAY,
+        TUBE_MASS,
+        Estimate(swing_period(TRAY, 12.18, I_BOTH), 0.0),
+        Estimate(swing_period(TRAY, 9.8, I_TRAY), 0.0),
     )
     assert found.value == pytest.approx(0.6620, abs=1e-9)
     assert tray_inertia(TRAY, Estimate(4.1571, 0.0)).value == pytest.approx(2.1970, abs=1e-4)
@@ -69,7 +91,9 @@ def test_counted_oscillations() -> None:
     both = combined([Estimate(1.0, 0.1), Estimate(3.0, 0.1)])
     assert both.value == pytest.approx(2.0)
     assert both.standard_error == pytest.approx(1.0)  # they scatter far more than they say
-    assert combined([Estimate(1.0, 0.1), Estimate(1.0, 0.1)]).standard_error == pytest.approx(0.1 / np.sqrt(2.0))
+    assert combined([Estimate(1.0, 0.1), Estimate(1.0, 0.1)]).standard_error == pytest.approx(
+        0.1 / np.sqrt(2.0)
+    )
 
 
 def test_uncertainty_is_propagated() -> None:
@@ -83,8 +107,12 @@ def test_uncertainty_is_propagated() -> None:
         a, b = loaded + 2e-3 * rng.standard_normal(), empty + 2e-3 * rng.standard_normal()
         one = QuadrifilarGeometry(r1, r2, h, tray, G)
         draws.append(equivalent_inertia(one, tray + tube, a) - equivalent_inertia(one, tray, b))
-    said = object_inertia(geometry, TUBE_MASS, Estimate(loaded, 2e-3), Estimate(empty, 2e-3)).standard_error
-    assert said == pytest.approx(np.std(draws), rel=0.08)  # 2000 draws know a standard deviation to 1.6 %
+    said = object_inertia(
+        geometry, TUBE_MASS, Estimate(loaded, 2e-3), Estimate(empty, 2e-3)
+    ).standard_error
+    assert said == pytest.approx(
+        np.std(draws), rel=0.08
+    )  # 2000 draws know a standard deviation to 1.6 %
 
 
 def test_softening_agrees_with_the_energy_integral() -> None:
@@ -107,9 +135,13 @@ def test_softening_agrees_with_the_energy_integral() -> None:
 
 
 @cache
-def tray_swing(angle_deg: float, inertia: float, mass: float, damping: float) -> tuple[Array, Array]:
+def tray_swing(
+    angle_deg: float, inertia: float, mass: float, damping: float
+) -> tuple[Array, Array]:
     t = np.arange(-3.0, 60.0, 0.04)
-    states, _ = swing(Quadrifilar(inertia, mass, 0.47, 0.47, 4.23, damping, G), np.radians(angle_deg), 60.0)(t)
+    states, _ = swing(
+        Quadrifilar(inertia, mass, 0.47, 0.47, 4.23, damping, G), np.radians(angle_deg), 60.0
+    )(t)
     return t, states[:, 1]
 
 
@@ -121,7 +153,9 @@ def test_period_of_a_recording(angle_deg: float) -> None:
     assert np.degrees(fit.amplitude_rad) == pytest.approx(angle_deg, rel=0.05)
     assert fit.decay_rate == pytest.approx(0.02 / I_TRAY / 2.0, rel=0.05)
     assert fit.bias == pytest.approx(0.01, abs=1e-3)
-    assert spectral_period(t, rate) == pytest.approx(fit.period_s * (1.0 + np.radians(angle_deg) ** 2 / 16.0), rel=0.01)
+    assert spectral_period(t, rate) == pytest.approx(
+        fit.period_s * (1.0 + np.radians(angle_deg) ** 2 / 16.0), rel=0.01
+    )
 
 
 def test_inertia_from_noisy_recordings_and_its_interval() -> None:
@@ -132,12 +166,15 @@ def test_inertia_from_noisy_recordings_and_its_interval() -> None:
         periods = []
         for inertia, mass in ((I_BOTH, 12.18), (I_TRAY, 9.8)):
             t, rate = tray_swing(8.0, inertia, mass, 0.02)
-            fit = fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), slowing=slowing(TRAY, mass, inertia))
+            fit = fit_swing(
+                t, rate + 0.005 * rng.standard_normal(t.size), slowing=slowing(TRAY, mass, inertia)
+            )
             periods.append(Estimate(fit.period_s, fit.standard_error_s))
         found = object_inertia(TRAY, TUBE_MASS, *periods)
         hits += found.interval[0] < truth < found.interval[1]
         worst = max(worst, abs(found.value / truth - 1.0))
-    # The thesis's own figure is 0.7 %. 95 % nominal coverage; its binomial standard deviation over 40 seeds is 3.4 %.
+    # The thesis's own figure is 0.7 %. 95 % nominal coverage; its binomial standard
+    # deviation over 40 seeds is 3.4 %.
     assert worst < 0.007
     assert hits / seeds > 0.84
 
@@ -156,9 +193,13 @@ def test_axis_of_a_turned_recorder() -> None:
     assert np.degrees(found.misalignment_rad) == pytest.approx(5.0, abs=0.01)
     assert found.share > 0.999
     np.testing.assert_allclose((gyro - 0.02) @ found.axis, rate, atol=1e-3)
-    euler = (Rotation.from_rotvec(np.outer(0.2 * np.sin(t), [0.0, 0.0, 1.0])) * turned).as_euler("ZYX")[:, ::-1]
+    euler = (Rotation.from_rotvec(np.outer(0.2 * np.sin(t), [0.0, 0.0, 1.0])) * turned).as_euler(
+        "ZYX"
+    )[:, ::-1]
     angle = angle_about(euler, found.axis)
-    np.testing.assert_allclose(angle - angle.mean(), 0.2 * np.sin(t) - np.mean(0.2 * np.sin(t)), atol=1e-3)
+    np.testing.assert_allclose(
+        angle - angle.mean(), 0.2 * np.sin(t) - np.mean(0.2 * np.sin(t)), atol=1e-3
+    )
     with pytest.raises(DataError, match="no rotation"):
         swing_axis(np.ones((10, 3)))
 
@@ -171,7 +212,9 @@ def test_clipped_samples_can_be_left_out() -> None:
 
 
 def test_large_swing_with_a_load() -> None:
-    """The tray's rise slows a loaded tray more than a simple pendulum: the series of the swing itself, not that of a pendulum."""
+    """The tray's rise slows a loaded tray more than a simple pendulum: the series of
+    the swing itself, not that of a pendulum.
+    """
     t, rate = tray_swing(45.0, 4.1, 47.9, 0.004)
     fit = fit_swing(t, rate, slowing=slowing(TRAY, 47.9, 4.1))
     small = swing_period(TRAY, 47.9, 4.1)
@@ -197,7 +240,9 @@ def test_range_of_a_turned_gyro() -> None:
 
 def test_release_after_a_pull() -> None:
     t = np.arange(-20.0, 40.0, 0.04)
-    states, _ = swing(Quadrifilar(I_TRAY, 9.8, 0.47, 0.47, 4.23, 0.02, G), np.radians(10.0), 60.0)(t)
+    states, _ = swing(Quadrifilar(I_TRAY, 9.8, 0.47, 0.47, 4.23, 0.02, G), np.radians(10.0), 60.0)(
+        t
+    )
     pull = np.where((t > -15.0) & (t < -12.0), np.radians(10.0) / 3.0, 0.0)
     rate = np.where(t < 0.0, pull, states[:, 1])
     assert t[release_index(rate)] == pytest.approx(0.15, abs=0.1)
@@ -215,7 +260,9 @@ def test_two_swings_in_one_leg() -> None:
 def test_share_of_a_swing_that_an_attitude_shows() -> None:
     t, rate = tray_swing(8.0, I_TRAY, 9.8, 0.02)
     at = t[5:-5:2]
-    angle = np.interp(at, t, np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))]))
+    angle = np.interp(
+        at, t, np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+    )
     share = angle_per_rate(t, rate + 0.02 + 1e-4 * t, at, 0.93 * angle + 0.3)
     assert share == pytest.approx(0.93, abs=1e-3)
 
@@ -232,7 +279,14 @@ def test_too_few_swings_and_no_swing() -> None:
 
 
 def decay_of(
-    parts: list[Part], values: Array, *, noise: float = 0.0, seed: int = 0, attitude: bool = True, gyro: bool = True, end_s: float = 40.0
+    parts: list[Part],
+    values: Array,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+    attitude: bool = True,
+    gyro: bool = True,
+    end_s: float = 40.0,
 ) -> Decay:
     hung = hanging(parts, G)
     inertia = hung.inertia - values[0] * ARM**2
@@ -244,7 +298,15 @@ def decay_of(
     angle = states[:, 0] + noise * (0.001 * rng.standard_normal(t.size) + 0.03)
     still = np.zeros(t.size - 1)
     i, none, empty = np.arange(t.size), np.zeros(0, dtype=np.intp), np.zeros(0)
-    run = SingleRun(t, still, still, i if gyro else none, rate if gyro else empty, i if attitude else none, angle if attitude else empty)
+    run = SingleRun(
+        t,
+        still,
+        still,
+        i if gyro else none,
+        rate if gyro else empty,
+        i if attitude else none,
+        angle if attitude else empty,
+    )
     return Decay(run, np.array([rate[0], angle[0]]), float(np.sqrt(hung.stiffness / inertia)))
 
 
@@ -255,12 +317,16 @@ def empty_pendulum() -> Derivatives:
 
 def best(found: DecayEstimate, method: str = "output_error") -> tuple[Array, Array]:
     hung = hanging([*POLE, VEHICLE], G)
-    out = derivatives(getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum())
+    out = derivatives(
+        getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum()
+    )
     return out.values, out.standard_errors
 
 
 def test_damping_models_are_those_of_the_vehicle() -> None:
-    """Linear damping of the vehicle on a pole whose own damping is linear and quadratic."""
+    """Linear damping of the vehicle on a pole whose own damping is linear and
+    quadratic.
+    """
     hung, empty = hanging([*POLE, VEHICLE], G), empty_pendulum()
     truth = TRUTH * [1.0, 1.0, 0.0]
     decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
@@ -284,13 +350,16 @@ def test_decay_gives_the_truth_and_prefers_the_true_damping() -> None:
     errors = {name: item.held_out_rad for name, item in found.output_error.items()}
     assert errors["linear and quadratic"] < 1e-6 < min(errors["linear"], errors["quadratic"])
     for method in ("recursive", "batch"):
-        # Straight lines between samples of 50 Hz cost a thousandth of the added mass; the quadratic term is the most sensitive.
+        # Straight lines between samples of 50 Hz cost a thousandth of the added mass;
+        # the quadratic term is the most sensitive.
         assert np.all(np.abs(best(found, method)[0] / TRUTH - 1.0) < [0.005, 0.03, 0.1])
 
 
 @pytest.mark.parametrize(("attitude", "gyro"), [(True, True), (False, True), (True, False)])
 def test_noisy_decay_with_drifting_zero(attitude: bool, gyro: bool) -> None:
-    found = estimate_decay(decay_of([*POLE, VEHICLE], TRUTH + POLE_TRUTH, noise=1.0, attitude=attitude, gyro=gyro))
+    found = estimate_decay(
+        decay_of([*POLE, VEHICLE], TRUTH + POLE_TRUTH, noise=1.0, attitude=attitude, gyro=gyro)
+    )
     values, errors = best(found)
     assert np.all(np.abs(values - TRUTH) < 4.0 * errors)
     assert abs(values[0] / TRUTH[0] - 1.0) < 0.02

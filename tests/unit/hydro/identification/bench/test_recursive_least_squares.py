@@ -1,20 +1,27 @@
-"""Static form, recursive estimator, persistence of excitation and output-error fit against known truth (Alberti, chapter III)."""
+"""Static form, recursive estimator, persistence of excitation and output-error fit
+against known truth (Alberti, chapter III).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.bench.output_error import Nuisance, SingleRun, fit_output_error
-from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, NOT_PERSISTENT, PERSISTENT, excitation
+from auvid.hydro.identification.bench.persistence_of_excitation import (
+    NOT_EXCITED,
+    NOT_PERSISTENT,
+    PERSISTENT,
+    excitation,
+)
 from auvid.hydro.identification.bench.recursive_least_squares import (
     StaticRegression,
     batch_least_squares,
     recursive_least_squares,
     static_form,
 )
-
 from tests.support.single_channel import stepped_run
 
 Array = npt.NDArray[np.float64]
@@ -36,14 +43,22 @@ def varying_steps(rate_hz: float) -> tuple[Array, Array, Array]:
 def form_of(t: Array, u: Array, force: Array, rate: float = 1.0) -> StaticRegression:
     held = np.full((len(force), 3), np.nan)
     held[:, 2] = force
-    return static_form(t, u, np.column_stack([u, u * np.abs(u), np.append(force, 0.0)]), rate=rate, regressor_after=held)
+    return static_form(
+        t,
+        u,
+        np.column_stack([u, u * np.abs(u), np.append(force, 0.0)]),
+        rate=rate,
+        regressor_after=held,
+    )
 
 
 def random_form(n: int) -> StaticRegression:
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.01, 0.03, n))
     regressor = rng.standard_normal((n, 3)) * [1.0, 0.2, 5.0]
-    return StaticRegression(t, regressor @ [0.3, -2.0, 0.1] + 0.1 * rng.standard_normal(n), regressor, 1.0)
+    return StaticRegression(
+        t, regressor @ [0.3, -2.0, 0.1] + 0.1 * rng.standard_normal(n), regressor, 1.0
+    )
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -53,15 +68,23 @@ def test_filter_is_exact_for_its_hold(held: bool) -> None:
     after = values[:-1, None] if held else None
     form = static_form(t, np.ones(5), values[:, None], rate=0.7, regressor_after=after)
     fine = np.linspace(0.0, 2.0, 400_001)
-    signal = values[np.searchsorted(t, fine[:-1], side="right") - 1] if held else np.interp(0.5 * (fine[1:] + fine[:-1]), t, values)
-    expected = np.sum(signal * np.exp(-0.7 * (2.0 - 0.5 * (fine[1:] + fine[:-1])))) * (fine[1] - fine[0])
-    # The sum is a midpoint rule with 5e-6 s steps; a jump inside a step costs one step times its height.
+    signal = (
+        values[np.searchsorted(t, fine[:-1], side="right") - 1]
+        if held
+        else np.interp(0.5 * (fine[1:] + fine[:-1]), t, values)
+    )
+    expected = np.sum(signal * np.exp(-0.7 * (2.0 - 0.5 * (fine[1:] + fine[:-1])))) * (
+        fine[1] - fine[0]
+    )
+    # The sum is a midpoint rule with 5e-6 s steps; a jump inside a step costs one step
+    # times its height.
     assert form.regressor[-1, 0] == pytest.approx(expected, abs=2e-5)
     np.testing.assert_allclose(form.z, 0.0, atol=1e-14)  # x is constant, and x_f starts at x(0)
 
 
 def test_exact_states_give_the_truth_to_a_millionth() -> None:
-    # Prior gamma_0 = 1e9, filter rate 1 rad/s, samples of 1 kHz joined by straight lines, force held.
+    # Prior gamma_0 = 1e9, filter rate 1 rad/s, samples of 1 kHz joined by straight
+    # lines, force held.
     form = form_of(*varying_steps(1000.0))
     theta = recursive_least_squares(form, prior_spread=1e9).theta[-1]
     np.testing.assert_allclose(theta, THETA, rtol=1e-6)
@@ -89,11 +112,20 @@ def test_forgetting_follows_a_change_and_its_limits_hold() -> None:
     z = form.z.copy()
     z[half:] += form.regressor[half:] @ [1.0, 0.0, 0.0]
     changed = StaticRegression(form.t_s, z, form.regressor, 1.0)
-    assert recursive_least_squares(changed, memory_s=5.0).theta[-1, 0] == pytest.approx(1.3, abs=0.02)
+    assert recursive_least_squares(changed, memory_s=5.0).theta[-1, 0] == pytest.approx(
+        1.3, abs=0.02
+    )
     assert recursive_least_squares(changed).theta[-1, 0] == pytest.approx(0.8, abs=0.02)
-    quiet = StaticRegression(form.t_s, form.z, form.regressor * (np.arange(20_000) < half)[:, None], 1.0)
+    quiet = StaticRegression(
+        form.t_s, form.z, form.regressor * (np.arange(20_000) < half)[:, None], 1.0
+    )
     assert recursive_least_squares(quiet, prior_spread=1.0, memory_s=5.0).spread[-1].sum() > 1e3
-    assert recursive_least_squares(quiet, prior_spread=1.0, memory_s=5.0, highest_trace=2.0).spread[-1].sum() <= 3.0 + 1e-12
+    assert (
+        recursive_least_squares(quiet, prior_spread=1.0, memory_s=5.0, highest_trace=2.0)
+        .spread[-1]
+        .sum()
+        <= 3.0 + 1e-12
+    )
     awake = recursive_least_squares(form, prior_spread=1.0, lowest_trace=0.5)
     assert np.trace(awake.gamma) >= 0.5 - 1e-12
 
@@ -150,14 +182,21 @@ def test_output_error_is_exact_without_noise_and_covers_the_truth_with_it() -> N
     rng = np.random.default_rng(5)
     hits, seeds = np.zeros(3), 60
     for _ in range(seeds):
-        fit = fit_output_error(run_of(t, u + 0.01 * rng.standard_normal(len(u)), force), model, THETA, start=np.zeros(2))
+        fit = fit_output_error(
+            run_of(t, u + 0.01 * rng.standard_normal(len(u)), force),
+            model,
+            THETA,
+            start=np.zeros(2),
+        )
         hits += np.abs(fit.parameters - THETA) < 1.96 * fit.standard_errors
     # 95 % nominal; the binomial standard deviation over 60 seeds is 2.8 %.
     assert np.all(hits / seeds > 0.86)
 
 
 def test_output_error_fits_positions_and_a_drifting_rate_sensor() -> None:
-    t, p, angle, force = stepped_run(LEVELS / 20.0, 4.0, 20.0, lambda x, s, f: f - 0.3 * x - 0.8 * x * abs(x) - 2.0 * np.sin(s))
+    t, p, angle, force = stepped_run(
+        LEVELS / 20.0, 4.0, 20.0, lambda x, s, f: f - 0.3 * x - 0.8 * x * abs(x) - 2.0 * np.sin(s)
+    )
 
     def of(q: Array) -> tuple[Array, Array]:
         return np.append(q, 0.0), np.vstack([np.eye(4), np.zeros(4)])
@@ -165,7 +204,9 @@ def test_output_error_fits_positions_and_a_drifting_rate_sensor() -> None:
     truth = np.array([-0.3, -0.8, 1.0, -2.0])
     at = np.arange(len(t))
     only_angle = SingleRun(t, force, force, np.zeros(0, dtype=np.intp), np.zeros(0), at, angle)
-    fit = fit_output_error(only_angle, of, 0.9 * truth, start=np.zeros(2), nuisance=Nuisance(start_position=True))
+    fit = fit_output_error(
+        only_angle, of, 0.9 * truth, start=np.zeros(2), nuisance=Nuisance(start_position=True)
+    )
     np.testing.assert_allclose(fit.parameters, truth, rtol=1e-6)
     drifting = SingleRun(t, force, force, at, p + 0.05 + 0.001 * t, at[::3], angle[::3])
     nuisance = Nuisance(rate_bias=True, rate_drift=True, start_position=True)

@@ -1,4 +1,6 @@
-"""Thrust that comes late, and a velocity with a constant: found with the figures of a single-channel run, and not where there is none."""
+"""Thrust that comes late, and a velocity with a constant: found with the figures of a
+single-channel run, and not where there is none.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,11 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.integrate import solve_ivp
+
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.single_channel import BOTH, ChannelRun, estimate_channel
 from auvid.hydro.identification.bench.thrust_lag import lagged
-from scipy.integrate import solve_ivp
 
 Array = npt.NDArray[np.float64]
 TRUTH = np.array([129.85, -46.0, -130.0])
@@ -22,17 +25,31 @@ NOTHING, NOWHERE = np.zeros(0), np.zeros(0, dtype=np.intp)
 
 @cache
 def velocity(lag_s: float) -> Array:
-    """From rest under LEVELS, the thrust late by a first-order lag: DOP853 over each hold."""
+    """From rest under LEVELS, the thrust late by a first-order lag: DOP853 over each
+    hold.
+    """
 
     def slope(_: float, y: Array, force: float) -> list[float]:
         thrust = y[1] if lag_s else force
-        return [(TRUTH[1] * y[0] + TRUTH[2] * y[0] * abs(y[0]) + thrust) / TRUTH[0], (force - y[1]) / lag_s if lag_s else 0.0]
+        return [
+            (TRUTH[1] * y[0] + TRUTH[2] * y[0] * abs(y[0]) + thrust) / TRUTH[0],
+            (force - y[1]) / lag_s if lag_s else 0.0,
+        ]
 
     state, out = np.zeros(2), [0.0]
     for index, level in enumerate(LEVELS):
         begin = index * HOLD_S
         times = T[round(begin / 0.125) + 1 : round((begin + HOLD_S) / 0.125) + 1]
-        found = solve_ivp(slope, (begin, begin + HOLD_S), state, method="DOP853", t_eval=times, args=(level,), rtol=1e-10, atol=1e-12)
+        found = solve_ivp(
+            slope,
+            (begin, begin + HOLD_S),
+            state,
+            method="DOP853",
+            t_eval=times,
+            args=(level,),
+            rtol=1e-10,
+            atol=1e-12,
+        )
         out += list(found.y[0])
         state = found.y[:, -1]
     return np.array(out)
@@ -41,7 +58,14 @@ def velocity(lag_s: float) -> Array:
 def run_of(lag_s: float, bias: float = 0.0) -> ChannelRun:
     x = velocity(lag_s) + bias + 0.01 * np.random.default_rng(4).standard_normal(T.size)
     at = np.arange(T.size)
-    return ChannelRun(SingleRun(T, FORCE, FORCE, at, x, NOWHERE, NOTHING), x, at, current=True, noise=0.03, lag=True)
+    return ChannelRun(
+        SingleRun(T, FORCE, FORCE, at, x, NOWHERE, NOTHING),
+        x,
+        at,
+        current=True,
+        noise=0.03,
+        lag=True,
+    )
 
 
 @pytest.mark.parametrize("lag_s", [0.15, 0.6])
@@ -58,22 +82,35 @@ def test_lag_is_found_and_taken_from_the_mass(lag_s: float) -> None:
 def test_no_lag_where_there_is_none() -> None:
     found = estimate_channel(run_of(0.0), filter_rate=1.0)
     assert found.lag is None
-    assert np.all(np.abs(found.fits[BOTH].values[:3] - TRUTH) < 4.0 * found.fits[BOTH].standard_errors[:3])
+    assert np.all(
+        np.abs(found.fits[BOTH].values[:3] - TRUTH) < 4.0 * found.fits[BOTH].standard_errors[:3]
+    )
 
 
 def test_constant_of_the_velocity() -> None:
     found = estimate_channel(run_of(0.0, bias=0.05), filter_rate=1.0)
     fit = found.fits[BOTH]
-    assert fit.fit.bias[0] == pytest.approx(0.05, abs=0.004)  # 0.01 m/s of noise in 768 samples: 4e-4, and what the drag adds
+    assert fit.fit.bias[0] == pytest.approx(
+        0.05, abs=0.004
+    )  # 0.01 m/s of noise in 768 samples: 4e-4, and what the drag adds
     assert np.all(np.abs(fit.values[:3] - TRUTH) < 4.0 * fit.standard_errors[:3])
     assert found.recursive[BOTH].values[-1, 0] == pytest.approx(TRUTH[0], rel=0.05)
 
 
 def test_a_single_step_tells_neither() -> None:
     at = np.arange(T.size)
-    x = np.tanh(np.maximum(T - 4.0, 0.0) / 3.0) * 0.4 + 0.01 * np.random.default_rng(1).standard_normal(T.size)
+    x = np.tanh(np.maximum(T - 4.0, 0.0) / 3.0) * 0.4 + 0.01 * np.random.default_rng(
+        1
+    ).standard_normal(T.size)
     force = np.where(T[:-1] >= 4.0, 30.0, 0.0)
-    run = ChannelRun(SingleRun(T, force, force, at, x, NOWHERE, NOTHING), x, at, current=True, noise=0.03, lag=True)
+    run = ChannelRun(
+        SingleRun(T, force, force, at, x, NOWHERE, NOTHING),
+        x,
+        at,
+        current=True,
+        noise=0.03,
+        lag=True,
+    )
     found = estimate_channel(run, filter_rate=1.0)
     assert found.excitation["quadratic"].status == "not persistently exciting"
     assert found.lag is None
@@ -81,11 +118,19 @@ def test_a_single_step_tells_neither() -> None:
 
 
 def test_force_of_a_lag_follows_its_equation() -> None:
-    """Over a ramp y = t - lag (1 - exp(-t / lag)); a held force from rest is 1 - exp(-t / lag)."""
+    """Over a ramp y = t - lag (1 - exp(-t / lag)); a held force from rest is 1 - exp(-t
+    / lag).
+    """
     grid = np.array([0.0, 0.4, 1.0, 2.5])
     ramp = lagged(SingleRun(grid, grid[:-1], grid[1:], NOWHERE, NOTHING, NOWHERE, NOTHING), 0.3)
-    np.testing.assert_allclose(ramp.force_right, ramp.grid_s[1:] - 0.3 * (1.0 - np.exp(-ramp.grid_s[1:] / 0.3)), atol=1e-12)
+    np.testing.assert_allclose(
+        ramp.force_right, ramp.grid_s[1:] - 0.3 * (1.0 - np.exp(-ramp.grid_s[1:] / 0.3)), atol=1e-12
+    )
     ones = np.ones(3)
-    held = lagged(SingleRun(grid, ones, ones, np.array([1, 3]), np.zeros(2), NOWHERE, NOTHING), 0.3, from_rest=True)
+    held = lagged(
+        SingleRun(grid, ones, ones, np.array([1, 3]), np.zeros(2), NOWHERE, NOTHING),
+        0.3,
+        from_rest=True,
+    )
     np.testing.assert_allclose(held.force_right, 1.0 - np.exp(-held.grid_s[1:] / 0.3), atol=1e-12)
     np.testing.assert_array_equal(held.grid_s[held.rate_at], [0.4, 2.5])

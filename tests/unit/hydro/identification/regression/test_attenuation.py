@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.regression.attenuation import RegressorErrors, attenuation, widened
@@ -15,7 +16,9 @@ SD = np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
 
 
 def measured(seed: int, n: int = 4000, sd: float = 0.01):
-    """Sway that follows yaw rate, as in closed loop, its error, and the force: fit on the measured velocities."""
+    """Sway that follows yaw rate, as in closed loop, its error, and the force: fit on
+    the measured velocities.
+    """
     random = np.random.default_rng(seed)
     nu = np.zeros((n, 6))
     nu[:, 5] = 0.4 * np.sin(np.linspace(0.0, 90.0, n)) + 0.1 * random.standard_normal(n)
@@ -34,7 +37,8 @@ def test_the_expected_error_is_that_of_the_fit():
         errors = RegressorErrors.empty(TERMS).update(nu, np.broadcast_to(SD, nu.shape), ratio=None)
         found.append(fit.solution - TRUTH)
         expected.append(attenuation(fit, errors))
-    # Sway's error takes a tenth of what it does beside yaw rate: v and r are off by 10 and 4; twenty runs show it to 5 %.
+    # Sway's error takes a tenth of what it does beside yaw rate: v and r are off by 10
+    # and 4; twenty runs show it to 5 %.
     assert np.mean(found, axis=0)[0] > 8.0
     np.testing.assert_allclose(np.mean(expected, axis=0)[:2], np.mean(found, axis=0)[:2], rtol=0.1)
 
@@ -55,13 +59,17 @@ def test_exact_velocities_and_other_terms_change_nothing():
     fit, nu = measured(1, sd=0.0)
     none = RegressorErrors.empty(TERMS).update(nu, np.zeros_like(nu), ratio=None)
     assert not attenuation(fit, none).any()
-    others = RegressorErrors.empty(TERMS).update(nu, np.broadcast_to([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], nu.shape), ratio=None)
+    others = RegressorErrors.empty(TERMS).update(
+        nu, np.broadcast_to([0.1, 0.0, 0.0, 0.0, 0.0, 0.0], nu.shape), ratio=None
+    )
     assert not attenuation(fit, others).any()
 
 
 def test_errors_as_large_as_the_motion_stay_finite():
     fit, nu = measured(2)
-    errors = RegressorErrors.empty(TERMS).update(nu, np.broadcast_to(100.0 * SD, nu.shape), ratio=None)
+    errors = RegressorErrors.empty(TERMS).update(
+        nu, np.broadcast_to(100.0 * SD, nu.shape), ratio=None
+    )
     shift = attenuation(fit, errors)
     assert np.isfinite(shift).all()
     assert abs(shift[0]) > abs(fit.solution[0])

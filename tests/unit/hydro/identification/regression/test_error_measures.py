@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.regression.error_measures import ErrorAccumulator, axis_errors, error_table, total_errors
+from auvid.hydro.identification.regression.error_measures import (
+    ErrorAccumulator,
+    axis_errors,
+    error_table,
+    total_errors,
+)
 
 
 @pytest.fixture

@@ -1,22 +1,38 @@
-"""One triangular factor against the literal form of McCarter (4.14)-(4.21), known truths, and what data do not determine."""
+"""One triangular factor against the literal form of McCarter (4.14)-(4.21), known
+truths, and what data do not determine.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.models import MODELS, ViscousModel, model_named
-from auvid.hydro.identification.regression.least_squares import CONSTANT, TriangularFactor, merge_all, solve_axis
-
+from auvid.hydro.identification.regression.least_squares import (
+    CONSTANT,
+    TriangularFactor,
+    merge_all,
+    solve_axis,
+)
 from benchmarks.synthesis import measure, rich_motion
 
 AXES = "XYZKMN"
 
 
-def literal_synthesis(xi: np.ndarray, tau: np.ndarray, model: ViscousModel, terms: tuple[str, ...]) -> np.ndarray:
-    """K (6, n_xi) as (4.14)-(4.21) have it: Kronecker product, selection matrix, one least-squares problem over all axes."""
-    chosen = [(i, j) for i, axis in enumerate(AXES) for j, term in enumerate(terms) if term in model.terms[axis]]
+def literal_synthesis(
+    xi: np.ndarray, tau: np.ndarray, model: ViscousModel, terms: tuple[str, ...]
+) -> np.ndarray:
+    """K (6, n_xi) as (4.14)-(4.21) have it: Kronecker product, selection matrix, one
+    least-squares problem over all axes.
+    """
+    chosen = [
+        (i, j)
+        for i, axis in enumerate(AXES)
+        for j, term in enumerate(terms)
+        if term in model.terms[axis]
+    ]
     mask = np.zeros((len(chosen), 6 * len(terms)))
     for row, (i, j) in enumerate(chosen):
         mask[row, i * len(terms) + j] = 1.0
@@ -36,7 +52,9 @@ def test_equals_the_literal_kronecker_form(name: str) -> None:
     for i, axis in enumerate(AXES):
         fit = solve_axis(factor, axis, model.terms[axis])
         expected = K[i, [terms.index(term) for term in model.terms[axis]]]
-        np.testing.assert_allclose(fit.solution, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=0.0))
+        np.testing.assert_allclose(
+            fit.solution, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=0.0)
+        )
         residual = force[:, i] - expected @ xi[[terms.index(term) for term in model.terms[axis]]]
         assert fit.sse == pytest.approx(residual @ residual, rel=1e-10)
 
@@ -81,10 +99,15 @@ def test_ahead_motion_names_the_pairs_and_gives_the_sums() -> None:
     terms = ("u", "|u|", "u*u", "u*|u|")
     force = np.zeros((2000, 6))
     force[:, 0] = -7.69 * u - 1.288 * u * u
-    fit = solve_axis(TriangularFactor.empty(terms).update(basis_rows(nu, None, terms), force), "X", terms)
+    fit = solve_axis(
+        TriangularFactor.empty(terms).update(basis_rows(nu, None, terms), force), "X", terms
+    )
     assert fit.rank == 2
     assert [group.terms for group in fit.groups] == [("u", "|u|"), ("u*u", "u*|u|")]
-    assert [str(group.combinations[0]) for group in fit.groups] == ["u + |u|: -7.69", "u*u + u*|u|: -1.288"]
+    assert [str(group.combinations[0]) for group in fit.groups] == [
+        "u + |u|: -7.69",
+        "u*u + u*|u|: -1.288",
+    ]
     assert np.isnan(fit.coefficients).all()
     np.testing.assert_allclose(fit.solution, [-7.69, 0.0, -1.288, 0.0], rtol=1e-9, atol=1e-9)
     assert np.isinf(fit.vif[[1, 3]]).all()
@@ -96,13 +119,17 @@ def test_separable_terms_beside_an_inseparable_group_keep_their_numbers() -> Non
     rows = np.vstack([a, b, 2.0 * a - b, c])
     force = np.zeros((500, 6))
     force[:, 1] = 4.0 * a + 5.0 * c
-    fit = solve_axis(TriangularFactor.empty(["a", "b", "d", "c"]).update(rows, force), "Y", ["a", "b", "d", "c"])
+    fit = solve_axis(
+        TriangularFactor.empty(["a", "b", "d", "c"]).update(rows, force), "Y", ["a", "b", "d", "c"]
+    )
     assert fit.rank == 3
     assert fit.groups[0].terms == ("a", "b", "d")
     weights = [combination.weights for combination in fit.groups[0].combinations]
     assert [list(weight) for weight in weights] == [["a", "d"], ["b", "d"]]
     np.testing.assert_allclose([weight["d"] for weight in weights], [2.0, -1.0], rtol=1e-9)
-    np.testing.assert_allclose([item.value for item in fit.groups[0].combinations], [4.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(
+        [item.value for item in fit.groups[0].combinations], [4.0, 0.0], atol=1e-9
+    )
     assert fit.coefficients[3] == pytest.approx(5.0)
 
 
@@ -146,7 +173,9 @@ def test_factor_holds_the_gram_matrix_and_does_not_touch_its_input() -> None:
     rng = np.random.default_rng(15)
     rows, force = rng.standard_normal((3, 2500)), rng.standard_normal((2500, 6))
     rows.flags.writeable = force.flags.writeable = False
-    factor = TriangularFactor.empty("uvw").update(rows[:, :7], force[:7]).update(rows[:, 7:], force[7:])
+    factor = (
+        TriangularFactor.empty("uvw").update(rows[:, :7], force[:7]).update(rows[:, 7:], force[7:])
+    )
     A = np.vstack([rows, np.ones(2500), force.T]).T
     np.testing.assert_allclose(factor.R.T @ factor.R, A.T @ A, rtol=1e-10, atol=1e-9)
     assert np.array_equal(factor.R, np.triu(factor.R))
@@ -158,7 +187,10 @@ def test_factor_holds_the_gram_matrix_and_does_not_touch_its_input() -> None:
 def test_folds_merge_to_the_whole_bit_for_bit_in_the_same_order() -> None:
     nu, eta, force = rich_motion(3000)
     terms = model_named("prestero").distinct_terms
-    legs = [TriangularFactor.empty(terms).update(basis_rows(nu[:, s], eta[s], terms), force[s]) for s in (slice(0, 900), slice(900, 3000))]
+    legs = [
+        TriangularFactor.empty(terms).update(basis_rows(nu[:, s], eta[s], terms), force[s])
+        for s in (slice(0, 900), slice(900, 3000))
+    ]
     whole = TriangularFactor.empty(terms).update(basis_rows(nu, eta, terms), force)
     once, again = merge_all(legs), merge_all(legs)
     assert np.array_equal(once.R, again.R)

@@ -1,7 +1,10 @@
-"""Priors appended to the triangular factor: the textbook posterior, the limits of much and little data, and what stays of the data."""
+"""Priors appended to the triangular factor: the textbook posterior, the limits of much
+and little data, and what stays of the data.
+"""
 
 import numpy as np
 import pytest
+
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.prior import posterior
 
@@ -33,8 +36,11 @@ def test_the_posterior_is_that_of_the_normal_model():
     precision = np.diag(1.0 / (0.25 * np.abs(mean)) ** 2)
     s2 = fit.rms**2 * 1.0
     inverse = np.linalg.inv(rows @ rows.T / s2 + precision)
-    np.testing.assert_allclose(found.solution, inverse @ (rows @ force[:, 1] / s2 + precision @ mean), rtol=1e-10)
-    # The white covariance divides by the degrees of freedom, the noise level by the samples: 5 % here.
+    np.testing.assert_allclose(
+        found.solution, inverse @ (rows @ force[:, 1] / s2 + precision @ mean), rtol=1e-10
+    )
+    # The white covariance divides by the degrees of freedom, the noise level by the
+    # samples: 5 % here.
     np.testing.assert_allclose(covariance, inverse, rtol=0.06)
 
 
@@ -61,7 +67,9 @@ def test_a_prior_decides_what_the_data_leave_open_and_keeps_what_they_say():
     assert fit.groups
     found, covariance = posterior(factor, fit, white, MEANS, relative_sd=0.5)
     assert found.groups == ()
-    np.testing.assert_allclose(found.solution @ [1.0, 2.0], -330.0, rtol=1e-3)  # the sum that the data determine
+    np.testing.assert_allclose(
+        found.solution @ [1.0, 2.0], -330.0, rtol=1e-3
+    )  # the sum that the data determine
     assert np.all(np.isfinite(covariance))
     assert np.sqrt(covariance[0, 0]) > 1.0 > np.sqrt(np.array([1.0, 2.0]) @ covariance @ [1.0, 2.0])
 

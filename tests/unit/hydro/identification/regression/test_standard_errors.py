@@ -1,13 +1,21 @@
-"""Coloured standard errors: the cumulative-sum form against the definition, and coverage on a known truth."""
+"""Coloured standard errors: the cumulative-sum form against the definition, and
+coverage on a known truth.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
-from auvid.hydro.identification.regression.standard_errors import automatic_lags, hac_covariance, hac_standard_errors, long_run_moment
-from scipy.signal import lfilter
+from auvid.hydro.identification.regression.standard_errors import (
+    automatic_lags,
+    hac_covariance,
+    hac_standard_errors,
+    long_run_moment,
+)
 
 
 def direct_moment(s: np.ndarray, lags: int) -> np.ndarray:
@@ -23,14 +31,20 @@ def direct_moment(s: np.ndarray, lags: int) -> np.ndarray:
 def test_equals_the_direct_sum(lags: int) -> None:
     s = np.random.default_rng(2).standard_normal((200, 3))
     expected = direct_moment(s, lags)
-    np.testing.assert_allclose(long_run_moment(s, lags=lags), expected, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        long_run_moment(s, lags=lags), expected, atol=1e-11 * np.abs(expected).max()
+    )
 
 
 def test_covariance_is_the_sandwich_and_segments_add() -> None:
     rng = np.random.default_rng(3)
     s, bread = rng.standard_normal((300, 2)), np.array([[2.0, 0.3], [0.3, 1.0]])
     middle = direct_moment(s[:100], 5) + direct_moment(s[100:], 5)
-    np.testing.assert_allclose(hac_covariance([s[:100], s[100:]], bread, lags=5), bread @ middle @ bread * 300 / 298, rtol=1e-11)
+    np.testing.assert_allclose(
+        hac_covariance([s[:100], s[100:]], bread, lags=5),
+        bread @ middle @ bread * 300 / 298,
+        rtol=1e-11,
+    )
 
 
 def test_no_lags_is_the_heteroscedastic_form() -> None:
@@ -55,13 +69,16 @@ def test_coloured_errors_cover_the_truth_where_white_ones_do_not() -> None:
     for _ in range(runs):
         rows = lfilter([1.0], [1.0, -0.95], rng.standard_normal((2, n)), axis=1)
         force = np.zeros((n, 6))
-        force[:, 0] = truth[:2] @ rows + truth[2] + lfilter([1.0], [1.0, -0.9], rng.standard_normal(n))
+        force[:, 0] = (
+            truth[:2] @ rows + truth[2] + lfilter([1.0], [1.0, -0.9], rng.standard_normal(n))
+        )
         factor = TriangularFactor.empty(["u", "v"]).update(rows, force)
         fit = solve_axis(factor, "X", ["u", "v"], trim=True)
         coloured = hac_standard_errors(fit, [(rows, force[:, 0])])
         white_hits += int(np.sum(np.abs(fit.solution - truth) < 2 * fit.standard_errors))
         coloured_hits += int(np.sum(np.abs(fit.solution - truth) < 2 * coloured))
-    # Two standard errors should cover 95 %; a Bartlett kernel on 2000 samples gives some percent less.
+    # Two standard errors should cover 95 %; a Bartlett kernel on 2000 samples gives
+    # some percent less.
     assert coloured_hits / (3 * runs) > 0.85
     assert white_hits / (3 * runs) < 0.6
 
@@ -72,8 +89,14 @@ def test_undetermined_terms_have_no_error_and_order_is_kept() -> None:
     rows = np.vstack([u, u, rng.standard_normal(400)])
     force = np.zeros((400, 6))
     force[:, 0] = -7.7 * u + 3.0 * rows[2] + rng.standard_normal(400)
-    fit = solve_axis(TriangularFactor.empty(["u", "|u|", "v"]).update(rows, force), "X", ["v", "|u|", "u"])
-    errors = hac_standard_errors(fit, [(rows[[2, 1, 0], :200], force[:200, 0]), (rows[[2, 1, 0], 200:], force[200:, 0])], lags=0)
+    fit = solve_axis(
+        TriangularFactor.empty(["u", "|u|", "v"]).update(rows, force), "X", ["v", "|u|", "u"]
+    )
+    errors = hac_standard_errors(
+        fit,
+        [(rows[[2, 1, 0], :200], force[:200, 0]), (rows[[2, 1, 0], 200:], force[200:, 0])],
+        lags=0,
+    )
     assert np.isnan(errors[2])
     np.testing.assert_allclose(errors[:2], fit.standard_errors[:2], rtol=0.2)
 

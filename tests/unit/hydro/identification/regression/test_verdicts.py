@@ -1,31 +1,48 @@
-"""One verdict per coefficient, by the rules written in its module; excitation of the motion behind it."""
+"""One verdict per coefficient, by the rules written in its module; excitation of the
+motion behind it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
-from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation, term_floors
-from auvid.hydro.identification.regression.least_squares import AxisFit, TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.excitation import (
+    THRESHOLDS,
+    axis_excitation,
+    term_floors,
+)
+from auvid.hydro.identification.regression.least_squares import (
+    AxisFit,
+    TriangularFactor,
+    solve_axis,
+)
 from auvid.hydro.identification.regression.verdicts import judge
 
 
 def fit_of(nu: np.ndarray, terms: tuple[str, ...], force: np.ndarray) -> AxisFit:
     forces = np.zeros((nu.shape[1], 6))
     forces[:, 0] = force
-    return solve_axis(TriangularFactor.empty(terms).update(basis_rows(nu, None, terms), forces), "X", terms)
+    return solve_axis(
+        TriangularFactor.empty(terms).update(basis_rows(nu, None, terms), forces), "X", terms
+    )
 
 
 @pytest.fixture
 def nu() -> np.ndarray:
     rng = np.random.default_rng(1)
-    return rng.standard_normal((6, 4000)) * np.array([0.3, 0.2, 0.2, 0.001, 0.3, 0.3])[:, None] + np.array([[2.0], [0], [0], [0], [0], [0]])
+    return rng.standard_normal((6, 4000)) * np.array([0.3, 0.2, 0.2, 0.001, 0.3, 0.3])[
+        :, None
+    ] + np.array([[2.0], [0], [0], [0], [0], [0]])
 
 
 def test_every_verdict(nu: np.ndarray) -> None:
     noise = np.random.default_rng(2).standard_normal(4000)
-    fit = fit_of(nu, ("u", "|u|", "v", "w", "p"), -8.0 * nu[0] + 5.0 * nu[1] + 400.0 * nu[3] + noise)
+    fit = fit_of(
+        nu, ("u", "|u|", "v", "w", "p"), -8.0 * nu[0] + 5.0 * nu[1] + 400.0 * nu[3] + noise
+    )
     verdicts = judge(fit, floors=term_floors(fit.terms, axis_excitation(nu.T)))
     assert {term: str(verdict) for term, verdict in verdicts.items()} == {
         "u": "inseparable from |u|",
@@ -59,7 +76,9 @@ def test_nearly_dependent_terms_are_inseparable_when_neither_is_clear() -> None:
     nu[0] = rng.uniform(0.5, 2.0, 3000)
     nu[0, :3] = -0.2
     nu[1] = rng.standard_normal(3000)
-    fit = fit_of(nu, ("u", "|u|", "v"), -8.0 * nu[0] + 4.0 * nu[1] + 5.0 * rng.standard_normal(3000))
+    fit = fit_of(
+        nu, ("u", "|u|", "v"), -8.0 * nu[0] + 4.0 * nu[1] + 5.0 * rng.standard_normal(3000)
+    )
     assert fit.rank == 3
     assert {term: str(verdict) for term, verdict in judge(fit).items()} == {
         "u": "inseparable from |u|",
@@ -82,8 +101,16 @@ def test_excitation_of_a_motion() -> None:
     nu[:, 1] = np.where(np.arange(200) % 2, 0.05, -0.05)
     found = axis_excitation([nu[:50], nu[50:]], eta_ratio=np.full(200, 1.2))
     assert found["u"].rms == pytest.approx(2.0)
-    assert (found["u"].excited, found["u"].changes_sign, found["u"].std) == (True, False, pytest.approx(0.0, abs=1e-12))
-    assert (found["v"].excited, found["v"].changes_sign, found["v"].share_beyond) == (True, True, 1.0)
+    assert (found["u"].excited, found["u"].changes_sign, found["u"].std) == (
+        True,
+        False,
+        pytest.approx(0.0, abs=1e-12),
+    )
+    assert (found["v"].excited, found["v"].changes_sign, found["v"].share_beyond) == (
+        True,
+        True,
+        1.0,
+    )
     assert (found["w"].excited, found["w"].share_beyond) == (False, 0.0)
     assert found["eta-1"].rms == pytest.approx(0.2)
     assert (found["v"].low, found["v"].high) == (-0.05, 0.05)

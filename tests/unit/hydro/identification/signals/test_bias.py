@@ -1,4 +1,6 @@
-"""Sensor biases and velocity from an accelerometer: a motion known in closed form, clean and noisy."""
+"""Sensor biases and velocity from an accelerometer: a motion known in closed form,
+clean and noisy.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError, PipelineError
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+)
 from auvid.hydro.identification.signals.bias import (
     GRAVITY,
     accelerometer_bias,
@@ -42,11 +48,17 @@ class Motion:
 @pytest.fixture(scope="module")
 def motion() -> Motion:
     t = np.arange(0.0, 60.0, 0.02)
-    euler = np.column_stack([0.1 * np.sin(0.9 * t), 0.2 * np.sin(0.5 * t + 1.0), 2.0 * np.sin(0.2 * t)])
-    rate = np.column_stack([0.09 * np.cos(0.9 * t), 0.1 * np.cos(0.5 * t + 1.0), 0.4 * np.cos(0.2 * t)])
+    euler = np.column_stack(
+        [0.1 * np.sin(0.9 * t), 0.2 * np.sin(0.5 * t + 1.0), 2.0 * np.sin(0.2 * t)]
+    )
+    rate = np.column_stack(
+        [0.09 * np.cos(0.9 * t), 0.1 * np.cos(0.5 * t + 1.0), 0.4 * np.cos(0.2 * t)]
+    )
     omega = np.einsum("nij,nj->ni", euler_rate_matrix_inverse(euler), rate)
     v = np.column_stack([1.5 + 0.3 * np.sin(0.3 * t), 0.2 * np.cos(0.4 * t), 0.1 * np.sin(0.6 * t)])
-    v_dot = np.column_stack([0.09 * np.cos(0.3 * t), -0.08 * np.sin(0.4 * t), 0.06 * np.cos(0.6 * t)])
+    v_dot = np.column_stack(
+        [0.09 * np.cos(0.3 * t), -0.08 * np.sin(0.4 * t), 0.06 * np.cos(0.6 * t)]
+    )
     return Motion(t, euler, omega, derivative(t, omega), v, v_dot)
 
 
@@ -63,29 +75,55 @@ def accelerometer(m: Motion, convention: str) -> np.ndarray:
 
 @pytest.mark.parametrize("convention", ["specific_force", "inertial", "derivative"])
 def test_inertial_acceleration_from_each_convention(motion: Motion, convention: str) -> None:
-    arguments = {"euler": motion.euler, "omega": motion.omega, "omega_dot": motion.omega_dot, "velocity": motion.v, "arm": ARM}
+    arguments = {
+        "euler": motion.euler,
+        "omega": motion.omega,
+        "omega_dot": motion.omega_dot,
+        "velocity": motion.v,
+        "arm": ARM,
+    }
     accel = accelerometer(motion, convention)
-    np.testing.assert_allclose(motion.inertial, motion.v_dot + np.cross(motion.omega, motion.v), atol=1e-12)
-    np.testing.assert_allclose(inertial_acceleration(accel, convention=convention, **arguments), motion.inertial, atol=1e-12)
+    np.testing.assert_allclose(
+        motion.inertial, motion.v_dot + np.cross(motion.omega, motion.v), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        inertial_acceleration(accel, convention=convention, **arguments),
+        motion.inertial,
+        atol=1e-12,
+    )
 
 
 def test_accelerometer_at_rest_reads_minus_gravity_along_down() -> None:
     zero = np.zeros((1, 3))
     rate = inertial_acceleration(
-        np.array([[0.0, 0.0, -GRAVITY]]), convention="specific_force", euler=zero, omega=zero, omega_dot=zero, velocity=zero
+        np.array([[0.0, 0.0, -GRAVITY]]),
+        convention="specific_force",
+        euler=zero,
+        omega=zero,
+        omega_dot=zero,
+        velocity=zero,
     )
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
 
 
 def test_unknown_convention_is_named(motion: Motion) -> None:
     with pytest.raises(PipelineError, match="specific_force, inertial, derivative"):
-        inertial_acceleration(motion.v, convention="raw", euler=motion.euler, omega=motion.omega, omega_dot=motion.omega, velocity=motion.v)
+        inertial_acceleration(
+            motion.v,
+            convention="raw",
+            euler=motion.euler,
+            omega=motion.omega,
+            omega_dot=motion.omega,
+            velocity=motion.v,
+        )
 
 
 def test_integral_is_that_of_a_spline() -> None:
     t = np.linspace(0.0, 3.0, 61)
     np.testing.assert_allclose(
-        integrate(t, np.column_stack([3 * t**2, np.cos(t)]), [1.0, 0.0]), np.column_stack([1 + t**3, np.sin(t)]), atol=1e-8
+        integrate(t, np.column_stack([3 * t**2, np.cos(t)]), [1.0, 0.0]),
+        np.column_stack([1 + t**3, np.sin(t)]),
+        atol=1e-8,
     )
     with pytest.raises(DataError, match="strictly increasing"):
         integrate([0.0, 0.0], [1.0, 1.0])
@@ -118,7 +156,11 @@ def test_gyro_bias_noisy_within_what_is_asked_for_and_its_own_errors(motion: Mot
     rng = np.random.default_rng(11)
     euler = motion.euler + np.deg2rad(0.05) * rng.standard_normal(motion.euler.shape)
     wrapped = (euler + np.pi) % (2 * np.pi) - np.pi
-    fit = gyro_bias(motion.t, wrapped, motion.omega + GYRO_BIAS + 0.002 * rng.standard_normal(motion.euler.shape))
+    fit = gyro_bias(
+        motion.t,
+        wrapped,
+        motion.omega + GYRO_BIAS + 0.002 * rng.standard_normal(motion.euler.shape),
+    )
     # 5e-4 rad/s: what a residual force of useful accuracy allows.
     np.testing.assert_allclose(fit.bias, GYRO_BIAS, atol=5e-4)
     assert (np.abs(fit.bias - GYRO_BIAS) < 5 * fit.bias_std).all()
@@ -145,7 +187,9 @@ def test_velocity_clean(motion: Motion) -> None:
 def test_velocity_noisy_with_dvl_dropouts(motion: Motion) -> None:
     rng = np.random.default_rng(12)
     t_dvl = np.arange(-1.0, 62.0, 0.25)
-    v_dvl = np.column_stack([np.interp(t_dvl, motion.t, column) for column in motion.v.T]) + 0.01 * rng.standard_normal((len(t_dvl), 3))
+    v_dvl = np.column_stack(
+        [np.interp(t_dvl, motion.t, column) for column in motion.v.T]
+    ) + 0.01 * rng.standard_normal((len(t_dvl), 3))
     v_dvl[100:140] = np.nan
     v_dvl[180, 1] = np.nan
     f = motion.inertial + ACCEL_BIAS + 0.03 * rng.standard_normal(motion.v.shape)

@@ -1,12 +1,15 @@
-"""The offset between two clocks: known shifts are recovered within the stated uncertainty, and what cannot be aligned is refused."""
+"""The offset between two clocks: known shifts are recovered within the stated
+uncertainty, and what cannot be aligned is refused.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.signals.clock_offset import ClockOffset, clock_offset
-from scipy.signal import butter, sosfiltfilt
 
 OFFSET_S = 37.123
 NOISE = 0.2  # of the signal's standard deviation
@@ -15,21 +18,31 @@ NOISE = 0.2  # of the signal's standard deviation
 def motion(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """200 s of two band-limited random signals of unit size at 100 Hz: (n,), (n, 2)."""
     t = np.arange(0.0, 200.0, 0.01)
-    values = sosfiltfilt(butter(3, 1.0, fs=100.0, output="sos"), np.random.default_rng(seed).standard_normal((t.size, 2)), axis=0)
+    values = sosfiltfilt(
+        butter(3, 1.0, fs=100.0, output="sos"),
+        np.random.default_rng(seed).standard_normal((t.size, 2)),
+        axis=0,
+    )
     return t, values / values.std(axis=0)
 
 
-def sampled(t: np.ndarray, signal: tuple[np.ndarray, np.ndarray], *, seed: int, noise: float = NOISE) -> np.ndarray:
+def sampled(
+    t: np.ndarray, signal: tuple[np.ndarray, np.ndarray], *, seed: int, noise: float = NOISE
+) -> np.ndarray:
     clean = np.stack([np.interp(t, signal[0], column) for column in signal[1].T], axis=1)
     return clean + noise * np.random.default_rng(seed).standard_normal(clean.shape)
 
 
 def aligned(seed: int, *, noise: float = NOISE) -> ClockOffset:
-    """A record of 140 s at about 14 Hz, not uniform, against one of 150 s at 10 Hz, 110 s in common."""
+    """A record of 140 s at about 14 Hz, not uniform, against one of 150 s at 10 Hz, 110
+    s in common.
+    """
     signal = motion(seed)
     t1 = 10.0 + np.cumsum(np.random.default_rng(1000 + seed).uniform(0.05, 0.09, 2000))
     t2 = np.arange(40.0, 190.0, 0.1)
-    one, two = (sampled(t, signal, seed=part + 2 * seed, noise=noise) for part, t in enumerate((t1, t2)))
+    one, two = (
+        sampled(t, signal, seed=part + 2 * seed, noise=noise) for part, t in enumerate((t1, t2))
+    )
     return clock_offset(t1, one, t2 - OFFSET_S, two)
 
 
@@ -40,7 +53,8 @@ def test_a_known_shift_is_recovered_within_its_uncertainty() -> None:
     # Sub-sample: the faster record has steps of 70 ms.
     assert np.abs(errors).max() < 0.01
     assert np.abs(errors / stated).max() < 4.0
-    # Twenty draws give the spread to 16 %; the bound may be conservative, not wrong by a factor of three.
+    # Twenty draws give the spread to 16 %; the bound may be conservative, not wrong by
+    # a factor of three.
     assert 1.0 / 3.0 < errors.std() / stated.mean() < 1.5
     assert all(0.9 < item.correlation <= 1.0 for item in found)
     assert all(item.overlap_s == pytest.approx(110.0, abs=2.0) for item in found)
@@ -64,11 +78,15 @@ def test_the_order_of_the_logs_flips_the_sign() -> None:
 
 
 def test_a_pause_is_no_signal() -> None:
-    """Without the pause being masked, the straight line across it would pull at the offset."""
+    """Without the pause being masked, the straight line across it would pull at the
+    offset.
+    """
     signal = motion(6)
     t1, t2 = np.arange(10.0, 150.0, 0.05), np.arange(20.0, 190.0, 0.1)
     t1 = t1[(t1 < 60.0) | (t1 > 90.0)]
-    found = clock_offset(t1, sampled(t1, signal, seed=1), t2 - OFFSET_S, sampled(t2, signal, seed=2))
+    found = clock_offset(
+        t1, sampled(t1, signal, seed=1), t2 - OFFSET_S, sampled(t2, signal, seed=2)
+    )
     assert abs(found.offset_s - OFFSET_S) < 4.0 * found.std_s
     assert found.overlap_s == pytest.approx(100.0, abs=2.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.signals.filters import edge_zone_s, zero_phase_lowpass
 
@@ -25,7 +26,8 @@ def test_all_channels_alike_and_input_untouched() -> None:
     values.flags.writeable = False
     filtered = zero_phase_lowpass(T, values, cutoff_hz=1.0)
     np.testing.assert_array_equal(filtered[:, 0], filtered[:, 1])
-    # A ramp is continued as a ramp for two edge zones, after which 1e-4 of its step is felt.
+    # A ramp is continued as a ramp for two edge zones, after which 1e-4 of its step is
+    # felt.
     np.testing.assert_allclose(filtered[:, 2], T, atol=1e-4)
 
 

@@ -1,11 +1,18 @@
-"""To a uniform clock without invention: gaps stay, nothing is extrapolated, attitude turns as a rotation."""
+"""To a uniform clock without invention: gaps stay, nothing is extrapolated, attitude
+turns as a rotation.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.kinematics import (
+    euler_rate_matrix_inverse,
+    rotation_body_to_ned,
+)
 from auvid.hydro.identification.signals.resampling import (
     clean_clock,
     gaps,
@@ -16,7 +23,6 @@ from auvid.hydro.identification.signals.resampling import (
     uniform_clock,
     unwrap_angles,
 )
-from scipy.spatial.transform import Rotation
 
 
 def test_clean_clock_counts_repeated_and_backward_times() -> None:
@@ -47,7 +53,10 @@ def test_uniform_clock_keeps_the_last_sample_and_no_later_one() -> None:
 
 
 def test_linear_is_exact_between_and_nan_outside_and_in_gaps() -> None:
-    t, y = np.array([0.0, 1.0, 2.0, 6.0]), np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0], [0.0, 1.0]])
+    t, y = (
+        np.array([0.0, 1.0, 2.0, 6.0]),
+        np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0], [0.0, 1.0]]),
+    )
     out = linear(t, y, [-0.1, 0.0, 0.5, 2.0, 4.0, 6.0, 6.1], max_gap_s=1.5)
     np.testing.assert_allclose(out[:, 0], [np.nan, 0.0, 1.0, 4.0, np.nan, 0.0, np.nan])
     assert linear(t, y, [4.0])[0, 0] == pytest.approx(2.0)
@@ -59,7 +68,12 @@ def test_linear_gives_a_sample_beside_a_missing_one() -> None:
 
 
 def test_hold_takes_the_previous_sample() -> None:
-    out = hold([0.0, 1.0, 5.0], [10.0, 20.0, 30.0], [-1.0, 0.0, 0.9, 1.0, 2.5, 4.0, 5.0, 5.5], max_gap_s=2.0)
+    out = hold(
+        [0.0, 1.0, 5.0],
+        [10.0, 20.0, 30.0],
+        [-1.0, 0.0, 0.9, 1.0, 2.5, 4.0, 5.0, 5.5],
+        max_gap_s=2.0,
+    )
     np.testing.assert_allclose(out, [np.nan, 10.0, 10.0, 20.0, 20.0, np.nan, 30.0, np.nan])
 
 
@@ -88,7 +102,9 @@ def test_interpolated_attitude_turns_at_constant_rate_about_one_axis() -> None:
 
 
 def test_attitude_crosses_north_the_short_way_and_keeps_its_turn_count() -> None:
-    got = interpolate_rotation([0.0, 1.0], np.array([[0.0, 0.0, 12.4], [0.0, 0.0, 12.7]]), [0.0, 0.5, 1.0, 2.0])
+    got = interpolate_rotation(
+        [0.0, 1.0], np.array([[0.0, 0.0, 12.4], [0.0, 0.0, 12.7]]), [0.0, 0.5, 1.0, 2.0]
+    )
     np.testing.assert_allclose(got[:3, 2], [12.4, 12.55, 12.7])
     assert np.isnan(got[3]).all()
     gap = interpolate_rotation([0.0, 5.0], np.zeros((2, 3)), [2.0], max_gap_s=1.0)
@@ -108,7 +124,9 @@ def test_smooth_attitude_recovers_attitude_rates_and_accelerations() -> None:
     clean = smooth_attitude(t, euler, t, lam=1e-9)
     np.testing.assert_allclose(clean.euler[inner], euler[inner], atol=1e-6)
     np.testing.assert_allclose(clean.omega[inner], omega[inner], atol=1e-5)
-    np.testing.assert_allclose(clean.omega_dot[inner], np.gradient(omega, t, axis=0)[inner], atol=2e-3)
+    np.testing.assert_allclose(
+        clean.omega_dot[inner], np.gradient(omega, t, axis=0)[inner], atol=2e-3
+    )
     noise = np.deg2rad(0.05) * np.random.default_rng(3).standard_normal(euler.shape)
     noisy = smooth_attitude(t, euler + noise, t)
     # 0.05 degrees at 50 Hz, spread over some ten samples and differentiated.
@@ -121,6 +139,8 @@ def test_smooth_attitude_passes_through_vertical_pitch_and_does_not_depend_on_th
     euler, _ = motion(t)
     loop = Rotation.from_euler("Y", (0.6 * t)[:, None]) * Rotation.from_euler("ZYX", euler[:, ::-1])
     level = smooth_attitude(t, loop.as_euler("ZYX")[:, ::-1], t, cutoff_hz=1.0)
-    turned = smooth_attitude(t, (Rotation.from_euler("Y", 1.1) * loop).as_euler("ZYX")[:, ::-1], t, cutoff_hz=1.0)
+    turned = smooth_attitude(
+        t, (Rotation.from_euler("Y", 1.1) * loop).as_euler("ZYX")[:, ::-1], t, cutoff_hz=1.0
+    )
     np.testing.assert_allclose(turned.omega, level.omega, atol=1e-9)
     assert np.abs(level.omega).max() < 3.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse
 from auvid.hydro.identification.signals.signal_checks import (
     attitude_difference,
@@ -21,7 +22,9 @@ LAG_S = 0.23
 
 
 def tumbling(t: np.ndarray) -> np.ndarray:
-    """Attitude (n, 3) of a vehicle that is turned over by hand: roll through all angles, pitch to 89.9 degrees, yaw round and round."""
+    """Attitude (n, 3) of a vehicle that is turned over by hand: roll through all
+    angles, pitch to 89.9 degrees, yaw round and round.
+    """
     return np.stack([2.0 * t, 1.569 * np.sin(0.3 * t), 0.7 * t], axis=1)
 
 
@@ -36,7 +39,8 @@ def test_gyro_agrees_with_a_tumbling_attitude_through_the_singularity_and_wraps(
     wrapped = np.angle(np.exp(1j * tumbling(t)))
     found = rate_agreement(t, wrapped, at, body_rates(at))
     assert found is not None
-    # The mean rate over 0.1 s differs from the mean of the body rates by the turning of the axes within it: about 1 %.
+    # The mean rate over 0.1 s differs from the mean of the body rates by the turning of
+    # the axes within it: about 1 %.
     assert np.diag(found.correlation) == pytest.approx([1.0] * 3, abs=2e-3)
     assert found.scale == pytest.approx([1.0] * 3, abs=0.02)
     assert found.lag_s == pytest.approx(0.0, abs=0.01)
@@ -50,7 +54,9 @@ def test_lag_of_a_late_gyro(lag_s: float) -> None:
     late = at - lag_s
     dot = np.stack([0.2 * np.cos(2.0 * late), 0.15 * np.cos(1.5 * late), np.cos(late)], axis=1)
     there = np.stack([0.1 * np.sin(2.0 * late), 0.1 * np.sin(1.5 * late), np.sin(late)], axis=1)
-    found = rate_agreement(t, slow, at, np.einsum("nij,nj->ni", euler_rate_matrix_inverse(there), dot))
+    found = rate_agreement(
+        t, slow, at, np.einsum("nij,nj->ni", euler_rate_matrix_inverse(there), dot)
+    )
     assert found is not None
     assert found.lag_s == pytest.approx(lag_s, abs=0.01)
 
@@ -107,7 +113,9 @@ def test_every_jump_of_a_long_record_is_counted_the_first_samples_included() -> 
     turned = np.zeros((t.size, 3))
     for jump in (0.15, 400.05, 400.75, 901.35):
         turned[t > jump, 2] += 0.5
-    found = rate_agreement(t, turned, at, 1e-3 * np.random.default_rng(1).standard_normal((at.size, 3)))
+    found = rate_agreement(
+        t, turned, at, 1e-3 * np.random.default_rng(1).standard_normal((at.size, 3))
+    )
     assert found is not None
     assert found.jumps == 4
     assert found.largest_jump == pytest.approx(0.5, abs=0.01)
@@ -153,18 +161,40 @@ def test_response_to_several_commands_at_once() -> None:
     random = np.random.default_rng(6)
     t = np.arange(0.0, 120.0, 0.1)
     commands = np.cumsum(random.standard_normal((t.size, 3)), axis=0)
-    commands -= np.stack([np.convolve(column, np.ones(31) / 31, mode="same") for column in commands.T], axis=1)
+    commands -= np.stack(
+        [np.convolve(column, np.ones(31) / 31, mode="same") for column in commands.T], axis=1
+    )
     fine = np.arange(0.0, 119.0, 0.05)
-    answer = sum(weight * np.interp(fine - LAG_S, t, column) for weight, column in zip((1.0, -2.0, 0.5), commands.T, strict=True))
-    found = response_lag(t, commands, fine, answer + 0.2 * random.standard_normal(fine.size), lags_s=(-0.5, 2.0), rate_hz=20.0)
+    answer = sum(
+        weight * np.interp(fine - LAG_S, t, column)
+        for weight, column in zip((1.0, -2.0, 0.5), commands.T, strict=True)
+    )
+    found = response_lag(
+        t,
+        commands,
+        fine,
+        answer + 0.2 * random.standard_normal(fine.size),
+        lags_s=(-0.5, 2.0),
+        rate_hz=20.0,
+    )
     assert found is not None
     assert found.lag_s == pytest.approx(LAG_S, abs=0.02)
-    assert found.explained > 0.7  # the noise and the halves of the steps that the grid cuts off are the rest
-    chance = response_lag(t, commands, fine, random.standard_normal(fine.size), lags_s=(-0.5, 2.0), rate_hz=20.0)
+    assert (
+        found.explained > 0.7
+    )  # the noise and the halves of the steps that the grid cuts off are the rest
+    chance = response_lag(
+        t, commands, fine, random.standard_normal(fine.size), lags_s=(-0.5, 2.0), rate_hz=20.0
+    )
     assert chance is not None
     assert chance.explained < 0.1
-    assert response_lag(t, np.ones((t.size, 2)), fine, np.sin(fine), lags_s=(-0.5, 2.0), rate_hz=20.0) is None
-    assert response_lag(t[:50], commands[:50], fine, np.sin(fine), lags_s=(-0.5, 2.0), rate_hz=20.0) is None
+    assert (
+        response_lag(t, np.ones((t.size, 2)), fine, np.sin(fine), lags_s=(-0.5, 2.0), rate_hz=20.0)
+        is None
+    )
+    assert (
+        response_lag(t[:50], commands[:50], fine, np.sin(fine), lags_s=(-0.5, 2.0), rate_hz=20.0)
+        is None
+    )
 
 
 def test_long_records_are_thinned() -> None:

@@ -1,4 +1,6 @@
-"""The velocity smoother and the installation estimate against a synthetic motion with known truth."""
+"""The velocity smoother and the installation estimate against a synthetic motion with
+known truth.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned
 from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.installation import estimate_installation
-from auvid.hydro.identification.signals.smoother import SmoothedVelocity, SmootherNoise, smooth_velocity
-from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
+from auvid.hydro.identification.signals.smoother import (
+    SmoothedVelocity,
+    SmootherNoise,
+    smooth_velocity,
+)
 
 BIAS = np.array([0.15, -0.10, 0.12])
 INNER = slice(50, -50)
@@ -40,9 +47,20 @@ def turning_rates(t: Array | float) -> Array:
 @pytest.fixture(scope="module")
 def motion() -> Motion:
     t = np.arange(2000) / 50.0
-    euler = solve_ivp(lambda s, y: euler_rate_matrix(y) @ turning_rates(s), (0, 41), np.zeros(3), t_eval=t, rtol=1e-10, atol=1e-12).y.T
-    v = np.column_stack([1.5 + 0.2 * np.sin(0.3 * t), 0.2 * np.sin(0.5 * t), 0.05 * np.sin(0.7 * t)])
-    v_dot = np.column_stack([0.06 * np.cos(0.3 * t), 0.1 * np.cos(0.5 * t), 0.035 * np.cos(0.7 * t)])
+    euler = solve_ivp(
+        lambda s, y: euler_rate_matrix(y) @ turning_rates(s),
+        (0, 41),
+        np.zeros(3),
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y.T
+    v = np.column_stack(
+        [1.5 + 0.2 * np.sin(0.3 * t), 0.2 * np.sin(0.5 * t), 0.05 * np.sin(0.7 * t)]
+    )
+    v_dot = np.column_stack(
+        [0.06 * np.cos(0.3 * t), 0.1 * np.cos(0.5 * t), 0.035 * np.cos(0.7 * t)]
+    )
     down = np.einsum("ni,ni->n", rotation_body_to_ned(euler)[:, 2, :], v)
     return Motion(t, euler, turning_rates(t).T, v, v_dot, integrate(t, down, 5.0))
 
@@ -70,10 +88,16 @@ def test_exact_sensors_give_the_exact_velocity_and_bias(motion: Motion) -> None:
     np.testing.assert_allclose(found.bias[INNER].mean(axis=0), BIAS, atol=1e-3)
 
 
-def test_noisy_sensors_stay_within_the_bounds_that_a_well_tuned_smoother_reaches(motion: Motion) -> None:
+def test_noisy_sensors_stay_within_the_bounds_that_a_well_tuned_smoother_reaches(
+    motion: Motion,
+) -> None:
     found = smoothed(motion, noise=1.0)
-    assert np.sqrt(np.mean((found.velocity - motion.v)[INNER] ** 2)) < 0.005  # m/s, with 0.01 m/s of noise at 4 Hz
-    assert np.sqrt(np.mean((found.rate - motion.v_dot)[INNER] ** 2)) < 0.01  # m/s^2, with 0.03 m/s^2 of noise
+    assert (
+        np.sqrt(np.mean((found.velocity - motion.v)[INNER] ** 2)) < 0.005
+    )  # m/s, with 0.01 m/s of noise at 4 Hz
+    assert (
+        np.sqrt(np.mean((found.rate - motion.v_dot)[INNER] ** 2)) < 0.01
+    )  # m/s^2, with 0.03 m/s^2 of noise
     assert np.abs(found.bias[INNER].mean(axis=0) - BIAS).max() < 0.003  # m/s^2
 
 
@@ -86,7 +110,9 @@ def test_noise_is_estimated_from_the_data(motion: Motion) -> None:
 
 def test_given_noise_is_used(motion: Motion) -> None:
     dvl = np.arange(3, len(motion.t), 13)
-    given = SmootherNoise(accel=np.full(3, 0.02), velocity=np.full(3, 0.05), depth=0.01, jerk_density=np.full(3, 1e-3))
+    given = SmootherNoise(
+        accel=np.full(3, 0.02), velocity=np.full(3, 0.05), depth=0.01, jerk_density=np.full(3, 1e-3)
+    )
     found = smooth_velocity(
         motion.t,
         motion.f,
@@ -107,14 +133,23 @@ def test_standard_deviations_match_the_errors(motion: Motion) -> None:
         found = smoothed(motion, noise=1.0, seed=seed)
         errors.append((found.velocity - motion.v)[INNER])
         spreads.append(found.velocity_sd[INNER])
-    ratio = np.sqrt(np.mean(np.square(errors), axis=(0, 1)) / np.mean(np.square(spreads), axis=(0, 1)))
+    ratio = np.sqrt(
+        np.mean(np.square(errors), axis=(0, 1)) / np.mean(np.square(spreads), axis=(0, 1))
+    )
     assert np.all((ratio > 0.6) & (ratio < 1.5))
 
 
 def test_a_transport_term_left_in_shows_in_the_rate(motion: Motion) -> None:
-    """Negative control: omega x v counted twice puts up to 0.3 rad/s times 1.5 m/s into sway; noise as of a real velocity sensor."""
+    """Negative control: omega x v counted twice puts up to 0.3 rad/s times 1.5 m/s into
+    sway; noise as of a real velocity sensor.
+    """
     dvl = np.arange(3, len(motion.t), 13)
-    given = SmootherNoise(accel=np.full(3, 0.03), velocity=np.full(3, 0.01), depth=0.005, jerk_density=np.full(3, 1e-3))
+    given = SmootherNoise(
+        accel=np.full(3, 0.03),
+        velocity=np.full(3, 0.01),
+        depth=0.005,
+        jerk_density=np.full(3, 1e-3),
+    )
     wrong = smooth_velocity(
         motion.t,
         motion.f + np.cross(motion.omega, motion.v),
@@ -126,7 +161,8 @@ def test_a_transport_term_left_in_shows_in_the_rate(motion: Motion) -> None:
         depth=motion.z,
         noise=given,
     )
-    # Twice the bound that the right accelerometer keeps above; the velocity sensor pulls the rest back.
+    # Twice the bound that the right accelerometer keeps above; the velocity sensor
+    # pulls the rest back.
     assert np.sqrt(np.mean((wrong.rate - motion.v_dot)[INNER, 1] ** 2)) > 0.02
 
 
@@ -144,14 +180,23 @@ def test_refuses_what_is_not_finite_and_what_is_too_short(motion: Motion) -> Non
         )
     with pytest.raises(DataError, match="too few"):
         smooth_velocity(
-            motion.t, motion.f, motion.euler, motion.omega, t_velocity=motion.t[:3], velocity=motion.v[:3], t_depth=motion.t, depth=motion.z
+            motion.t,
+            motion.f,
+            motion.euler,
+            motion.omega,
+            t_velocity=motion.t[:3],
+            velocity=motion.v[:3],
+            t_depth=motion.t,
+            depth=motion.z,
         )
 
 
 def test_arm_and_mounting_are_found(motion: Motion) -> None:
     arm, delta = np.array([0.5, -0.1, 0.2]), np.array([0.01, -0.02, 0.03])
     sensed = (motion.v + np.cross(motion.omega, arm)) @ Rotation.from_rotvec(delta).as_matrix()
-    found = estimate_installation(motion.t, motion.f + BIAS, motion.euler, motion.omega, motion.t[::13], sensed[::13])
+    found = estimate_installation(
+        motion.t, motion.f + BIAS, motion.euler, motion.omega, motion.t[::13], sensed[::13]
+    )
     np.testing.assert_allclose(found.arm_m, arm, atol=2e-3)
     np.testing.assert_allclose(found.mounting_rad, delta, atol=1e-3)  # first order in delta
     only_arm = estimate_installation(
@@ -173,14 +218,24 @@ def test_an_arm_that_no_rotation_shows_is_not_determined(motion: Motion) -> None
     still = np.zeros_like(motion.euler)
     sensed = motion.v + 0.01 * rng.standard_normal(motion.v.shape)
     slow = 1e-4 * rng.standard_normal(motion.v.shape)
-    found = estimate_installation(motion.t, motion.v_dot, still, slow, motion.t[::13], sensed[::13], mounting=False)
+    found = estimate_installation(
+        motion.t, motion.v_dot, still, slow, motion.t[::13], sensed[::13], mounting=False
+    )
     assert found.determined_arm == (False, False, False)
 
 
-def with_water_track(motion: Motion, current: Array, *, noise: float, walk: float = 0.0, seed: int = 3) -> SmoothedVelocity:
-    """Bottom track, and a second velocity through water that moves with `current` (n, 3) in NED."""
+def with_water_track(
+    motion: Motion, current: Array, *, noise: float, walk: float = 0.0, seed: int = 3
+) -> SmoothedVelocity:
+    """Bottom track, and a second velocity through water that moves with `current` (n,
+    3) in NED.
+    """
     rng = np.random.default_rng(seed)
-    dvl, depth, water = np.arange(3, len(motion.t), 13), np.arange(0, len(motion.t), 5), np.arange(7, len(motion.t), 13)
+    dvl, depth, water = (
+        np.arange(3, len(motion.t), 13),
+        np.arange(0, len(motion.t), 5),
+        np.arange(7, len(motion.t), 13),
+    )
     through = motion.v - np.einsum("nji,nj->ni", rotation_body_to_ned(motion.euler), current)
     return smooth_velocity(
         motion.t,
@@ -198,7 +253,9 @@ def with_water_track(motion: Motion, current: Array, *, noise: float, walk: floa
 
 
 def test_constant_current_is_found_with_its_deviation(motion: Motion) -> None:
-    """150 samples of 0.02 m/s at 4 Hz: about 2 mm/s; the standard deviation says so, and the velocity over ground stays what it is."""
+    """150 samples of 0.02 m/s at 4 Hz: about 2 mm/s; the standard deviation says so,
+    and the velocity over ground stays what it is.
+    """
     truth = np.array([0.3, -0.2, 0.02])
     found = with_water_track(motion, np.tile(truth, (len(motion.t), 1)), noise=1.0)
     assert found.current is not None
@@ -211,10 +268,14 @@ def test_constant_current_is_found_with_its_deviation(motion: Motion) -> None:
 
 
 def test_current_that_walks_is_followed(motion: Motion) -> None:
-    """A current that turns within the leg: followed to some cm/s where it may walk, and not where it is held constant."""
+    """A current that turns within the leg: followed to some cm/s where it may walk, and
+    not where it is held constant.
+    """
     t = motion.t
     truth = np.column_stack([0.3 * np.cos(0.05 * t), 0.3 * np.sin(0.05 * t), np.zeros_like(t)])
-    walking, constant = (with_water_track(motion, truth, noise=1.0, walk=walk).current for walk in (0.02, 0.0))
+    walking, constant = (
+        with_water_track(motion, truth, noise=1.0, walk=walk).current for walk in (0.02, 0.0)
+    )
     assert walking is not None
     assert constant is not None
     assert np.sqrt(np.mean((walking - truth)[INNER] ** 2)) < 0.02
@@ -222,7 +283,9 @@ def test_current_that_walks_is_followed(motion: Motion) -> None:
 
 
 def test_without_water_track_there_is_no_current(motion: Motion) -> None:
-    """Nothing that is measured over ground says anything of the water, so none is given."""
+    """Nothing that is measured over ground says anything of the water, so none is
+    given.
+    """
     found = smoothed(motion, noise=1.0)
     assert found.current is None
     assert found.current_sd is None

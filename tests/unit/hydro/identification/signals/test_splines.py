@@ -1,12 +1,20 @@
-"""Smoothing splines: scipy's own, the exact trace, the filter they are, and the refusal to extrapolate."""
+"""Smoothing splines: scipy's own, the exact trace, the filter they are, and the refusal
+to extrapolate.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.signals.splines import cutoff_from_lambda, derivative, lambda_from_cutoff, smoothing_spline
 from scipy.interpolate import make_smoothing_spline
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.signals.splines import (
+    cutoff_from_lambda,
+    derivative,
+    lambda_from_cutoff,
+    smoothing_spline,
+)
 
 
 def noisy_sine(n: int, seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
@@ -23,7 +31,9 @@ def test_equals_scipy_at_a_given_lambda(n: int, lam: float) -> None:
     fine = np.linspace(t[0], t[-1], 200)
     for order in (0, 1, 2):
         expected = theirs(fine, order)
-        np.testing.assert_allclose(ours.evaluate(fine, order), expected, atol=1e-8 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(
+            ours.evaluate(fine, order), expected, atol=1e-8 * max(1.0, np.abs(expected).max())
+        )
 
 
 def test_equals_scipy_with_weights_and_several_columns() -> None:
@@ -31,14 +41,17 @@ def test_equals_scipy_with_weights_and_several_columns() -> None:
     w = np.random.default_rng(4).uniform(0.5, 3.0, 30)
     both = np.column_stack([y, np.cos(t)])
     theirs = make_smoothing_spline(t, both, w=w, lam=0.3)
-    np.testing.assert_allclose(smoothing_spline(t, both, lam=0.3, weights=w).evaluate(t), theirs(t), atol=1e-9)
+    np.testing.assert_allclose(
+        smoothing_spline(t, both, lam=0.3, weights=w).evaluate(t), theirs(t), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4])
 def test_chooses_scipys_gcv_parameter(seed: int) -> None:
     t, y = noisy_sine(60, seed)
     spline = smoothing_spline(t, y)
-    # scipy searches lambda to 1e-5 absolute, we search log lambda to 1e-3; the minimum is flat.
+    # scipy searches lambda to 1e-5 absolute, we search log lambda to 1e-3; the minimum
+    # is flat.
     np.testing.assert_allclose(spline.evaluate(t), make_smoothing_spline(t, y)(t), atol=1e-3 * 0.2)
 
 
@@ -51,7 +64,9 @@ def test_is_not_caught_in_a_local_minimum_of_the_gcv_score() -> None:
     best = smoothing_spline(t, y)
     local = smoothing_spline(t, y, lam=0.0853707)
     np.testing.assert_allclose(local.evaluate(t), make_smoothing_spline(t, y)(t), atol=1e-5)
-    assert gcv_score(best.evaluate(t), y, float(best.edf)) < 0.97 * gcv_score(local.evaluate(t), y, float(local.edf))
+    assert gcv_score(best.evaluate(t), y, float(best.edf)) < 0.97 * gcv_score(
+        local.evaluate(t), y, float(local.edf)
+    )
 
 
 @pytest.mark.parametrize("lam", [1e-4, 0.1, 30.0])

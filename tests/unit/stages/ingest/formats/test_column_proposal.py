@@ -1,4 +1,6 @@
-"""The draft of a column map from the names of the columns: what it takes for what, what it leaves open, and that it can be read."""
+"""The draft of a column map from the names of the columns: what it takes for what, what
+it leaves open, and that it can be read.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,26 @@ from typing import Any
 
 import pytest
 import yaml
+
 from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
 
-TANK = ["t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "cmd0"]
+TANK = [
+    "t_s",
+    "x_m",
+    "y_m",
+    "z_m",
+    "roll_rad",
+    "pitch_rad",
+    "yaw_rad",
+    "u_mps",
+    "v_mps",
+    "w_mps",
+    "p_radps",
+    "q_radps",
+    "r_radps",
+    "cmd0",
+]
 BLUEYE = ("Time", "Surge", "Sway", "Heave", "Yaw", "Depth", "Yaw Angle", "Desired Depth")
 
 
@@ -39,10 +57,15 @@ def test_commands_are_not_taken_for_angles_nor_wishes_for_measurements() -> None
     assert places["Depth"] == "depth_m"
     assert "Desired Depth" not in places
     assert "attitude (without phi_rad, theta_rad)" in said
-    assert {item["unit"] for item in found["columns"] if item["column"] == "Depth"} == {"?"}, "no name tells this unit"
+    assert {item["unit"] for item in found["columns"] if item["column"] == "Depth"} == {"?"}, (
+        "no name tells this unit"
+    )
 
 
-@pytest.mark.parametrize("names", [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")])
+@pytest.mark.parametrize(
+    "names",
+    [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")],
+)
 def test_odd_names_leave_a_draft_that_can_be_read(names: tuple[str, ...]) -> None:
     _, found = draft(names)
     assert found["time"]["column"] in names

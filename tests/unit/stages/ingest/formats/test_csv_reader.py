@@ -1,4 +1,6 @@
-"""CSV logs through a column map: units, frames, time, held and empty samples, and the account of rows."""
+"""CSV logs through a column map: units, frames, time, held and empty samples, and the
+account of rows.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.reader import CSV, read_csv
 
 TIME = {"column": "t", "unit": "s"}
 
 
-def csv_file(text: str, columns: list[dict[str, Any]] | None, encoding: str = "utf-8", **keys: Any) -> RawFile:
+def csv_file(
+    text: str, columns: list[dict[str, Any]] | None, encoding: str = "utf-8", **keys: Any
+) -> RawFile:
     mapping = None if columns is None else {"time": TIME, "columns": columns, **keys}
     return RawFile("dive.csv", np.frombuffer(text.encode(encoding), np.uint8), mapping)
 
@@ -24,7 +29,9 @@ def item(column: str, stream: str, field: str, unit: str, **keys: Any) -> dict[s
 DEPTH = [item("d", "depth", "depth_m", "m")]
 
 
-def read_one(text: str, columns: list[dict[str, Any]], stream: str, **keys: Any) -> dict[str, np.ndarray[Any, Any]]:
+def read_one(
+    text: str, columns: list[dict[str, Any]], stream: str, **keys: Any
+) -> dict[str, np.ndarray[Any, Any]]:
     return dict(read_csv(csv_file(text, columns, **keys))[0].messages[stream].columns)
 
 
@@ -37,7 +44,9 @@ def read_one(text: str, columns: list[dict[str, Any]], stream: str, **keys: Any)
         ("degC", "depth_m", "depth", "1", None),
     ],
 )
-def test_units_become_si(unit: str, field: str, stream: str, value: str, expected: float | None) -> None:
+def test_units_become_si(
+    unit: str, field: str, stream: str, value: str, expected: float | None
+) -> None:
     columns = [item("d", stream, field, unit)]
     if expected is None:
         with pytest.raises(Exception, match="wrong unit"):
@@ -48,23 +57,31 @@ def test_units_become_si(unit: str, field: str, stream: str, value: str, expecte
 
 
 @pytest.mark.parametrize(
-    ("unit", "value", "rev_s"), [("rpm", 1800.0, 30.0), ("rev/s", 30.0, 30.0), ("1/s", 30.0, 30.0), ("rad/s", 2 * np.pi, 1.0)]
+    ("unit", "value", "rev_s"),
+    [("rpm", 1800.0, 30.0), ("rev/s", 30.0, 30.0), ("1/s", 30.0, 30.0), ("rad/s", 2 * np.pi, 1.0)],
 )
 def test_propeller_speed_counts_revolutions(unit: str, value: float, rev_s: float) -> None:
-    got = read_one(f"t,n\n0,{value!r}\n", [item("n", "actuators", "propeller_rev_s", unit)], "actuators")
+    got = read_one(
+        f"t,n\n0,{value!r}\n", [item("n", "actuators", "propeller_rev_s", unit)], "actuators"
+    )
     assert got["propeller_rev_s"][0] == pytest.approx(rev_s, rel=1e-12)
 
 
 def test_gravity_as_unit_of_the_accelerometer() -> None:
     text = "t,p,q,r,x,y,z\n0,0,0,0,0,0,-1\n"
-    columns = [item(c, "imu", f"gyro_{a}_rad_s", "deg/s") for c, a in zip("pqr", "xyz", strict=True)]
+    columns = [
+        item(c, "imu", f"gyro_{a}_rad_s", "deg/s") for c, a in zip("pqr", "xyz", strict=True)
+    ]
     columns += [item(c, "imu", f"accel_{c}_m_s2", "g0") for c in "xyz"]
     got = read_one(text, columns, "imu", accelerometer="specific_force")
     assert got["accel_z_m_s2"][0] == pytest.approx(-9.80665, rel=1e-12)
 
 
 def test_frame_flu_flips_left_and_up_and_sign_comes_on_top() -> None:
-    columns = [item(c, "velocity", f"{f}_m_s", "m/s", frame="flu") for c, f in zip("xyz", "uvw", strict=True)]
+    columns = [
+        item(c, "velocity", f"{f}_m_s", "m/s", frame="flu")
+        for c, f in zip("xyz", "uvw", strict=True)
+    ]
     columns[2]["sign"] = -1
     got = read_one("t,x,y,z\n0,1,2,3\n", columns, "velocity")
     assert [got[f"{f}_m_s"][0] for f in "uvw"] == [1.0, -2.0, 3.0]
@@ -72,18 +89,34 @@ def test_frame_flu_flips_left_and_up_and_sign_comes_on_top() -> None:
 
 def test_velocity_through_the_water_is_a_stream_of_its_own() -> None:
     columns = [
-        item(f"{name}{stream[0]}", stream, f"{name}_m_s", "m/s", frame="flu") for stream in ("velocity", "water_velocity") for name in "uvw"
+        item(f"{name}{stream[0]}", stream, f"{name}_m_s", "m/s", frame="flu")
+        for stream in ("velocity", "water_velocity")
+        for name in "uvw"
     ]
     text = "t,uv,vv,wv,uw,vw,ww\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n"
-    assert [read_one(text, columns, "velocity")[f"{name}_m_s"][0] for name in "uvw"] == [1.0, -2.0, -3.0]
-    assert [read_one(text, columns, "water_velocity")[f"{name}_m_s"][0] for name in "uvw"] == [4.0, -5.0, -6.0]
+    assert [read_one(text, columns, "velocity")[f"{name}_m_s"][0] for name in "uvw"] == [
+        1.0,
+        -2.0,
+        -3.0,
+    ]
+    assert [read_one(text, columns, "water_velocity")[f"{name}_m_s"][0] for name in "uvw"] == [
+        4.0,
+        -5.0,
+        -6.0,
+    ]
 
 
 def test_attitude_against_east_north_up() -> None:
-    # Facing east, nose up by 10 degrees: ENU yaw 0 and pitch -10 (positive nose down there) are NED yaw 90 and pitch 10.
-    columns = [item(c, "attitude", f"{f}_rad", "deg", frame="enu") for c, f in zip("xyz", ("phi", "theta", "psi"), strict=True)]
+    # Facing east, nose up by 10 degrees: ENU yaw 0 and pitch -10 (positive nose down
+    # there) are NED yaw 90 and pitch 10.
+    columns = [
+        item(c, "attitude", f"{f}_rad", "deg", frame="enu")
+        for c, f in zip("xyz", ("phi", "theta", "psi"), strict=True)
+    ]
     got = read_one("t,x,y,z\n0,5,-10,0\n", columns, "attitude")
-    assert np.degrees([got[f"{f}_rad"][0] for f in ("phi", "theta", "psi")]) == pytest.approx([5.0, 10.0, 90.0], abs=1e-12)
+    assert np.degrees([got[f"{f}_rad"][0] for f in ("phi", "theta", "psi")]) == pytest.approx(
+        [5.0, 10.0, 90.0], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -93,13 +126,20 @@ def test_attitude_against_east_north_up() -> None:
         ("ms", ["250", "1500"], [250_000, 1_500_000]),
         ("ns", ["250000", "1500000"], [250, 1_500]),
         ("iso8601", ["1970-01-01T00:00:00.25", "1970-01-01 00:00:01.5"], [250_000, 1_500_000]),
-        ("iso8601", ["1970-01-01T01:00:00.25+01:00", "1970-01-01T00:00:01.5Z"], [250_000, 1_500_000]),
+        (
+            "iso8601",
+            ["1970-01-01T01:00:00.25+01:00", "1970-01-01T00:00:01.5Z"],
+            [250_000, 1_500_000],
+        ),
     ],
 )
 def test_time_becomes_microseconds(unit: str, stamps: list[str], expected: list[int]) -> None:
     text = "t,d\n" + "".join(f"{stamp},1\n" for stamp in stamps)
     file = csv_file(text, DEPTH, time={"column": "t", "unit": unit})
-    assert np.rint(read_csv(file)[0].messages["depth"].columns["time_us"].astype(float)).tolist() == expected
+    assert (
+        np.rint(read_csv(file)[0].messages["depth"].columns["time_us"].astype(float)).tolist()
+        == expected
+    )
 
 
 def test_held_stream_keeps_changes_only() -> None:
@@ -107,14 +147,17 @@ def test_held_stream_keeps_changes_only() -> None:
     log, _ = read_csv(csv_file(rows, [*DEPTH, item("u", "range", "range_m", "m")], held=["depth"]))
     assert log.messages["depth"].columns["time_us"].tolist() == [0.0, 2e6, 4e6]
     assert len(log.messages["range"]) == 5
-    assert [(part.reason, part.count, part.first_offset, part.last_offset) for part in log.account.skipped] == [
-        ("depth: held value repeated", 2, 3, 5)
-    ]
+    assert [
+        (part.reason, part.count, part.first_offset, part.last_offset)
+        for part in log.account.skipped
+    ] == [("depth: held value repeated", 2, 3, 5)]
 
 
 def test_rows_without_a_value_are_no_samples_of_the_stream() -> None:
     text = "t,d,u\n0,1,\n1,,2\n2,--.--,3\n3,4,\n"
-    log, _ = read_csv(csv_file(text, [*DEPTH, item("u", "range", "range_m", "m")], missing=["--.--"]))
+    log, _ = read_csv(
+        csv_file(text, [*DEPTH, item("u", "range", "range_m", "m")], missing=["--.--"])
+    )
     assert log.messages["depth"].columns["depth_m"].tolist() == [1.0, 4.0]
     assert log.messages["range"].columns["range_m"].tolist() == [2.0, 3.0]
     assert log.messages["range"].offset.tolist() == [3, 4]
@@ -132,12 +175,22 @@ def test_every_byte_is_accounted_for(tail: str) -> None:
     text = "t,d\n0,1\n1,2\n" + tail
     log, _ = read_csv(csv_file(text, DEPTH))
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(text)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(text)
+    )
     assert log.status == ("truncated" if tail in ("2", "2\n") else "complete")
 
 
 def test_semicolons_decimal_commas_and_latin_1() -> None:
-    file = csv_file("t;Tiefe (°)\n0,5;1,25\n", [item("Tiefe (°)", "depth", "depth_m", "m")], "latin-1", delimiter=";", decimal=",")
+    file = csv_file(
+        "t;Tiefe (°)\n0,5;1,25\n",
+        [item("Tiefe (°)", "depth", "depth_m", "m")],
+        "latin-1",
+        delimiter=";",
+        decimal=",",
+    )
     columns = read_csv(file)[0].messages["depth"].columns
     assert (columns["time_us"][0], columns["depth_m"][0]) == (500_000.0, 1.25)
 
@@ -149,9 +202,16 @@ def test_byte_order_mark_and_windows_line_ends() -> None:
 
 def test_a_log_of_qgroundcontrol_needs_no_column_map() -> None:
     header = "Timestamp,roll,pitch,heading,rollRate,pitchRate,altitudeRelative,battery0.voltage"
-    rows = "2023-07-14 08:57:35.476,-1.0,0.8,309,0.1,0.2,-2.5,--.--\n2023-07-14 08:57:36.476,-1.0,0.8,310,0.1,0.2,-3.5,16.5\n"
+    rows = (
+        "2023-07-14 08:57:35.476,-1.0,0.8,309,0.1,0.2,-2.5,--.--\n2023-07-14"
+        " 08:57:36.476,-1.0,0.8,310,0.1,0.2,-3.5,16.5\n"
+    )
     log, mapping = read_csv(csv_file(f"{header}\n{rows}", None))
-    assert sorted(log.messages) == ["attitude", "battery", "depth"]  # no yaw rate in this version: no rates at all
+    assert sorted(log.messages) == [
+        "attitude",
+        "battery",
+        "depth",
+    ]  # no yaw rate in this version: no rates at all
     assert log.messages["depth"].columns["depth_m"].tolist() == [2.5, 3.5]
     assert log.messages["battery"].offset.tolist() == [3]
     assert mapping.epoch == "arbitrary"
@@ -168,7 +228,13 @@ def test_columns_that_nobody_mapped_are_listed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "expected"), [(b"t,d\n0,1\n", True), (b"\xa3\x95\x80,", True), (b"\0\0,\0\n", False), (b"no columns\n", False)]
+    ("head", "expected"),
+    [
+        (b"t,d\n0,1\n", True),
+        (b"\xa3\x95\x80,", True),
+        (b"\0\0,\0\n", False),
+        (b"no columns\n", False),
+    ],
 )
 def test_recognises_text_with_columns(head: bytes, expected: bool) -> None:
     assert CSV.recognises(head) is expected

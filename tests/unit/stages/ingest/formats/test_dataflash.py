@@ -1,4 +1,6 @@
-"""The DataFlash reader on logs written record by record: formats, scaling, units, redefinition, selection, errors."""
+"""The DataFlash reader on logs written record by record: formats, scaling, units,
+redefinition, selection, errors.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +8,34 @@ import struct
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
-
-from tests.support.dataflash_writer import ATT, BAR, HEADER_RECORDS, IMU, PACKING, dive, fmt, group, record, unit_records
+from tests.support.dataflash_writer import (
+    ATT,
+    BAR,
+    HEADER_RECORDS,
+    IMU,
+    PACKING,
+    dive,
+    fmt,
+    group,
+    record,
+    unit_records,
+)
 
 
 def read(data: bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
     log = DATAFLASH.read(RawFile("log.BIN", np.frombuffer(data, np.uint8)), wanted)
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return log
 
 
@@ -79,15 +96,28 @@ def test_array_field_is_two_dimensional() -> None:
 
 def test_file_contents_are_not_cut_at_nul() -> None:
     contents = bytes(range(64))
-    log = read(fmt(32, "FILE", "NhZ", "FileName,Offset,Data") + record(32, "NhZ", b"@SYS/x", 0, contents))
+    log = read(
+        fmt(32, "FILE", "NhZ", "FileName,Offset,Data") + record(32, "NhZ", b"@SYS/x", 0, contents)
+    )
     assert log.messages["FILE"].columns["Data"][0] == contents
     assert log.messages["FILE"].columns["FileName"][0] == b"@SYS/x"
 
 
 def test_unit_texts_carry_the_multiplier_unless_the_format_scales() -> None:
     types = fmt(33, "TST", "QBcffff", "TimeUS,I,Roll,Gyr,Dist,Other,None")
-    log = read(types + unit_records({33: ("s#dEmm-", "F-BBBJ-")}) + record(33, "QBcffff", 1, 0, 100, 1.0, 2.0, 3.0, 4.0))
-    assert log.messages["TST"].units == {"TimeUS": "µs", "I": "#", "Roll": "deg", "Gyr": "crad/s", "Dist": "cm", "Other": "2.5 m"}
+    log = read(
+        types
+        + unit_records({33: ("s#dEmm-", "F-BBBJ-")})
+        + record(33, "QBcffff", 1, 0, 100, 1.0, 2.0, 3.0, 4.0)
+    )
+    assert log.messages["TST"].units == {
+        "TimeUS": "µs",
+        "I": "#",
+        "Roll": "deg",
+        "Gyr": "crad/s",
+        "Dist": "cm",
+        "Other": "2.5 m",
+    }
     assert log.messages["TST"].columns["Dist"].tolist() == [2.0]
 
 
@@ -99,9 +129,15 @@ def test_instances_stay_in_one_table_in_file_order() -> None:
 
 
 def test_redefined_type_is_joined_by_field_name() -> None:
-    first = fmt(40, "DVL", "Qhf", "TimeUS,Conf,Vx") + b"".join(record(40, "Qhf", t, t, 0.5) for t in range(10))
-    second = fmt(40, "DVL", "Qff", "TimeUS,Vx,Vy") + b"".join(record(40, "Qff", t, 1.5, 2.5) for t in range(10, 15))
-    third = fmt(40, "DVL", "QfB", "TimeUS,Vx,S") + b"".join(record(40, "QfB", t, 3.5, 7) for t in range(15, 18))
+    first = fmt(40, "DVL", "Qhf", "TimeUS,Conf,Vx") + b"".join(
+        record(40, "Qhf", t, t, 0.5) for t in range(10)
+    )
+    second = fmt(40, "DVL", "Qff", "TimeUS,Vx,Vy") + b"".join(
+        record(40, "Qff", t, 1.5, 2.5) for t in range(10, 15)
+    )
+    third = fmt(40, "DVL", "QfB", "TimeUS,Vx,S") + b"".join(
+        record(40, "QfB", t, 3.5, 7) for t in range(15, 18)
+    )
     log = read(first + second + fmt(40, "DVL", "Qff", "TimeUS,Vx,Vy") + third)
     table = log.messages["DVL"]
     assert table.columns["TimeUS"].tolist() == list(range(18))
@@ -114,7 +150,11 @@ def test_redefined_type_is_joined_by_field_name() -> None:
 
 def test_name_that_moves_to_another_id_and_id_that_changes_its_name() -> None:
     data = fmt(40, "AAA", "Qf", "TimeUS,v") + record(40, "Qf", 1, 1.0) * 5
-    data += fmt(41, "AAA", "Qf", "TimeUS,v") + fmt(40, "BBB", "QH", "TimeUS,w") + (record(41, "Qf", 2, 2.0) + record(40, "QH", 3, 9)) * 5
+    data += (
+        fmt(41, "AAA", "Qf", "TimeUS,v")
+        + fmt(40, "BBB", "QH", "TimeUS,w")
+        + (record(41, "Qf", 2, 2.0) + record(40, "QH", 3, 9)) * 5
+    )
     log = read(data)
     assert log.messages["AAA"].columns["v"].tolist() == [1.0] * 5 + [2.0] * 5
     assert log.messages["BBB"].columns["w"].tolist() == [9] * 5
@@ -122,13 +162,22 @@ def test_name_that_moves_to_another_id_and_id_that_changes_its_name() -> None:
 
 
 def test_record_before_its_definition_is_read_with_it() -> None:
-    log = read(fmt(*BAR) + record(IMU[0], IMU[2], 1, 0, 1.0) * 3 + record(BAR[0], BAR[2], 1, 1.0, 2.0) + fmt(*IMU))
+    log = read(
+        fmt(*BAR)
+        + record(IMU[0], IMU[2], 1, 0, 1.0) * 3
+        + record(BAR[0], BAR[2], 1, 1.0, 2.0)
+        + fmt(*IMU)
+    )
     assert log.counts["IMU"] == 3
     assert log.status == "complete"
 
 
 def test_only_wanted_types_are_decoded_and_all_are_counted() -> None:
-    data = dive(30) + fmt(50, "PARM", "QNf", "TimeUS,Name,Value") + record(50, "QNf", 1, b"FRAME_CONFIG", 2.0)
+    data = (
+        dive(30)
+        + fmt(50, "PARM", "QNf", "TimeUS,Name,Value")
+        + record(50, "QNf", 1, b"FRAME_CONFIG", 2.0)
+    )
     log = read(data, frozenset({"ATT", "NONE"}))
     assert set(log.messages) == {"ATT"}
     assert log.counts == {"FMT": 5, "IMU": 30, "ATT": 30, "BARO": 30, "PARM": 1}
@@ -137,16 +186,24 @@ def test_only_wanted_types_are_decoded_and_all_are_counted() -> None:
 
 
 def test_parameters_keep_the_last_value_and_texts_their_time() -> None:
-    data = fmt(50, "PARM", "QNf", "TimeUS,Name,Value") + fmt(51, "MSG", "QBBZ", "TimeUS,ID,Seq,Message")
+    data = fmt(50, "PARM", "QNf", "TimeUS,Name,Value") + fmt(
+        51, "MSG", "QBBZ", "TimeUS,ID,Seq,Message"
+    )
     data += b"".join(record(50, "QNf", k, b"PSC_D", float(k)) for k in (1, 2, 3))
-    data += record(51, "QBBZ", 7, 4, 0, b"a long ") + record(51, "QBBZ", 7, 4, 1, b"text") + record(51, "QBBZ", 9, 5, 0, b"caf\xe9")
+    data += (
+        record(51, "QBBZ", 7, 4, 0, b"a long ")
+        + record(51, "QBBZ", 7, 4, 1, b"text")
+        + record(51, "QBBZ", 9, 5, 0, b"caf\xe9")
+    )
     log = read(data)
     assert log.parameters == {"PSC_D": 3.0}
     assert log.texts == ((7, "a long text"), (9, "café"))
 
 
 def test_old_clock_in_milliseconds_is_told_and_left_alone() -> None:
-    data = fmt(60, "ATT", "Icc", "TimeMS,Roll,Pitch") + b"".join(record(60, "Icc", t, 1, 2) for t in range(0, 1000, 100))
+    data = fmt(60, "ATT", "Icc", "TimeMS,Roll,Pitch") + b"".join(
+        record(60, "Icc", t, 1, 2) for t in range(0, 1000, 100)
+    )
     log = read(data)
     assert log.messages["ATT"].columns["TimeMS"].tolist() == list(range(0, 1000, 100))
     assert any("milliseconds" in note for note in log.notes)
@@ -209,7 +266,12 @@ def test_field_names_cut_off_at_64_letters_are_used_as_far_as_they_go() -> None:
     names = "TimeUS," + ",".join(f"VeryLongName{k}" for k in range(5))
     data = fmt(62, "LONG", "Qfffff", names[:64]) + record(62, "Qfffff", 1, 1.0, 2.0, 3.0, 4.0, 5.0)
     log = read(data)
-    assert list(log.messages["LONG"].columns)[:4] == ["TimeUS", "VeryLongName0", "VeryLongName1", "VeryLongName2"]
+    assert list(log.messages["LONG"].columns)[:4] == [
+        "TimeUS",
+        "VeryLongName0",
+        "VeryLongName1",
+        "VeryLongName2",
+    ]
     assert log.messages["LONG"].columns["VeryLongName2"].tolist() == [3.0]
 
 

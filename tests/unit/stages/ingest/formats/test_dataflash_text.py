@@ -1,4 +1,6 @@
-"""The reader of DataFlash text logs: against pymavlink and the binary reader on one real dive, and line by line."""
+"""The reader of DataFlash text logs: against pymavlink and the binary reader on one
+real dive, and line by line.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pymavlink.DFReader import DFReader_text
+
 from auvid.data_schemas.errors import LogError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 from auvid.stages.ingest.formats.dataflash.text_reader import DATAFLASH_TEXT
-from pymavlink.DFReader import DFReader_text
 
 SMALL = Path(__file__).parents[4] / "data/bluerov2_ugps_small/small.BIN"
 FMT_LINE = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n"
@@ -20,7 +23,8 @@ HEAD = (
     "ArduSub V4\n\n"
     + FMT_LINE
     + "FMT, 129, 23, PARM, Nf, Name,Value\nFMT, 131, 31, IMU, Iff, TimeMS,GyrX,AccZ\n"
-    + "FMT, 132, 67, MSG, Z, Message\nFMT, 1, 19, ATT, cc, Roll,Pitch\nFMT, 3, 6, MODE, Mh, Mode,ThrCrs\nFMT, 10, 3, STRT, , \n"
+    + "FMT, 132, 67, MSG, Z, Message\nFMT, 1, 19, ATT, cc, Roll,Pitch\nFMT, 3, 6, MODE, Mh,"
+    " Mode,ThrCrs\nFMT, 10, 3, STRT, , \n"
 )
 
 
@@ -28,7 +32,11 @@ def read(text: str | bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
     data = text.encode() if isinstance(text, str) else text
     log = DATAFLASH_TEXT.read(RawFile("dive.log", np.frombuffer(data, np.uint8)), wanted)
     account = log.account
-    assert account.record_bytes + account.definition_bytes + account.skipped_bytes == account.size == len(data)
+    assert (
+        account.record_bytes + account.definition_bytes + account.skipped_bytes
+        == account.size
+        == len(data)
+    )
     return log
 
 
@@ -38,13 +46,18 @@ def reasons(log: DecodedLog) -> dict[str, tuple[int, int]]:
 
 @pytest.fixture(scope="module")
 def dive() -> str:
-    """The real dive printed as the firmware of 2015 would: scaled numbers, one record per line, in the order of the binary log."""
+    """The real dive printed as the firmware of 2015 would: scaled numbers, one record
+    per line, in the order of the binary log.
+    """
     log = DATAFLASH.read(RawFile("small.BIN", np.fromfile(SMALL, np.uint8)))
     lines: list[tuple[int, str]] = []
     for name, table in log.messages.items():
         columns = [column.tolist() for column in table.columns.values()]
         for offset, *row in zip(table.offset.tolist(), *columns, strict=True):
-            cells = [value.decode("latin-1") if isinstance(value, bytes) else repr(value) for value in row]
+            cells = [
+                value.decode("latin-1") if isinstance(value, bytes) else repr(value)
+                for value in row
+            ]
             lines.append((offset, f"{name}, {', '.join(cells)}"))
     return "\n".join(line for _, line in sorted(lines)) + "\n"
 
@@ -58,7 +71,9 @@ def test_every_field_of_every_message_equals_pymavlink(dive: str, tmp_path: Path
         expected.setdefault(message.get_type(), []).append(message)
     reference.close()
     log = read(dive)
-    assert log.counts == {name: len(rows) + (name == "UNIT") for name, rows in expected.items()}  # it drops the unit without a label
+    assert log.counts == {
+        name: len(rows) + (name == "UNIT") for name, rows in expected.items()
+    }  # it drops the unit without a label
     for name, rows in expected.items():
         if name in ("MSG", "UNIT"):  # it ends a text at its first comma
             continue
@@ -83,7 +98,11 @@ def test_text_and_binary_log_give_the_same_values(dive: str) -> None:
             if column.dtype.kind == "S":
                 assert log.messages[name].columns[field].tolist() == column.tolist(), (name, field)
             else:
-                np.testing.assert_array_equal(log.messages[name].columns[field].astype(column.dtype), column, err_msg=f"{name}.{field}")
+                np.testing.assert_array_equal(
+                    log.messages[name].columns[field].astype(column.dtype),
+                    column,
+                    err_msg=f"{name}.{field}",
+                )
 
 
 def test_lines_before_the_first_definition_and_blank_lines_are_counted_and_harmless() -> None:
@@ -96,7 +115,11 @@ def test_lines_before_the_first_definition_and_blank_lines_are_counted_and_harml
 @pytest.mark.parametrize("rows", [3, 100])
 def test_values_of_each_kind(rows: int) -> None:
     lines = "".join(f"IMU, {10 * k}, {k}.5, nan\nATT, -1.25, {k}\n" for k in range(rows))
-    log = read(HEAD + lines + "PARM, PSC_D, 1\nPARM, PSC_D, nan\nMODE, Alt Hold, 500\nMSG, depth, 3 m\nSTRT, \n")
+    log = read(
+        HEAD
+        + lines
+        + "PARM, PSC_D, 1\nPARM, PSC_D, nan\nMODE, Alt Hold, 500\nMSG, depth, 3 m\nSTRT, \n"
+    )
     imu = log.messages["IMU"].columns
     assert imu["TimeMS"].dtype == np.int64
     assert imu["TimeMS"].tolist() == [10 * k for k in range(rows)]
@@ -131,7 +154,10 @@ def test_separators_without_blanks_and_line_ends_of_windows() -> None:
 @pytest.mark.parametrize("rows", [3, 100])
 def test_damaged_lines_are_counted_by_reason(rows: int) -> None:
     good = "".join(f"IMU, {100 * k}, 1, 2\n" for k in range(rows))
-    bad = "IMU, 100, 1\nIMU, 1, 2, 3IMU, 4, 5, 6\nIMU, 1O0, 1, 2\nXYZ, 1, 2\nga\x01rbage\nIMU, , 1, 2\n"
+    bad = (
+        "IMU, 100, 1\nIMU, 1, 2, 3IMU, 4, 5, 6\nIMU, 1O0, 1, 2\nXYZ, 1, 2\nga\x01rbage\nIMU, ,"
+        " 1, 2\n"
+    )
     log = read(HEAD + good + bad + "".join(f"IMU, {100 * k + 60_000}, 1, 2\n" for k in range(rows)))
     lost = reasons(log)
     assert lost["line with a wrong number of fields"] == (2, 12 + 25)
@@ -152,7 +178,9 @@ def test_last_line_without_an_end_is_not_believed() -> None:
 
 
 def test_unsound_definitions_are_refused_with_their_type() -> None:
-    log = read(HEAD + "FMT, 5, 9, BAD, f?, a,b\nFMT, 6, 9, FEW, ff, a\nFMT, 7, 9\nBAD, 1, 2\nFEW, 1, 2\n")
+    log = read(
+        HEAD + "FMT, 5, 9, BAD, f?, a,b\nFMT, 6, 9, FEW, ff, a\nFMT, 7, 9\nBAD, 1, 2\nFEW, 1, 2\n"
+    )
     lost = reasons(log)
     assert lost["definition with an unknown format character"][0] == 1
     assert lost["definition whose field names do not match its format"][0] == 1
@@ -186,7 +214,9 @@ def test_what_is_no_log_is_refused(text: str) -> None:
 
 def test_any_damage_of_bytes_gives_an_account() -> None:
     rng = np.random.default_rng(3)
-    text = np.frombuffer((HEAD + "".join(f"IMU, {k}, 1, 2\nATT, 1, {k}\n" for k in range(200))).encode(), np.uint8)
+    text = np.frombuffer(
+        (HEAD + "".join(f"IMU, {k}, 1, 2\nATT, 1, {k}\n" for k in range(200))).encode(), np.uint8
+    )
     for _ in range(100):
         data = text.copy()
         data[rng.integers(len(HEAD), data.size, 20)] = rng.integers(0, 256, 20)

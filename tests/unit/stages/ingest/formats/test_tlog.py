@@ -1,4 +1,6 @@
-"""The telemetry reader: equal to pymavlink on real logs, and right on records made byte by byte."""
+"""The telemetry reader: equal to pymavlink on real logs, and right on records made byte
+by byte.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +10,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink import mavutil
+
 from auvid.data_schemas.formats import mavlink
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
 from auvid.stages.ingest.formats.tlog.reader import TLOG, TlogReader
-from pymavlink import mavutil
-from tests.unit.stages.ingest.formats.test_tlog_layouts import assert_equal_to_message
-
 from tests.support.tlog_records import START_US, attitude, frame, heartbeat, log
+from tests.unit.stages.ingest.formats.test_tlog_layouts import assert_equal_to_message
 
 DATA = Path(__file__).parents[4] / "data"
 SMALL = DATA / "bluerov2_ugps_small" / "small.tlog"
 RECUT = DATA / "bluerov2_bad_data" / "bad_data.tlog"
 
 
-def read(data: bytes, wanted: frozenset[str] | None = None, reader: TlogReader = TLOG) -> DecodedLog:
+def read(
+    data: bytes, wanted: frozenset[str] | None = None, reader: TlogReader = TLOG
+) -> DecodedLog:
     buffer = np.frombuffer(data, dtype=np.uint8)
     decoded = reader.read(RawFile("log.tlog", buffer), wanted)
     account = decoded.account
@@ -57,14 +61,35 @@ def test_every_field_equals_pymavlink(path: Path) -> None:
     compared = 0
     for name, table in decoded.messages.items():
         sender = int(table.columns["sysid"][0]), int(table.columns["compid"][0])
-        assert len(np.unique(table.columns["sysid"])) == len(np.unique(table.columns["compid"])) == 1
-        messages = [each for each in theirs[name] if (each.get_srcSystem(), each.get_srcComponent()) == sender]
-        sequence = table.columns["frame_seq" if "seq" in mavlink.definitions()[mavlink.ids_by_name()[name]].fieldnames else "seq"]
-        rows = {key: row for row, key in enumerate(zip(table.columns["time_unix_us"].tolist(), sequence.tolist(), strict=True))}
+        assert (
+            len(np.unique(table.columns["sysid"])) == len(np.unique(table.columns["compid"])) == 1
+        )
+        messages = [
+            each
+            for each in theirs[name]
+            if (each.get_srcSystem(), each.get_srcComponent()) == sender
+        ]
+        sequence = table.columns[
+            (
+                "frame_seq"
+                if "seq" in mavlink.definitions()[mavlink.ids_by_name()[name]].fieldnames
+                else "seq"
+            )
+        ]
+        rows = {
+            key: row
+            for row, key in enumerate(
+                zip(table.columns["time_unix_us"].tolist(), sequence.tolist(), strict=True)
+            )
+        }
         missing = len(table) - len(messages)
-        assert missing == 0 or any(f"{missing} {name}" in note and "after the checksum" in note for note in decoded.notes)
+        assert missing == 0 or any(
+            f"{missing} {name}" in note and "after the checksum" in note for note in decoded.notes
+        )
         for each in messages:
-            assert_equal_to_message(dict(table.columns), rows[round(each._timestamp * 1e6), each.get_seq()], each)
+            assert_equal_to_message(
+                dict(table.columns), rows[round(each._timestamp * 1e6), each.get_seq()], each
+            )
         compared += len(messages)
     assert compared > 4000
     assert decoded.status == "complete"
@@ -76,14 +101,18 @@ def test_frames_whose_zeros_were_cut_after_the_checksum_are_read() -> None:
     altimeter = decoded.messages["DISTANCE_SENSOR"].columns
     assert set(altimeter["max_distance"].tolist()) == {5000}
     assert float(np.abs(altimeter["quaternion"]).max()) == 0.0
-    assert any("router cut trailing zeros" in note and "DISTANCE_SENSOR" in note for note in decoded.notes)
+    assert any(
+        "router cut trailing zeros" in note and "DISTANCE_SENSOR" in note for note in decoded.notes
+    )
 
 
 def test_wanted_types_only_but_parameters_and_texts_always() -> None:
     everything = read(SMALL.read_bytes())
     some = read(SMALL.read_bytes(), frozenset({"ATTITUDE", "NO_SUCH_MESSAGE"}))
     assert set(some.messages) == {"ATTITUDE"}
-    np.testing.assert_array_equal(some.messages["ATTITUDE"].columns["yaw"], everything.messages["ATTITUDE"].columns["yaw"])
+    np.testing.assert_array_equal(
+        some.messages["ATTITUDE"].columns["yaw"], everything.messages["ATTITUDE"].columns["yaw"]
+    )
     assert some.counts == everything.counts
     assert some.account == everything.account
     assert some.parameters == everything.parameters
@@ -101,7 +130,14 @@ def test_recognises_by_content() -> None:
     assert TLOG.recognises(log([heartbeat()]))
     unstamped = b"".join(heartbeat() + attitude(number) for number in range(60))
     binary = (DATA / "bluerov2_ugps_small" / "small.BIN").read_bytes()[:4096]
-    for other in (b"", b"\x00" * 4096, b"t_s,u,v\n0.0,1,2\n" * 99, unstamped, binary, np.random.default_rng(1).bytes(8192)):
+    for other in (
+        b"",
+        b"\x00" * 4096,
+        b"t_s,u,v\n0.0,1,2\n" * 99,
+        unstamped,
+        binary,
+        np.random.default_rng(1).bytes(8192),
+    ):
         assert not TLOG.recognises(other)
 
 
@@ -113,8 +149,13 @@ def test_both_versions_signatures_and_extension_fields() -> None:
     assert columns["time_boot_ms"].tolist() == [10, 20, 30]
     assert columns["seq"].tolist() == [7, 8, 9]
     assert columns["time_unix_us"].tolist() == [START_US + 20_000 * number for number in (1, 2, 3)]
-    assert decoded.messages["ATTITUDE"].offset.tolist()[:2] == [8 + len(heartbeat()), 8 + len(heartbeat()) + 8 + len(old)]
-    status = read(log([heartbeat(), frame("SYS_STATUS", bytes(range(1, 32)), version=1)])).messages["SYS_STATUS"]
+    assert decoded.messages["ATTITUDE"].offset.tolist()[:2] == [
+        8 + len(heartbeat()),
+        8 + len(heartbeat()) + 8 + len(old),
+    ]
+    status = read(log([heartbeat(), frame("SYS_STATUS", bytes(range(1, 32)), version=1)])).messages[
+        "SYS_STATUS"
+    ]
     assert status.columns["onboard_control_sensors_present_extended"].tolist() == [0]
 
 
@@ -145,11 +186,21 @@ def test_vehicle_is_the_autopilot_and_others_are_noted() -> None:
 
 
 def test_two_vehicles_are_named_and_one_can_be_chosen() -> None:
-    records = [heartbeat(), attitude(1), attitude(2), heartbeat(system=2), attitude(7, system=2), frame("VFR_HUD", b"\x01" * 20, system=2)]
+    records = [
+        heartbeat(),
+        attitude(1),
+        attitude(2),
+        heartbeat(system=2),
+        attitude(7, system=2),
+        frame("VFR_HUD", b"\x01" * 20, system=2),
+    ]
     first = read(log(records))
     assert first.messages["ATTITUDE"].columns["time_boot_ms"].tolist() == [1, 2]
     assert "VFR_HUD" not in first.messages
-    expected = "several vehicles: system 1 component 1 (3 messages) and system 2 component 1 (3 messages); system 1 component 1 is read"
+    expected = (
+        "several vehicles: system 1 component 1 (3 messages) and system 2 component 1 (3 messages);"
+        " system 1 component 1 is read"
+    )
     assert expected in first.notes
     second = read(log(records), reader=TlogReader(system=2))
     assert second.messages["ATTITUDE"].columns["time_boot_ms"].tolist() == [7]
@@ -160,7 +211,9 @@ def test_two_vehicles_are_named_and_one_can_be_chosen() -> None:
 
 
 def test_no_autopilot_heartbeat() -> None:
-    decoded = read(log([attitude(1), attitude(2), heartbeat(system=255, component=190, autopilot=8, kind=6)]))
+    decoded = read(
+        log([attitude(1), attitude(2), heartbeat(system=255, component=190, autopilot=8, kind=6)])
+    )
     assert decoded.messages["ATTITUDE"].columns["time_boot_ms"].tolist() == [1, 2]
     assert any(note.startswith("no heartbeat of an autopilot") for note in decoded.notes)
 
@@ -176,11 +229,21 @@ def test_last_parameter_value_and_integers_of_px4() -> None:
 
 def test_status_texts_of_several_chunks() -> None:
     long = bytes(range(65, 115))
-    texts = [statustext(b"short"), statustext(long, 3, 0), statustext(b"tail", 3, 1), statustext(long, 4, 0), statustext(b"late", 4, 2)]
-    decoded = read(log([heartbeat(), *texts, statustext(b"caf\xe9 \xc3\xa9"), statustext(b"cut\x00off")]))
+    texts = [
+        statustext(b"short"),
+        statustext(long, 3, 0),
+        statustext(b"tail", 3, 1),
+        statustext(long, 4, 0),
+        statustext(b"late", 4, 2),
+    ]
+    decoded = read(
+        log([heartbeat(), *texts, statustext(b"caf\xe9 \xc3\xa9"), statustext(b"cut\x00off")])
+    )
     tail = long.decode() + "tail", long.decode() + "...late"
     assert [text for _, text in decoded.texts] == ["short", *tail, "caf\ufffd \u00e9", "cut"]
-    assert [time_us for time_us, _ in decoded.texts] == [START_US + 20_000 * number for number in (1, 2, 4, 6, 7)]
+    assert [time_us for time_us, _ in decoded.texts] == [
+        START_US + 20_000 * number for number in (1, 2, 4, 6, 7)
+    ]
 
 
 def test_unknown_message_is_skipped_with_its_number_and_does_no_harm() -> None:
@@ -193,7 +256,17 @@ def test_unknown_message_is_skipped_with_its_number_and_does_no_harm() -> None:
     assert decoded.counts == {"HEARTBEAT": 1, "ATTITUDE": 1}
 
 
-@pytest.mark.parametrize("data", [b"", b"\x00", b"\xfd" * 500, b"\x00\x05" + b"\xfd" * 400, b"not a log at all" * 40, bytes(5000)])
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\x00",
+        b"\xfd" * 500,
+        b"\x00\x05" + b"\xfd" * 400,
+        b"not a log at all" * 40,
+        bytes(5000),
+    ],
+)
 def test_nothing_to_read(data: bytes) -> None:
     decoded = read(data)
     assert decoded.messages == {}

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
 from auvid.data_schemas.formats import mavlink
 from auvid.stages.ingest.formats.tlog.byte_account import explain
 from auvid.stages.ingest.formats.tlog.columns import decode
-from pymavlink.dialects.v20 import ardupilotmega
-
 from tests.support.tlog_records import frame, log
 
 
 def assert_equal_to_message(columns: dict[str, np.ndarray], row: int, message: object) -> None:
-    """All fields of a pymavlink message equal one row; floats bit by bit up to the sign of NaN."""
+    """All fields of a pymavlink message equal one row; floats bit by bit up to the sign
+    of NaN.
+    """
     for field in message.get_fieldnames():  # type: ignore[attr-defined]
         ours = columns[field][row]
         theirs = getattr(message, field)
@@ -37,7 +39,12 @@ def test_every_message_decodes_as_pymavlink_does(version: int) -> None:
         assert layout.dtype.itemsize == size
         assert layout.crc_extra == definition.crc_extra
         assert [name for name, *_ in layout.columns] == definition.fieldnames
-        payloads = [rng.bytes(size), bytes(size), rng.bytes(max(size // 2, 1)), rng.bytes(size - 1) + b"\x00"]
+        payloads = [
+            rng.bytes(size),
+            bytes(size),
+            rng.bytes(max(size // 2, 1)),
+            rng.bytes(size - 1) + b"\x00",
+        ]
         frames = [frame(number, payload, version=version) for payload in payloads if payload]
         found = explain(np.frombuffer(log(frames), dtype=np.uint8))
         assert len(found.records) == len(frames)
@@ -48,7 +55,8 @@ def test_every_message_decodes_as_pymavlink_does(version: int) -> None:
 
 
 def test_checksum_of_the_x25_test_vector() -> None:
-    # CRC-16/MCRF4XX (X.25 without the final inversion) of "123456789" is 0x6F91; the last byte goes in as crc_extra.
+    # CRC-16/MCRF4XX (X.25 without the final inversion) of "123456789" is 0x6F91; the
+    # last byte goes in as crc_extra.
     assert mavlink.checksum(b"12345678", ord("9")) == 0x6F91
 
 
@@ -58,7 +66,10 @@ def test_checksums_of_all_lengths_equal_the_scalar_one() -> None:
     start = np.concatenate([np.arange(20), rng.integers(0, 39_000, 600)])
     stop = start + np.concatenate([np.arange(1, 21), rng.integers(1, 265, 600)])
     extra = rng.integers(0, 256, start.size, dtype=np.uint8)
-    expected = [mavlink.checksum(buffer[a:b].tobytes(), int(c)) for a, b, c in zip(start, stop, extra, strict=True)]
+    expected = [
+        mavlink.checksum(buffer[a:b].tobytes(), int(c))
+        for a, b, c in zip(start, stop, extra, strict=True)
+    ]
     np.testing.assert_array_equal(mavlink.checksums(buffer, start, stop, extra), expected)
     assert mavlink.checksums(buffer[:5], start[:0], stop[:0], extra[:0]).size == 0
 

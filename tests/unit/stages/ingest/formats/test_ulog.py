@@ -1,4 +1,6 @@
-"""The ULog reader against pyulog on whole logs, and against the file format on logs made here."""
+"""The ULog reader against pyulog on whole logs, and against the file format on logs
+made here.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyulog import ULog
+
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.ulog import contents as ulog_contents
 from auvid.stages.ingest.formats.ulog.reader import ULOG
-from pyulog import ULog
-
 from tests.support.ulog_file import (
     DEPTH,
     HEADER,
@@ -45,11 +47,20 @@ def test_every_field_equals_pyulog(name: str) -> None:
         table = ours.messages[f"{item.name}.{item.multi_id}" if item.multi_id else item.name]
         compared.add(table.name)
         expected = {field: values for field, values in item.data.items() if "_padding" not in field}
-        characters = {field for field in expected if field.partition("[")[0] in table.columns and field not in table.columns}
-        assert set(table.columns) == (set(expected) - characters) | {field.partition("[")[0] for field in characters}
+        characters = {
+            field
+            for field in expected
+            if field.partition("[")[0] in table.columns and field not in table.columns
+        }
+        assert set(table.columns) == (set(expected) - characters) | {
+            field.partition("[")[0] for field in characters
+        }
         for field in set(expected) - characters:
             column = table.columns[field]
-            assert column.tobytes() == np.ascontiguousarray(expected[field]).tobytes(), (table.name, field)
+            assert column.tobytes() == np.ascontiguousarray(expected[field]).tobytes(), (
+                table.name,
+                field,
+            )
             assert column.dtype.itemsize == expected[field].dtype.itemsize
         assert table.columns["timestamp"].dtype == np.uint64
     assert compared == set(ours.messages)
@@ -58,7 +69,9 @@ def test_every_field_equals_pyulog(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_parameters_and_texts_equal_pyulog(name: str) -> None:
     ours, theirs = read((LOGS / name).read_bytes()), ULog(str(LOGS / name))
-    last = theirs.initial_parameters | {parameter: value for _, parameter, value in theirs.changed_parameters}
+    last = theirs.initial_parameters | {
+        parameter: value for _, parameter, value in theirs.changed_parameters
+    }
     assert dict(ours.parameters) == {parameter: float(value) for parameter, value in last.items()}
     assert list(ours.texts) == [(item.timestamp, item.message) for item in theirs.logged_messages]
 
@@ -66,13 +79,16 @@ def test_parameters_and_texts_equal_pyulog(name: str) -> None:
 def test_wanted_topics_only_are_decoded_and_all_are_counted() -> None:
     raw = (LOGS / NAMES[1]).read_bytes()
     whole = read(raw)
-    some = read(raw, frozenset({"sensor_combined", "actuator_outputs.1", "estimator_status", "none_such"}))
+    some = read(
+        raw, frozenset({"sensor_combined", "actuator_outputs.1", "estimator_status", "none_such"})
+    )
     instances = {name for name in whole.messages if name.partition(".")[0] == "estimator_status"}
     assert set(some.messages) == {"sensor_combined", "actuator_outputs.1"} | instances
     assert some.counts == whole.counts
     assert some.account == whole.account
     np.testing.assert_array_equal(
-        some.messages["sensor_combined"].columns["timestamp"], whole.messages["sensor_combined"].columns["timestamp"]
+        some.messages["sensor_combined"].columns["timestamp"],
+        whole.messages["sensor_combined"].columns["timestamp"],
     )
 
 
@@ -84,12 +100,17 @@ def test_stray_time_stamp_and_dropout_are_noted() -> None:
 
 def test_nested_formats_arrays_and_characters_are_taken_apart() -> None:
     declared = declare("motor:uint16_t rpm;uint8_t[2] _padding0;float[2] volts;") + declare(
-        "thrust:uint64_t timestamp;motor[2] motors;char[8] label;char grade;bool armed;motor spare;uint8_t[3] _padding0;"
+        "thrust:uint64_t timestamp;motor[2] motors;char[8] label;char grade;bool armed;motor"
+        " spare;uint8_t[3] _padding0;"
     )
     payload = struct.pack("<Q", 77)
-    payload += struct.pack("<HHff", 100, 0xFFFF, 1.5, 2.5) + struct.pack("<HHff", 200, 0xFFFF, 3.5, 4.5)
+    payload += struct.pack("<HHff", 100, 0xFFFF, 1.5, 2.5) + struct.pack(
+        "<HHff", 200, 0xFFFF, 3.5, 4.5
+    )
     payload += b"left\0\xffXY" + b"A" + b"\x01" + struct.pack("<HHff", 300, 0xFFFF, 5.5, 6.5)
-    log = read(HEADER + declared + subscribe(3, "thrust") + data(3, payload) + data(3, payload + bytes(3)))
+    log = read(
+        HEADER + declared + subscribe(3, "thrust") + data(3, payload) + data(3, payload + bytes(3))
+    )
     columns = {name: column.tolist() for name, column in log.messages["thrust"].columns.items()}
     assert columns == {
         "timestamp": [77, 77],
@@ -110,7 +131,9 @@ def test_nested_formats_arrays_and_characters_are_taken_apart() -> None:
 
 
 def test_instances_are_separate_and_the_records_keep_their_places() -> None:
-    start = HEADER + DEPTH + subscribe(0, "depth") + subscribe(1, "depth", 1) + subscribe(9, "depth", 4)
+    start = (
+        HEADER + DEPTH + subscribe(0, "depth") + subscribe(1, "depth", 1) + subscribe(9, "depth", 4)
+    )
     log = read(start + depth(0, 0) + depth(1, 1) + depth(2, 0) + depth(3, 9))
     assert dict(log.counts) == {"depth": 2, "depth.1": 1, "depth.4": 1}
     assert log.messages["depth"].columns["metres"].tolist() == [0.0, 2.0]
@@ -121,7 +144,16 @@ def test_instances_are_separate_and_the_records_keep_their_places() -> None:
 def test_a_number_can_be_subscribed_again() -> None:
     other = declare("heading:uint64_t timestamp;double radians;")
     turned = data(0, struct.pack("<Qd", 5, 0.25))
-    log = read(HEADER + DEPTH + other + subscribe(0, "depth") + depth(1) + message("R", b"\0\0") + subscribe(0, "heading") + turned)
+    log = read(
+        HEADER
+        + DEPTH
+        + other
+        + subscribe(0, "depth")
+        + depth(1)
+        + message("R", b"\0\0")
+        + subscribe(0, "heading")
+        + turned
+    )
     assert log.messages["depth"].columns["metres"].tolist() == [1.0]
     assert log.messages["heading"].columns["radians"].tolist() == [0.25]
     assert log.status == "complete"
@@ -146,13 +178,25 @@ def test_last_parameter_wins_and_defaults_do_not_count() -> None:
 
 def test_texts_with_and_without_tag_in_file_order() -> None:
     tagged = message("C", b"4" + struct.pack("<HQ", 7, 20) + "tether 5 µm".encode())
-    log = read(HEADER + DEPTH + subscribe(0, "depth") + text(10, "dive") + tagged + depth(0) + text(30, "surface\0"))
+    log = read(
+        HEADER
+        + DEPTH
+        + subscribe(0, "depth")
+        + text(10, "dive")
+        + tagged
+        + depth(0)
+        + text(30, "surface\0")
+    )
     assert log.texts == ((10, "dive"), (20, "tether 5 µm"), (30, "surface"))
 
 
 def test_information_and_sync_are_accounted() -> None:
-    about = message("I", keyed("char[3] sys_name", b"PX4")) + message("M", b"\0" + keyed("char[2] boot", b"ok"))
-    about += message("I", keyed("uint32_t ver", bytes(4))) + message("I", keyed("uint8_t[3] id", bytes(3)))
+    about = message("I", keyed("char[3] sys_name", b"PX4")) + message(
+        "M", b"\0" + keyed("char[2] boot", b"ok")
+    )
+    about += message("I", keyed("uint32_t ver", bytes(4))) + message(
+        "I", keyed("uint8_t[3] id", bytes(3))
+    )
     about += message("I", keyed("char[0] perf_top", b""))
     start = HEADER + about + DEPTH + subscribe(0, "depth")
     log = read(start + depth(0) + sync() + message("O", struct.pack("<H", 250)))
@@ -162,7 +206,9 @@ def test_information_and_sync_are_accounted() -> None:
 
 
 def appended(cut: int) -> bytes:
-    """A log of ten records, the last without its last `cut` bytes, to which five were appended."""
+    """A log of ten records, the last without its last `cut` bytes, to which five were
+    appended.
+    """
     first = HEADER + flag_bits(0) + DEPTH + subscribe(0, "depth") + depths(0, 10)
     first = first[: len(first) - cut]
     place = len(first)
@@ -188,7 +234,15 @@ def test_wrong_offset_of_appended_data_loses_nothing() -> None:
 
 
 def test_unknown_message_types_and_features_are_passed_over() -> None:
-    raw = HEADER + flag_bits(incompatible=2) + DEPTH + subscribe(0, "depth") + depths(0, 3) + message("Z", b"novel") + depths(3, 6)
+    raw = (
+        HEADER
+        + flag_bits(incompatible=2)
+        + DEPTH
+        + subscribe(0, "depth")
+        + depths(0, 3)
+        + message("Z", b"novel")
+        + depths(3, 6)
+    )
     log = read(raw.replace(layout.MAGIC + b"\x01", layout.MAGIC + b"\x02"))
     assert log.counts == {"depth": 6}
     assert reasons(log) == {ulog_contents.UNKNOWN_TYPE: 8}
@@ -198,7 +252,12 @@ def test_unknown_message_types_and_features_are_passed_over() -> None:
 
 
 def test_topic_without_time_stamp_is_decoded_and_noted() -> None:
-    log = read(HEADER + declare("level:float volts;") + subscribe(0, "level") + data(0, struct.pack("<f", 16.5)))
+    log = read(
+        HEADER
+        + declare("level:float volts;")
+        + subscribe(0, "level")
+        + data(0, struct.pack("<f", 16.5))
+    )
     assert log.messages["level"].columns["volts"].tolist() == [16.5]
     assert log.notes == ("Topics without a time stamp: level.",)
 
@@ -236,7 +295,17 @@ def test_format_packs_to_what_is_parsed() -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"a", b"a:", b"a:float", b"a:float x;float x;", b"a:float[0] x;", b"a:float[] x;", b"a:fl\xffat x;"]
+    "content",
+    [
+        b"",
+        b"a",
+        b"a:",
+        b"a:float",
+        b"a:float x;float x;",
+        b"a:float[0] x;",
+        b"a:float[] x;",
+        b"a:fl\xffat x;",
+    ],
 )
 def test_bad_formats_are_not_believed(content: bytes) -> None:
     assert layout.parse_format(content) is None

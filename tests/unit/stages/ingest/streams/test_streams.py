@@ -1,4 +1,6 @@
-"""Messages to streams: which source is taken, in which unit and frame, and why another is refused."""
+"""Messages to streams: which source is taken, in which unit and frame, and why another
+is refused.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.schemas import schema
-from auvid.data_schemas.streams import NEEDED, STREAMS, format_names, format_streams, mapping_table, supply_text
+from auvid.data_schemas.streams import (
+    NEEDED,
+    STREAMS,
+    format_names,
+    format_streams,
+    mapping_table,
+    supply_text,
+)
 from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, Messages
 from auvid.stages.ingest.registry import MAPPINGS, READERS
 from auvid.stages.ingest.streams import dataflash as streams_dataflash
@@ -22,11 +32,18 @@ STEP_US = 100_000
 
 def message(name: str, count: int = 20, **columns: Any) -> Messages:
     values: dict[str, Any] = {"TimeUS": np.arange(count, dtype=np.uint64) * STEP_US + 7_000_000}
-    values |= {key: np.asarray(value) if np.ndim(value) else np.full(count, value) for key, value in columns.items()}
+    values |= {
+        key: np.asarray(value) if np.ndim(value) else np.full(count, value)
+        for key, value in columns.items()
+    }
     return Messages(name, values, np.arange(count) * 50)
 
 
-def log(*messages: Messages, counts: dict[str, int] | None = None, parameters: dict[str, float] | None = None) -> DecodedLog:
+def log(
+    *messages: Messages,
+    counts: dict[str, int] | None = None,
+    parameters: dict[str, float] | None = None,
+) -> DecodedLog:
     named = {item.name: item for item in messages}
     return DecodedLog(
         format="test",
@@ -69,12 +86,18 @@ def test_every_reader_has_a_mapping_or_gives_streams_itself() -> None:
 def test_supply_names_every_format(stream: str) -> None:
     text = supply_text(stream)
     assert "CSV: columns mapped to" in text
-    assert ("DataFlash: " in text) == (stream != "water_velocity"), "no vehicle log has a message for velocity through the water"
+    assert ("DataFlash: " in text) == (stream != "water_velocity"), (
+        "no vehicle log has a message for velocity through the water"
+    )
 
 
 def test_attitude_and_imu_become_si() -> None:
-    imu: dict[str, Any] = {f"Gyr{axis}": 0.1 for axis in "XYZ"} | {f"Acc{axis}": -9.8 for axis in "XYZ"}
-    streams = dataflash(log(message("ATT", Roll=90.0, Pitch=-45.0, Yaw=270.0), message("IMU", **imu)))
+    imu: dict[str, Any] = {f"Gyr{axis}": 0.1 for axis in "XYZ"} | {
+        f"Acc{axis}": -9.8 for axis in "XYZ"
+    }
+    streams = dataflash(
+        log(message("ATT", Roll=90.0, Pitch=-45.0, Yaw=270.0), message("IMU", **imu))
+    )
     assert streams["attitude"].columns["phi_rad"][0] == pytest.approx(np.pi / 2, rel=1e-15)
     assert streams["attitude"].columns["psi_rad"][0] == pytest.approx(1.5 * np.pi, rel=1e-15)
     assert streams["imu"].columns["accel_z_m_s2"][0] == -9.8
@@ -111,33 +134,54 @@ def test_the_barometer_in_the_water_agrees_with_the_depth_of_the_vehicle() -> No
 
 def test_several_barometers_in_messages_of_their_own() -> None:
     deep = np.linspace(-1.0, -3.0, 20)
-    assert dataflash(log(message("BARO", Alt=-77.0), message("BAR2", Alt=deep)))["depth"].source == "BAR2"
+    assert (
+        dataflash(log(message("BARO", Alt=-77.0), message("BAR2", Alt=deep)))["depth"].source
+        == "BAR2"
+    )
 
 
 def test_filter_velocity_without_a_sensor_is_refused() -> None:
-    xkf1 = message("XKF1", C=0, VN=1.0, VE=0.0, VD=0.0, Roll=0.0, Pitch=0.0, Yaw=90.0, PN=0.0, PE=0.0, PD=0.0)
+    xkf1 = message(
+        "XKF1", C=0, VN=1.0, VE=0.0, VD=0.0, Roll=0.0, Pitch=0.0, Yaw=90.0, PN=0.0, PE=0.0, PD=0.0
+    )
     streams = dataflash(log(xkf1))
     assert "velocity" not in streams
     assert "position" not in streams
     forced = dataflash(log(xkf1), velocity="XKF1")["velocity"]
     assert any("although" in note for note in forced.notes)
     aided = dataflash(log(xkf1, counts={"XKFD": 5}))["velocity"]
-    # North at 1 m/s and heading east: the water comes from the left, the body moves to its left.
-    assert [aided.columns[f"{axis}_m_s"][0] for axis in "uvw"] == pytest.approx([0.0, -1.0, 0.0], abs=1e-15)
+    # North at 1 m/s and heading east: the water comes from the left, the body moves to
+    # its left.
+    assert [aided.columns[f"{axis}_m_s"][0] for axis in "uvw"] == pytest.approx(
+        [0.0, -1.0, 0.0], abs=1e-15
+    )
     assert any("not a velocity sensor" in note for note in aided.notes)
 
 
 def test_records_from_before_there_were_instances_are_those_of_the_first() -> None:
-    """Two logs in one file: the layout of the first had no instance, which leaves NaN in the joined column."""
+    """Two logs in one file: the layout of the first had no instance, which leaves NaN
+    in the joined column.
+    """
     instance = np.where(np.arange(20) < 10, np.nan, np.arange(20) % 2)
     streams = dataflash(log(message("BARO", Alt=-0.1 * np.arange(20), I=instance)))
-    assert {label for label in statuses(streams["depth"]) if label.startswith("BARO")} == {"BARO[0]", "BARO[1]"}
+    assert {label for label in statuses(streams["depth"]) if label.startswith("BARO")} == {
+        "BARO[0]",
+        "BARO[1]",
+    }
 
 
 def test_utc_from_the_fix_of_new_and_of_old_firmware() -> None:
-    """Week 1815, 8363.0 s: Sunday 19 October 2014, 02:19:07 UTC, while GPS was 16 s ahead."""
+    """Week 1815, 8363.0 s: Sunday 19 October 2014, 02:19:07 UTC, while GPS was 16 s
+    ahead.
+    """
     unix_us = 1_413_685_147_000_000
-    old = message("GPS", Status=3.0, TimeMS=8_363_000.0 + 50.0 * np.arange(20), Week=1815.0, T=32_461.0 + 50.0 * np.arange(20))
+    old = message(
+        "GPS",
+        Status=3.0,
+        TimeMS=8_363_000.0 + 50.0 * np.arange(20),
+        Week=1815.0,
+        T=32_461.0 + 50.0 * np.arange(20),
+    )
     del old.columns["TimeUS"]  # type: ignore[attr-defined]
     assert streams_dataflash.utc_offset_us(log(old)) == unix_us - 32_461_000
     stamps = streams_dataflash.clock(old, log(old))
@@ -145,11 +189,19 @@ def test_utc_from_the_fix_of_new_and_of_old_firmware() -> None:
     assert stamps[0] == 32_461_000, "TimeMS of such records is the time of the week"
     new = message("GPS", Status=3.0, GMS=8_363_000.0 + 100.0 * np.arange(20), GWk=1815.0)
     assert streams_dataflash.utc_offset_us(log(new)) == unix_us - 7_000_000
-    assert streams_dataflash.utc_offset_us(log(message("GPS", Status=1.0, GMS=0.0, GWk=0.0))) is None
+    assert (
+        streams_dataflash.utc_offset_us(log(message("GPS", Status=1.0, GMS=0.0, GWk=0.0))) is None
+    )
 
 
 def test_a_clock_that_counts_from_1970_needs_no_fix() -> None:
-    wrong = message("GPS", Status=6.0, GMS=536_629_400.0, GWk=5377.0, TimeUS=1_784_255_537_479_288 + np.arange(20) * 200_000)
+    wrong = message(
+        "GPS",
+        Status=6.0,
+        GMS=536_629_400.0,
+        GWk=5377.0,
+        TimeUS=1_784_255_537_479_288 + np.arange(20) * 200_000,
+    )
     assert streams_dataflash.utc_offset_us(log(wrong)) == 0
 
 
@@ -165,7 +217,12 @@ def test_unhealthy_inertial_unit_comes_last() -> None:
     columns: dict[str, Any] = {f"{kind}{axis}": 0.0 for kind in ("Gyr", "Acc") for axis in "XYZ"}
     stream = dataflash(log(message("IMU", I=instance, GH=instance, AH=1, **columns)))["imu"]
     assert stream.source == "IMU[1]"
-    assert statuses(stream) == {"IMU[1]": "used", "IMU[0]": "available", "IMU2": "not logged", "IMU3": "not logged"}
+    assert statuses(stream) == {
+        "IMU[1]": "used",
+        "IMU[0]": "available",
+        "IMU2": "not logged",
+        "IMU3": "not logged",
+    }
 
 
 def test_outputs_without_a_pulse_are_left_out_and_rco2_is_paired() -> None:
@@ -173,12 +230,17 @@ def test_outputs_without_a_pulse_are_left_out_and_rco2_is_paired() -> None:
     second = message("RCO2", 10, C15=0, C16=1900)
     columns = dataflash(log(first, second))["actuators"].columns
     assert sorted(columns) == ["pwm_14_us", "pwm_16_us", "pwm_1_us", "time_us"]
-    assert np.isnan(columns["pwm_16_us"]).sum() == 10  # no RCO2 record within 20 ms of the later half
+    assert (
+        np.isnan(columns["pwm_16_us"]).sum() == 10
+    )  # no RCO2 record within 20 ms of the later half
 
 
 def test_modes_and_arming_are_merged() -> None:
     mode = message("MODE", 2, ModeNum=[19, 2], Mode=[19, 2])
-    arm = replace(message("ARM", 1, ArmState=[1]), columns={"TimeUS": np.array([7_050_000]), "ArmState": np.array([1])})
+    arm = replace(
+        message("ARM", 1, ArmState=[1]),
+        columns={"TimeUS": np.array([7_050_000]), "ArmState": np.array([1])},
+    )
     columns = dataflash(log(mode, arm))["mode"].columns
     assert columns["time_us"].tolist() == [7_000_000, 7_050_000, 7_100_000]
     assert columns["mode"].tolist() == ["MANUAL", "MANUAL", "ALT_HOLD"]
@@ -208,18 +270,39 @@ UNIX = 1_700_000_000_000_000
 
 def telemetry(name: str, arrival_us: Any, compid: int = 1, **columns: Any) -> Messages:
     arrival = np.asarray(arrival_us, np.int64)
-    values: dict[str, Any] = {"time_unix_us": arrival, "compid": np.full(arrival.size, compid, np.uint8)}
-    return Messages(name, values | {key: np.asarray(value) for key, value in columns.items()}, np.arange(arrival.size) * 30)
+    values: dict[str, Any] = {
+        "time_unix_us": arrival,
+        "compid": np.full(arrival.size, compid, np.uint8),
+    }
+    return Messages(
+        name,
+        values | {key: np.asarray(value) for key, value in columns.items()},
+        np.arange(arrival.size) * 30,
+    )
 
 
 def flight(duration_s: int = 600, drift: float = 40e-6) -> tuple[DecodedLog, np.ndarray[Any, Any]]:
-    """Attitude at 10 Hz; the recorder's clock runs `drift` faster, every frame is 5 ms late and some are 300 ms late."""
+    """Attitude at 10 Hz; the recorder's clock runs `drift` faster, every frame is 5 ms
+    late and some are 300 ms late.
+    """
     boot = np.arange(0, duration_s * 1_000_000, 100_000, dtype=np.int64) + 30_000_000
     late = 5000 + 300_000 * (np.random.default_rng(3).random(boot.size) < 0.1)
     arrival = UNIX + np.rint(boot * (1 + drift)).astype(np.int64) + late.astype(np.int64)
     zero = np.zeros(boot.size)
-    attitude = telemetry("ATTITUDE", arrival, time_boot_ms=(boot // 1000).astype(np.uint32), roll=zero, pitch=zero, yaw=zero)
-    beats = telemetry("HEARTBEAT", arrival[::10], custom_mode=np.zeros(boot.size // 10), base_mode=np.zeros(boot.size // 10, int))
+    attitude = telemetry(
+        "ATTITUDE",
+        arrival,
+        time_boot_ms=(boot // 1000).astype(np.uint32),
+        roll=zero,
+        pitch=zero,
+        yaw=zero,
+    )
+    beats = telemetry(
+        "HEARTBEAT",
+        arrival[::10],
+        custom_mode=np.zeros(boot.size // 10),
+        base_mode=np.zeros(boot.size // 10, int),
+    )
     return log(attitude, beats), arrival
 
 
@@ -227,21 +310,33 @@ def test_recorder_time_is_set_on_the_boot_clock_of_the_vehicle() -> None:
     decoded, _ = flight()
     boot = np.array([40_000_000, 600_000_000])
     unstamped = telemetry("SYS_STATUS", UNIX + np.rint(boot * (1 + 40e-6)).astype(np.int64) + 5000)
-    # 2 ms: the tenth of late frames moves the medians of the blocks by little; an uncorrected drift would be 24 ms.
+    # 2 ms: the tenth of late frames moves the medians of the blocks by little; an
+    # uncorrected drift would be 24 ms.
     assert streams_tlog.clock(unstamped, decoded) == pytest.approx(boot, abs=2000)
 
 
 def test_another_component_has_a_clock_of_its_own() -> None:
     decoded, arrival = flight()
-    other = telemetry("DISTANCE_SENSOR", arrival, compid=194, time_boot_ms=np.arange(arrival.size, dtype=np.uint32) * 100 + 999_000)
-    own = telemetry("ATTITUDE", arrival, time_boot_ms=decoded.messages["ATTITUDE"].columns["time_boot_ms"])
-    assert streams_tlog.clock(other, decoded) == pytest.approx(streams_tlog.clock(own, decoded), abs=30_000)
+    other = telemetry(
+        "DISTANCE_SENSOR",
+        arrival,
+        compid=194,
+        time_boot_ms=np.arange(arrival.size, dtype=np.uint32) * 100 + 999_000,
+    )
+    own = telemetry(
+        "ATTITUDE", arrival, time_boot_ms=decoded.messages["ATTITUDE"].columns["time_boot_ms"]
+    )
+    assert streams_tlog.clock(other, decoded) == pytest.approx(
+        streams_tlog.clock(own, decoded), abs=30_000
+    )
 
 
 def test_servo_time_stamps_of_32_bits_start_again() -> None:
     decoded, _ = flight(duration_s=5000, drift=0.0)
     boot = np.array([4_294_000_000, 4_296_000_000, 4_300_000_000])
-    servo = telemetry("SERVO_OUTPUT_RAW", UNIX + boot, time_usec=(boot % (1 << 32)).astype(np.uint32))
+    servo = telemetry(
+        "SERVO_OUTPUT_RAW", UNIX + boot, time_usec=(boot % (1 << 32)).astype(np.uint32)
+    )
     got = streams_tlog.clock(servo, decoded)
     assert got is not None
     assert got.tolist() == boot.tolist()
@@ -249,12 +344,24 @@ def test_servo_time_stamps_of_32_bits_start_again() -> None:
 
 def test_slow_inertial_messages_give_way_to_the_rates_of_attitude() -> None:
     decoded, arrival = flight(20)
-    scaled: dict[str, Any] = {f"{kind}{suffix}": np.zeros(40) for kind in "xyz" for suffix in ("acc", "gyro")}
-    slow = telemetry("RAW_IMU", arrival[::5], time_usec=np.arange(40, dtype=np.uint64) * 500_000 + 30_000_000, **scaled)
+    scaled: dict[str, Any] = {
+        f"{kind}{suffix}": np.zeros(40) for kind in "xyz" for suffix in ("acc", "gyro")
+    }
+    slow = telemetry(
+        "RAW_IMU",
+        arrival[::5],
+        time_usec=np.arange(40, dtype=np.uint64) * 500_000 + 30_000_000,
+        **scaled,
+    )
     attitude = decoded.messages["ATTITUDE"]
     rates = {name: np.full(len(attitude), 0.2) for name in ("rollspeed", "pitchspeed", "yawspeed")}
     both = replace(
-        decoded, messages={**decoded.messages, "RAW_IMU": slow, "ATTITUDE": replace(attitude, columns={**attitude.columns, **rates})}
+        decoded,
+        messages={
+            **decoded.messages,
+            "RAW_IMU": slow,
+            "ATTITUDE": replace(attitude, columns={**attitude.columns, **rates}),
+        },
     )
     stream = map_streams(both, "tlog", streams_tlog.RULES, {})["imu"]
     assert stream.source == "ATTITUDE"
@@ -263,13 +370,24 @@ def test_slow_inertial_messages_give_way_to_the_rates_of_attitude() -> None:
 
 def test_an_altitude_that_stands_still_is_refused() -> None:
     decoded, arrival = flight(20)
-    still = telemetry("VFR_HUD", arrival, alt=np.full(arrival.size, -0.1), groundspeed=np.zeros(arrival.size))
-    pressure = telemetry("SCALED_PRESSURE2", arrival, press_abs=np.linspace(1013.25, 1111.3165, arrival.size))
-    both = replace(decoded, messages={**decoded.messages, "VFR_HUD": still, "SCALED_PRESSURE2": pressure})
+    still = telemetry(
+        "VFR_HUD", arrival, alt=np.full(arrival.size, -0.1), groundspeed=np.zeros(arrival.size)
+    )
+    pressure = telemetry(
+        "SCALED_PRESSURE2", arrival, press_abs=np.linspace(1013.25, 1111.3165, arrival.size)
+    )
+    both = replace(
+        decoded, messages={**decoded.messages, "VFR_HUD": still, "SCALED_PRESSURE2": pressure}
+    )
     depth = map_streams(both, "tlog", streams_tlog.RULES, {})["depth"]
     assert depth.source == "SCALED_PRESSURE2"
     assert depth.columns["depth_m"][[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-5)
-    assert "depth" not in map_streams(replace(both, messages={**decoded.messages, "VFR_HUD": still}), "tlog", streams_tlog.RULES, {})
+    assert "depth" not in map_streams(
+        replace(both, messages={**decoded.messages, "VFR_HUD": still}),
+        "tlog",
+        streams_tlog.RULES,
+        {},
+    )
     calibrated = replace(both, parameters={"BARO2_GND_PRESS": 100_000.0, "BARO_SPEC_GRAV": 1.024})
     first = map_streams(calibrated, "tlog", streams_tlog.RULES, {})["depth"].columns["depth_m"][0]
     assert first == pytest.approx(1325.0 / (1024.0 * 9.80665), rel=1e-12)
@@ -279,7 +397,12 @@ def test_px4_odometry_in_the_frame_that_it_names() -> None:
     stamps = np.arange(1, 6, dtype=np.uint64) * 100_000
     half = np.sqrt(0.5)
     attitude = Messages(
-        "vehicle_attitude", {"timestamp": stamps, **{f"q[{i}]": np.full(5, q) for i, q in enumerate((half, 0, 0, half))}}, np.arange(5)
+        "vehicle_attitude",
+        {
+            "timestamp": stamps,
+            **{f"q[{i}]": np.full(5, q) for i, q in enumerate((half, 0, 0, half))},
+        },
+        np.arange(5),
     )
     columns = {
         "timestamp": stamps,
@@ -296,8 +419,14 @@ def test_px4_odometry_in_the_frame_that_it_names() -> None:
 
 def test_px4_barometer_of_another_instance() -> None:
     stamps = np.arange(1, 21, dtype=np.uint64) * 100_000
-    housing = Messages("sensor_baro", {"timestamp": stamps, "pressure": np.full(20, 1010.0)}, np.arange(20))
-    water = Messages("sensor_baro.1", {"timestamp": stamps, "pressure": np.linspace(1013.25, 1994.0, 20)}, np.arange(20))
+    housing = Messages(
+        "sensor_baro", {"timestamp": stamps, "pressure": np.full(20, 1010.0)}, np.arange(20)
+    )
+    water = Messages(
+        "sensor_baro.1",
+        {"timestamp": stamps, "pressure": np.linspace(1013.25, 1994.0, 20)},
+        np.arange(20),
+    )
     stream = map_streams(log(housing, water), "ulog", streams_ulog.RULES, {})["depth"]
     assert stream.source == "sensor_baro[1]"
     assert stream.columns["depth_m"][-1] == pytest.approx(10.0, abs=0.01)

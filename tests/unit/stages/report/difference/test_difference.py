@@ -1,4 +1,6 @@
-"""Two runs compared: what moved, by how much, what has no partner; as text, as JSON, as a recording, and by the exit code."""
+"""Two runs compared: what moved, by how much, what has no partner; as text, as JSON, as
+a recording, and by the exit code.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.tables import column, make_table
 from auvid.pipeline import cli
@@ -17,17 +21,34 @@ from auvid.pipeline.commands.diff import diff_operands as sides
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.store.artefacts import encode
-from auvid.stages.report.difference.signals import FigureChange, Side, coefficient_changes, differs, pairs, signal_changes
-from typer.testing import CliRunner
-
+from auvid.stages.report.difference.signals import (
+    FigureChange,
+    Side,
+    coefficient_changes,
+    differs,
+    pairs,
+    signal_changes,
+)
 from tests.support.example_run import ExampleRun, example_run
 
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
 
 
 def side_of(run: ExampleRun, name: str, **more: Any) -> Side:
-    predictions = {key.split("/")[2]: table for key, table in run.tables.items() if key.startswith("validate/predictions/")}
-    return Side(name, segments=run.segments, logs=run.logs, cards=run.cards, fused=run.fused, predictions=predictions, **more)
+    predictions = {
+        key.split("/")[2]: table
+        for key, table in run.tables.items()
+        if key.startswith("validate/predictions/")
+    }
+    return Side(
+        name,
+        segments=run.segments,
+        logs=run.logs,
+        cards=run.cards,
+        fused=run.fused,
+        predictions=predictions,
+        **more,
+    )
 
 
 def small() -> ExampleRun:
@@ -36,12 +57,17 @@ def small() -> ExampleRun:
 
 def write(folder: Path, run: ExampleRun) -> Path:
     """A run in a folder, as the runner leaves it."""
-    files: dict[str, tuple[Any, str]] = {"validate/error_table.parquet": (run.error_table(), "error_table")}
+    files: dict[str, tuple[Any, str]] = {
+        "validate/error_table.parquet": (run.error_table(), "error_table")
+    }
     files["ingest/dive/log_info.json"] = run.logs["dive"], "log_info"
     for name, document in run.segments.items():
         files[f"resample/{name}/segment.json"] = document, "segment"
         files[f"fuse/{name}/fused.parquet"] = run.fused[name], "fused"
-        files[f"validate/predictions/{name}.parquet"] = run.tables[f"validate/predictions/{name}"], "predictions"
+        files[f"validate/predictions/{name}.parquet"] = (
+            run.tables[f"validate/predictions/{name}"],
+            "predictions",
+        )
     for name, (artefact, schema) in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,7 +79,9 @@ def test_run_against_itself_has_no_change_and_no_lonely_signal() -> None:
     side = side_of(small(), "a")
     found, alone = pairs(side, side)
     assert {(pair.segment, pair.kind) for pair in found} == {
-        (segment, kind) for segment in ("train", "check") for kind in ("state", "model linear", "model fossen")
+        (segment, kind)
+        for segment in ("train", "check")
+        for kind in ("state", "model linear", "model fossen")
     }
     assert alone == []
     assert all(change.rms_difference == 0.0 for change in signal_changes(found))
@@ -67,31 +95,57 @@ def test_shift_of_one_signal_is_found_where_it_is() -> None:
     fused = two.fused["check"]
     moved = column(fused, "u_m_s").copy()
     moved[20] += 0.5
-    two.fused["check"] = fused.set_column(fused.column_names.index("u_m_s"), fused.schema.field("u_m_s"), [moved])
+    two.fused["check"] = fused.set_column(
+        fused.column_names.index("u_m_s"), fused.schema.field("u_m_s"), [moved]
+    )
     found, _ = pairs(side_of(one, "a"), side_of(two, "b"))
     changed = [change for change in signal_changes(found) if change.rms_difference > 0]
-    assert [(change.segment, change.kind, change.name, change.unit) for change in changed] == [("check", "state", "u", "m/s")]
+    assert [(change.segment, change.kind, change.name, change.unit) for change in changed] == [
+        ("check", "state", "u", "m/s")
+    ]
     assert changed[0].largest == pytest.approx(0.5)
     assert changed[0].rms_difference == pytest.approx(0.5 / np.sqrt(60))
-    assert changed[0].at_s == pytest.approx(6.0 + 20 / 20.0)  # the leg starts 6 s into the log, 20 samples a second
+    assert changed[0].at_s == pytest.approx(
+        6.0 + 20 / 20.0
+    )  # the leg starts 6 s into the log, 20 samples a second
 
 
 def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
     t = np.arange(0, 4, 0.1)
     fields = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad", *VELOCITY)
-    rates = {name.replace("_m", "_dot_m_s", 1).replace("_rad", "_dot_rad_s", 1) for name in fields[:6]}
-    rates |= {"u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2", "p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2"}
+    rates = {
+        name.replace("_m", "_dot_m_s", 1).replace("_rad", "_dot_rad_s", 1) for name in fields[:6]
+    }
+    rates |= {
+        "u_dot_m_s2",
+        "v_dot_m_s2",
+        "w_dot_m_s2",
+        "p_dot_rad_s2",
+        "q_dot_rad_s2",
+        "r_dot_rad_s2",
+    }
 
     def fused(times: Any) -> Any:
-        return make_table("fused", {"t_s": times, **dict.fromkeys(fields, 2.0 * times), **dict.fromkeys(sorted(rates), 0.0 * times)})
+        return make_table(
+            "fused",
+            {
+                "t_s": times,
+                **dict.fromkeys(fields, 2.0 * times),
+                **dict.fromkeys(sorted(rates), 0.0 * times),
+            },
+        )
 
     document = {"leg_start_s": 0.0, "log": "dive", "use": "training", "duration_s": 4.0}
     one = Side("a", segments={"leg": document}, fused={"leg": fused(t)})
-    two = Side("b", segments={"leg": {**document, "leg_start_s": 1.05}}, fused={"leg": fused(t[:20])})
+    two = Side(
+        "b", segments={"leg": {**document, "leg_start_s": 1.05}}, fused={"leg": fused(t[:20])}
+    )
     found, alone = pairs(one, two)
     assert alone == []
     assert found[0].times[[0, -1]] == pytest.approx([1.1, 2.9])
-    np.testing.assert_allclose(found[0].difference, -2.1, atol=1e-9)  # the same ramp, 1.05 s later; rounding
+    np.testing.assert_allclose(
+        found[0].difference, -2.1, atol=1e-9
+    )  # the same ramp, 1.05 s later; rounding
     apart = replace(two, segments={"leg": {**document, "leg_start_s": 100.0}})
     assert pairs(one, apart) == ([], ["leg: state at no common time"])
 
@@ -147,7 +201,9 @@ def test_command_says_equal_or_names_what_moved(tmp_path: Path) -> None:
     status, words = call("diff", one, moved, "--json")
     document = json.loads(words)
     assert (status, document["equal"]) == (1, False)
-    assert {(item["model"], item["column"]) for item in document["error_tables"]} == {("linear", "J")}
+    assert {(item["model"], item["column"]) for item in document["error_tables"]} == {
+        ("linear", "J")
+    }
 
 
 def test_run_against_its_golden_tables(tmp_path: Path) -> None:
@@ -161,7 +217,9 @@ def test_run_against_its_golden_tables(tmp_path: Path) -> None:
     assert "holds nothing else" in words
 
 
-@pytest.mark.parametrize(("word", "said"), [("nowhere", "no such campaign"), ("{}", "there is nothing to compare")])
+@pytest.mark.parametrize(
+    ("word", "said"), [("nowhere", "no such campaign"), ("{}", "there is nothing to compare")]
+)
 def test_what_cannot_be_compared_is_refused(tmp_path: Path, word: str, said: str) -> None:
     status, words = call("diff", word.format(tmp_path), word.format(tmp_path))
     assert status == 1
@@ -174,35 +232,70 @@ def test_unknown_model_names_the_nearest(tmp_path: Path) -> None:
 
 
 def bench_folder(folder: Path, *, shift: float = 0.0, value: float = -13.5) -> Path:
-    """A bench run with one leg: its results, views and series, where the stage `rlse` leaves them."""
+    """A bench run with one leg: its results, views and series, where the stage `rlse`
+    leaves them.
+    """
     leg = folder / "rlse" / "tank"
     leg.mkdir(parents=True)
     t = np.linspace(0.0, 5.0, 11)
     names = ("measured", "linear", "quadratic", "linear_and_quadratic")
-    columns = {"t_s": t, "force": np.zeros(t.size), **{name: np.sin(t) + (shift if name == "linear" else 0.0) for name in names}}
-    (leg / "channel_run.parquet").write_bytes(encode(make_table("channel_run", columns), "channel_run", file=leg))
-    view = {"entity": "rlse/tank/run", "table": "channel_run", "columns": list(names), "names": list(names), "roles": list(names)}
+    columns = {
+        "t_s": t,
+        "force": np.zeros(t.size),
+        **{name: np.sin(t) + (shift if name == "linear" else 0.0) for name in names},
+    }
+    (leg / "channel_run.parquet").write_bytes(
+        encode(make_table("channel_run", columns), "channel_run", file=leg)
+    )
+    view = {
+        "entity": "rlse/tank/run",
+        "table": "channel_run",
+        "columns": list(names),
+        "names": list(names),
+        "roles": list(names),
+    }
     views = {"groups": [{**view, "tab": "Answer", "unit": "m/s"}]}
-    row = {"quantity": "X_udot", "value": value, "unit": "kg", "standard_error": 0.1, "verdict": "identified"}
+    row = {
+        "quantity": "X_udot",
+        "value": value,
+        "unit": "kg",
+        "standard_error": 0.1,
+        "verdict": "identified",
+    }
     (leg / "views.json").write_bytes(encode(views, "views", file=leg))
-    (leg / "results.json").write_bytes(encode({"title": "surge of leg tank", "rows": [row]}, "results", file=leg))
+    (leg / "results.json").write_bytes(
+        encode({"title": "surge of leg tank", "rows": [row]}, "results", file=leg)
+    )
     return folder
 
 
 def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_their_views(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first, second = bench_folder(tmp_path / "a"), bench_folder(tmp_path / "b", shift=0.1, value=-14.0)
+    first, second = (
+        bench_folder(tmp_path / "a"),
+        bench_folder(tmp_path / "b", shift=0.1, value=-14.0),
+    )
     assert diff.diff(str(first), str(first), as_json=True)
-    assert json.loads(capsys.readouterr().out)["compared"] == {"cells": 0, "figures": 1, "signals": 4}
+    assert json.loads(capsys.readouterr().out)["compared"] == {
+        "cells": 0,
+        "figures": 1,
+        "signals": 4,
+    }
     assert not diff.diff(str(first), str(second), as_json=True)
     found = json.loads(capsys.readouterr().out)
-    assert [(item["of"], item["name"], item["new"]) for item in found["figures"]] == [("surge of leg tank", "X_udot", -14.0)]
-    assert [(item["segment"], item["kind"], item["name"]) for item in found["signals"]] == [("tank", "run", "linear")]
+    assert [(item["of"], item["name"], item["new"]) for item in found["figures"]] == [
+        ("surge of leg tank", "X_udot", -14.0)
+    ]
+    assert [(item["segment"], item["kind"], item["name"]) for item in found["signals"]] == [
+        ("tank", "run", "linear")
+    ]
     assert found["signals"][0]["rms_difference"] == pytest.approx(0.1)
 
 
-def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     nothing = sides.Loaded(Side("old@1"), {}, partial=True)
     monkeypatch.setattr(diff, "load", lambda word: nothing)
     with pytest.raises(PipelineError, match="nothing that could be compared"):
@@ -215,8 +308,16 @@ def test_signals_of_the_size_of_rounding_are_equal(tmp_path: Path) -> None:
     fused = dict(run.fused)
     index = fused["train"].column_names.index("v_m_s")
     noise = 1e-16 * np.random.default_rng(0).standard_normal(fused["train"].num_rows)
-    still = fused["train"].set_column(index, fused["train"].schema.field("v_m_s"), [np.zeros(noise.size)])
+    still = fused["train"].set_column(
+        index, fused["train"].schema.field("v_m_s"), [np.zeros(noise.size)]
+    )
     moved = fused["train"].set_column(index, fused["train"].schema.field("v_m_s"), [noise])
-    one, two = replace(side, fused={**fused, "train": still}), replace(side, fused={**fused, "train": moved})
+    one, two = (
+        replace(side, fused={**fused, "train": still}),
+        replace(side, fused={**fused, "train": moved}),
+    )
     found, alone = pairs(one, two)
-    assert diff.difference(sides.Loaded(one, {}), sides.Loaded(two, {}), found, alone, 1e-6).signals == []
+    assert (
+        diff.difference(sides.Loaded(one, {}), sides.Loaded(two, {}), found, alone, 1e-6).signals
+        == []
+    )

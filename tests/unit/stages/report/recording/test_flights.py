@@ -1,4 +1,6 @@
-"""Closed-loop flights in the recording: lines in 3D, one per flight, and the desired path of each trajectory."""
+"""Closed-loop flights in the recording: lines in 3D, one per flight, and the desired
+path of each trajectory.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+
 from auvid.stages.report.recording.blueprint import MOST_VIEWS, Seen, limited, time_plot, whole_view
 from auvid.stages.report.recording.flights import DESIRED, PLACE, send_flights
 from auvid.stages.report.recording.rerun_stream import Recording
@@ -22,7 +25,11 @@ def flight(offset: float, samples: int = 50, lost_from: int | None = None) -> pa
     flown = desired + np.array([0.0, offset, 0.0])
     if lost_from is not None:
         flown[lost_from:] = np.nan
-    columns = {"t_s": t, **dict(zip(PLACE, flown.T, strict=True)), **dict(zip(DESIRED, desired.T, strict=True))}
+    columns = {
+        "t_s": t,
+        **dict(zip(PLACE, flown.T, strict=True)),
+        **dict(zip(DESIRED, desired.T, strict=True)),
+    }
     return pa.table(columns)
 
 
@@ -38,8 +45,19 @@ def test_flights_and_desired_paths_stand_in_the_recording(tmp_path: Path) -> Non
     assert boxes["helix"] == pytest.approx(np.array([[0.0, -3.0, 2.0], [5.0, 0.5, 2.0]]))
     file = tmp_path / "flights.rrd"
     file.write_bytes(out.finish(whole_view([], Seen({}, boxes))[0]))
-    printed = subprocess.run([str(RERUN), "rrd", "print", str(file)], capture_output=True, text=True, timeout=60, check=True).stdout
-    for entity in ("/path/helix/undisturbed", "/path/helix/pushed", "/path/helix/desired", "/path/helix/undisturbed/vehicle"):
+    printed = subprocess.run(
+        [str(RERUN), "rrd", "print", str(file)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    ).stdout
+    for entity in (
+        "/path/helix/undisturbed",
+        "/path/helix/pushed",
+        "/path/helix/desired",
+        "/path/helix/undisturbed/vehicle",
+    ):
         assert f"{entity} - " in printed
 
 
@@ -47,10 +65,18 @@ def test_without_flights_there_is_no_box() -> None:
     assert send_flights(Recording("none"), {"validate/x": pa.table({"t_s": [0.0]})}, {}) == {}
 
 
-def test_plots_beyond_what_the_viewer_opens_are_left_out_by_name_and_those_of_the_leg_stay() -> None:
+def test_plots_beyond_what_the_viewer_opens_are_left_out_by_name_and_those_of_the_leg_stay() -> (
+    None
+):
     tabs = {
-        "Answer": {f"force/leg{n}/X": time_plot(f"force/leg{n}/X", "X", (0.0, 1.0), (0.0, 1.0)) for n in range(100)},
-        "State": {f"state/leg{n}/u": time_plot(f"state/leg{n}/u", "u", (0.0, 1.0), (0.0, 1.0)) for n in range(100)},
+        "Answer": {
+            f"force/leg{n}/X": time_plot(f"force/leg{n}/X", "X", (0.0, 1.0), (0.0, 1.0))
+            for n in range(100)
+        },
+        "State": {
+            f"state/leg{n}/u": time_plot(f"state/leg{n}/u", "u", (0.0, 1.0), (0.0, 1.0))
+            for n in range(100)
+        },
         "Path": {"path/one": time_plot("path/one", "one", (0.0, 1.0), (0.0, 1.0))},
     }
     kept, words = limited(tabs, "leg99")

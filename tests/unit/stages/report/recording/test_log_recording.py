@@ -1,4 +1,6 @@
-"""The recording of a raw log: streams by unit, gaps, spans, findings, path; thinning and rounding of what is sent."""
+"""The recording of a raw log: streams by unit, gaps, spans, findings, path; thinning
+and rounding of what is sent.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from auvid.stages.report.recording.log_recording import held, log_text, record_log
 from auvid.stages.report.recording.rerun_stream import broken, rounded, thinned
-
 from tests.support.golden_recording import GOLDEN, HEALTH, INFO, made, tables
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -20,14 +22,30 @@ RERUN = Path(sys.executable).with_name("rerun")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("log") / "log.rrd"
     file.write_bytes(made())
-    assert subprocess.run([str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False).returncode == 0
-    return subprocess.run([str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True).stdout
+    assert (
+        subprocess.run(
+            [str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False
+        ).returncode
+        == 0
+    )
+    return subprocess.run(
+        [str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True
+    ).stdout
 
 
 def test_every_stream_is_there_by_unit_and_spans_messages_and_path(printed: str) -> None:
     streams = ("raw/attitude/rad", "raw/velocity/m_s", "raw/depth/m", "raw/actuators/us")
     spans = ("spans/mode", "spans/armed", "spans/legs/train\\ 1", "spans/pauses/velocity")
-    for entity in (*streams, *spans, "log/findings", "log/events", "log/pauses/velocity", "path/vehicle", "path/line", "answer/text"):
+    for entity in (
+        *streams,
+        *spans,
+        "log/findings",
+        "log/events",
+        "log/pauses/velocity",
+        "path/vehicle",
+        "path/line",
+        "answer/text",
+    ):
         assert f"/{entity} - " in printed, entity
     assert "velocity pauses for 20." in printed
     assert "path from velocity and attitude, reckoned" in printed
@@ -48,8 +66,15 @@ def test_text_says_what_the_log_is_for() -> None:
 def test_recording_is_the_golden_one(tmp_path: Path) -> None:
     file = tmp_path / "log.rrd"
     file.write_bytes(made())
-    done = subprocess.run([str(RERUN), "rrd", "compare", str(GOLDEN), str(file)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"if this is meant: python -m tests.support.golden_recording\n{done.stderr[:2000]}"
+    done = subprocess.run(
+        [str(RERUN), "rrd", "compare", str(GOLDEN), str(file)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, (
+        f"if this is meant: python -m tests.support.golden_recording\n{done.stderr[:2000]}"
+    )
 
 
 def test_hostile_texts_cannot_act_on_a_terminal(printed: str) -> None:
@@ -60,8 +85,15 @@ def test_hostile_texts_cannot_act_on_a_terminal(printed: str) -> None:
 
 def test_log_without_any_number_is_recorded(tmp_path: Path) -> None:
     file = tmp_path / "bare.rrd"
-    file.write_bytes(record_log("bare", {"events": tables()["events"]}, INFO, {**HEALTH, "findings": []}))
-    assert subprocess.run([str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False).returncode == 0
+    file.write_bytes(
+        record_log("bare", {"events": tables()["events"]}, INFO, {**HEALTH, "findings": []})
+    )
+    assert (
+        subprocess.run(
+            [str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False
+        ).returncode
+        == 0
+    )
 
 
 def test_values_keep_21_bits_and_gaps_stay() -> None:
@@ -104,15 +136,26 @@ def test_thinning_of_an_odd_length_loses_nothing_at_the_end() -> None:
 
 
 def test_held_is_the_last_sample_before() -> None:
-    found = held(np.array([-1.0, 0.5, 2.0, 9.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 11.0, 12.0]))
+    found = held(
+        np.array([-1.0, 0.5, 2.0, 9.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 11.0, 12.0])
+    )
     np.testing.assert_array_equal(found, [10.0, 10.0, 12.0, 12.0])
 
 
 def test_finding_stands_at_its_time_and_others_at_the_start(tmp_path: Path) -> None:
     item = {**HEALTH["findings"][0], "text": "1 gap.", "at_s": 7.5}
     file = tmp_path / "log.rrd"
-    file.write_bytes(record_log("dive", tables(), INFO, {**HEALTH, "findings": [item, {**item, "text": "Whole log.", "at_s": None}]}))
-    shown = subprocess.run([str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True).stdout
+    file.write_bytes(
+        record_log(
+            "dive",
+            tables(),
+            INFO,
+            {**HEALTH, "findings": [item, {**item, "text": "Whole log.", "at_s": None}]},
+        )
+    )
+    shown = subprocess.run(
+        [str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True
+    ).stdout
     chunk = shown[shown.index("/log/findings - ") :]
     lines = [line for line in chunk.splitlines() if "1 gap." in line or "Whole log." in line][:2]
     assert "Whole log." in lines[0]

@@ -1,4 +1,6 @@
-"""The recording: on one timeline, named and coloured as in the report, verified and compared by Rerun's own tool."""
+"""The recording: on one timeline, named and coloured as in the report, verified and
+compared by Rerun's own tool.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
+
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.columns import VELOCITY, force_columns
@@ -19,7 +22,6 @@ from auvid.stages.report.recording.recording import _settled, _values, find_tabl
 from auvid.stages.report.recording.rerun_stream import quaternions
 from auvid.stages.report.recording.text import markdown
 from auvid.stages.report.summary.model_summary import summarise
-
 from tests.support.example_run import ExampleRun, example_run
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -39,7 +41,13 @@ def recordings(made: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> li
 
 
 def rerun_rrd(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([str(RERUN), "rrd", *map(str, words)], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        [str(RERUN), "rrd", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 def test_rerun_accepts_the_recording(recordings: list[Path]) -> None:
@@ -52,21 +60,33 @@ def test_two_recordings_of_one_run_compare_equal(recordings: list[Path]) -> None
     assert result.returncode == 0, result.stderr[:2000]
 
 
-def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(recordings: list[Path]) -> None:
+def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(
+    recordings: list[Path],
+) -> None:
     printed = rerun_rrd("print", recordings[0]).stdout
     chunks = [line for line in printed.splitlines() if line.startswith("Chunk")]
     assert sum("/state/velocity/fused - " in line and "Scalars" in line for line in chunks) == 2
-    assert sum("/residual/X/models - " in line and "Scalars" in line for line in chunks) == 2, "models share the clock and so the entity"
+    assert sum("/residual/X/models - " in line and "Scalars" in line for line in chunks) == 2, (
+        "models share the clock and so the entity"
+    )
     assert sum("/path/vehicle - " in line for line in chunks) == 2
-    assert any("with 121 rows" in line and "/residual/X/models" in line for line in chunks), "120 samples and the end of the line"
+    assert any("with 121 rows" in line and "/residual/X/models" in line for line in chunks), (
+        "120 samples and the end of the line"
+    )
     assert any("/log/events" in line for line in chunks)
     assert "log_time" not in printed
     assert "log_tick" not in printed
 
 
 def test_segments_stand_at_their_place_and_logs_one_after_the_other(made: ExampleRun) -> None:
-    logs = {"dive": made.logs["dive"], "next": {**made.logs["dive"], "start_us": 5_000_000, "end_us": 8_000_000}}
-    segments = {**made.segments, "later": {**made.segments["train"], "log": "next", "leg_start_s": 1.0}}
+    logs = {
+        "dive": made.logs["dive"],
+        "next": {**made.logs["dive"], "start_us": 5_000_000, "end_us": 8_000_000},
+    }
+    segments = {
+        **made.segments,
+        "later": {**made.segments["train"], "log": "next", "leg_start_s": 1.0},
+    }
     clock = make_clock(segments, logs)
     assert clock.segments == {"train": 0.0, "check": 6.0, "later": pytest.approx(9.0 + 10.0 + 1.0)}
     events = made.tables["ingest/dive/events"]
@@ -106,8 +126,12 @@ def test_quaternions_turn_as_the_euler_angles_do() -> None:
 
 
 def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
-    summary = summarise(made.cards, made.error_table(), made.segments, made.logs, made.sections, made.vehicle)
-    words = markdown("A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments)
+    summary = summarise(
+        made.cards, made.error_table(), made.segments, made.logs, made.sections, made.vehicle
+    )
+    words = markdown(
+        "A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments
+    )
     assert summary.headline in words
     assert "| Linear | 0.62 |" in words
     assert "**1." in words
@@ -140,14 +164,20 @@ def test_plots_leave_room_around_what_they_show() -> None:
 
 
 def test_ranges_grow_with_what_is_sent_and_leave_out_gaps() -> None:
-    sent = Sent().add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]])).add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
+    sent = (
+        Sent()
+        .add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]]))
+        .add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
+    )
     assert sent == Sent((2.0, 2.0), (0.0, 6.0))
     assert outer([]) == NO_RANGE
 
 
 @pytest.fixture(scope="module")
 def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """What Rerun prints of a recording with a band, a difference and a force, and with tables as text."""
+    """What Rerun prints of a recording with a band, a difference and a force, and with
+    tables as text.
+    """
     made = example_run({"train": 6.0})
     fused = made.tables["fuse/train/fused"]
     for name in ("u", "v", "w"):
@@ -155,13 +185,27 @@ def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
     made.tables["fuse/train/fused"] = made.fused["train"] = fused
     columns = {"t_s": column(fused, "t_s")} | dict.fromkeys(VELOCITY, np.ones(fused.num_rows))
     forces = force_columns("tau_bar")
-    made.tables["residual/train/residual"] = make_table("residual", columns | {name: np.full(fused.num_rows, 2.0) for name in forces})
+    made.tables["residual/train/residual"] = make_table(
+        "residual", columns | {name: np.full(fused.num_rows, 2.0) for name in forces}
+    )
     made.views["fuse/train"]["groups"].append(
-        {"entity": "state/velocity/band", "table": "fused", "columns": ["u_m_s"], "spread": ["u_sd_m_s"], "names": ["u"]}
+        {
+            "entity": "state/velocity/band",
+            "table": "fused",
+            "columns": ["u_m_s"],
+            "spread": ["u_sd_m_s"],
+            "names": ["u"],
+        }
         | {"roles": ["band"], "tab": "State", "unit": "m/s"}
     )
     made.views["validate"]["groups"].append(
-        {"entity": "error/X/linear", "table": "predictions/train", "columns": ["tau_X_N"], "names": ["X linear"], "roles": ["linear"]}
+        {
+            "entity": "error/X/linear",
+            "table": "predictions/train",
+            "columns": ["tau_X_N"],
+            "names": ["X linear"],
+            "roles": ["linear"],
+        }
         | {"tab": "Error", "unit": "N", "filter": {"model": "linear"}}
         | {"less": {"table": "residual/train/residual", "columns": ["tau_bar_X_N"]}}
     )
@@ -184,7 +228,9 @@ def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> No
     assert "Coefficients of Linear" in rich
 
 
-def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(made: ExampleRun) -> None:
+def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(
+    made: ExampleRun,
+) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
     band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
     found = _values(table, band, (), made.tables.__getitem__, "x")
@@ -195,10 +241,14 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
     np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
-    np.testing.assert_allclose(_values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12)
+    np.testing.assert_allclose(
+        _values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12
+    )
 
 
 def test_preview_is_smaller(made: ExampleRun) -> None:
     long = example_run({"train": 900.0})
     told = tell(long.inputs())
-    assert len(draw(long.inputs(), Params(), told, preview=True)) < 0.8 * len(draw(long.inputs(), Params(), told))
+    assert len(draw(long.inputs(), Params(), told, preview=True)) < 0.8 * len(
+        draw(long.inputs(), Params(), told)
+    )

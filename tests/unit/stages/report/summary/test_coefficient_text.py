@@ -1,21 +1,37 @@
-"""Coefficients on the first screen: which, with which unit and interval; and training data that validation shares."""
+"""Coefficients on the first screen: which, with which unit and interval; and training
+data that validation shares.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
+
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.report.summary.coefficient_text import findings
 
 
-def term(name: str, value: float | None, error: float | None, verdict: str = "identified") -> dict[str, Any]:
+def term(
+    name: str, value: float | None, error: float | None, verdict: str = "identified"
+) -> dict[str, Any]:
     return {"term": name, "value": value, "standard_error": error, "verdict": verdict}
 
 
-def card(combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str, Any]]) -> dict[str, Any]:
-    parts = {axis: {"terms": axes.get(axis, []), "combinations": combinations or [] if axis == "X" else []} for axis in "XYZKMN"}
-    return {"axes": parts, "conditions": {name: {"rms": 0.1, "low": -0.0125, "high": 0.222} for name in "uvwpqr"}}
+def card(
+    combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str, Any]]
+) -> dict[str, Any]:
+    parts = {
+        axis: {
+            "terms": axes.get(axis, []),
+            "combinations": combinations or [] if axis == "X" else [],
+        }
+        for axis in "XYZKMN"
+    }
+    return {
+        "axes": parts,
+        "conditions": {name: {"rms": 0.1, "low": -0.0125, "high": 0.222} for name in "uvwpqr"},
+    }
 
 
 @pytest.mark.parametrize(
@@ -27,15 +43,25 @@ def card(combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str
         ("N", "r*|r|", 1.5, 0.3, "N_r|r| = 1.5 ± 0.3 N m s²/rad² (95 %: 0.9 to 2.1)"),
     ],
 )
-def test_damping_has_unit_and_interval(axis: str, name: str, value: float, error: float, words: str) -> None:
+def test_damping_has_unit_and_interval(
+    axis: str, name: str, value: float, error: float, words: str
+) -> None:
     (found,) = findings(card(**{axis: [term(name, value, error)]}))
     assert found.label == {"X": "surge damping", "N": "yaw damping"}[axis]
     assert found.figures == (words,)
-    assert found.note == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs went."
+    assert (
+        found.note
+        == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs"
+        " went."
+    )
 
 
 def test_only_identified_coefficients_stand_there() -> None:
-    terms = [term("u", None, None, "not excited"), term("u*|u|", -3.0, 4.0, "weak"), term("u*u", None, None, "inseparable")]
+    terms = [
+        term("u", None, None, "not excited"),
+        term("u*|u|", -3.0, 4.0, "weak"),
+        term("u*u", None, None, "inseparable"),
+    ]
     assert findings(card(X=terms)) == ()
 
 
@@ -48,7 +74,13 @@ def test_determined_sum_of_inseparable_terms_counts_as_damping() -> None:
 
 
 def test_constant_forces_and_couplings_stand_apart() -> None:
-    found = findings(card(Z=[term("constant", -4.477, 0.067), term("u", 13.4, 0.94)], Y=[term("u", 5.54, 0.73)], K=[term("u", -1.1, 0.1)]))
+    found = findings(
+        card(
+            Z=[term("constant", -4.477, 0.067), term("u", 13.4, 0.94)],
+            Y=[term("u", 5.54, 0.73)],
+            K=[term("u", -1.1, 0.1)],
+        )
+    )
     assert [item.label for item in found] == ["constant force per axis", "couplings"]
     assert found[0].figures == ("Z = −4.48 ± 0.07 N",)
     assert found[1].figures == ("3 identified, in Models and coefficients",)
@@ -60,10 +92,23 @@ def segment(use: str, start: float, length: float, log: str = "dive") -> dict[st
 
 
 def test_training_data_in_validation_are_named() -> None:
-    (words,) = shared_data({"train": segment("training", 0.0, 90.0), "check": segment("validation", 60.0, 70.0)})
-    assert words.startswith("Training segment train and validation segment check share 30.0 s of log dive")
+    (words,) = shared_data(
+        {"train": segment("training", 0.0, 90.0), "check": segment("validation", 60.0, 70.0)}
+    )
+    assert words.startswith(
+        "Training segment train and validation segment check share 30.0 s of log dive"
+    )
 
 
 def test_legs_apart_or_of_other_logs_share_nothing() -> None:
     legs = {"train": segment("training", 0.0, 90.0), "again": segment("training", 10.0, 20.0)}
-    assert shared_data(legs | {"check": segment("validation", 90.0, 40.0), "far": segment("validation", 0.0, 90.0, "other")}) == []
+    assert (
+        shared_data(
+            legs
+            | {
+                "check": segment("validation", 90.0, 40.0),
+                "far": segment("validation", 0.0, 90.0, "other"),
+            }
+        )
+        == []
+    )

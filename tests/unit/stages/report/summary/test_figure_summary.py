@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+
 from auvid.stages.page.html import render
 from auvid.stages.presentation import remark, section
 from auvid.stages.report.summary.figure_summary import summarise_results
@@ -18,11 +19,22 @@ RESULTS = {
     "rlse/surge": {
         "title": "Surge, varying steps",
         "rows": [
-            row("m - X_udot", 206.4321, standard_error=1.3, low=203.9, high=209.0, verdict="identified", headline=True),
+            row(
+                "m - X_udot",
+                206.4321,
+                standard_error=1.3,
+                low=203.9,
+                high=209.0,
+                verdict="identified",
+                headline=True,
+            ),
             row("samples", 800.0),
         ],
     },
-    "rlse/sway": {"title": "Sway, one step", "rows": [row("m - Y_vdot", None, verdict="not persistently exciting", headline=True)]},
+    "rlse/sway": {
+        "title": "Sway, one step",
+        "rows": [row("m - Y_vdot", None, verdict="not persistently exciting", headline=True)],
+    },
 }
 VEHICLE: dict[str, Any] = {"title": "THAUS"}
 LOGS = {"tank": {"status": "damaged", "files": [{}, {}]}}
@@ -41,19 +53,38 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
 
 
 def test_headlines_are_judged_and_bounds_stand_apart() -> None:
-    """A second damping model that is weak, or a value of C_n, does not make the answer doubtful."""
-    rows = [*RESULTS["rlse/surge"]["rows"], row("X_u (linear)", -1.0, verdict="weak"), row("C_n", 0.1, verdict="persistently exciting")]
+    """A second damping model that is weak, or a value of C_n, does not make the answer
+    doubtful.
+    """
+    rows = [
+        *RESULTS["rlse/surge"]["rows"],
+        row("X_u (linear)", -1.0, verdict="weak"),
+        row("C_n", 0.1, verdict="persistently exciting"),
+    ]
     note = "largest error 0.4 % (X_udot)"
-    bounds = {"title": "Printed", "rows": [row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, note=note)]}
-    summary = summarise_results({"rlse/surge": {"title": "Surge", "rows": rows}, "check_published": bounds}, {}, {}, VEHICLE)
+    bounds = {
+        "title": "Printed",
+        "rows": [row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, note=note)],
+    }
+    summary = summarise_results(
+        {"rlse/surge": {"title": "Surge", "rows": rows}, "check_published": bounds}, {}, {}, VEHICLE
+    )
     assert summary.level == "good"
     assert [item.quantity for item in summary.figures] == ["m - X_udot"]
     assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
-    assert summary.headline == "The figure that was asked for is determined, every bound on printed values is met"
+    assert (
+        summary.headline
+        == "The figure that was asked for is determined, every bound on printed values is met"
+    )
     assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
     only = summarise_results({"check_published": bounds}, {}, {}, VEHICLE)
     assert (only.level, only.headline) == ("good", "Every bound on printed values is met")
-    missed = {"check_published": {"title": "Printed", "rows": [row("Table 4", 7.0, verdict="missed", headline=True)]}}
+    missed = {
+        "check_published": {
+            "title": "Printed",
+            "rows": [row("Table 4", 7.0, verdict="missed", headline=True)],
+        }
+    }
     failed = summarise_results(missed, {}, {}, VEHICLE)
     assert "Missed beside the print: Table 4: missed." in failed.missing
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
@@ -68,7 +99,14 @@ def test_all_determined_and_no_warning_is_good() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "words"), [(1.3, "206.4 kg"), (0.013, "206.432 kg"), (1e-7, "206.432 kg"), (40.0, "206 kg"), (None, "206.4 kg")]
+    ("error", "words"),
+    [
+        (1.3, "206.4 kg"),
+        (0.013, "206.432 kg"),
+        (1e-7, "206.432 kg"),
+        (40.0, "206 kg"),
+        (None, "206.4 kg"),
+    ],
 )
 def test_digits_follow_the_standard_error(error: float | None, words: str) -> None:
     one = {"x": {"title": "T", "rows": [row("q", 206.4321, standard_error=error)]}}
@@ -77,7 +115,9 @@ def test_digits_follow_the_standard_error(error: float | None, words: str) -> No
 
 def test_a_narrow_interval_is_given_as_its_width() -> None:
     exact = row("I_x", 1.7428, standard_error=1e-8, low=1.74279998, high=1.74280002)
-    shown = summarise_results({"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE).figures[0]
+    shown = summarise_results(
+        {"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE
+    ).figures[0]
     assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2×10⁻⁸")
 
 

@@ -1,14 +1,16 @@
-"""The first screen says which model to take and what is missing, and never praises what validation does not bear out."""
+"""The first screen says which model to take and what is missing, and never praises what
+validation does not bear out.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from auvid.data_schemas.tables import make_table
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.presentation import remark
 from auvid.stages.report.summary.model_summary import summarise
-
 from tests.support.example_run import AXES, MODELS, ExampleRun, example_run
 
 
@@ -18,7 +20,14 @@ def run() -> ExampleRun:
 
 
 def summary_of(run: ExampleRun) -> Summary:
-    return summarise(run.cards, run.error_table() if run.errors else None, run.segments, run.logs, run.sections, run.vehicle)
+    return summarise(
+        run.cards,
+        run.error_table() if run.errors else None,
+        run.segments,
+        run.logs,
+        run.sections,
+        run.vehicle,
+    )
 
 
 def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "all") -> None:
@@ -38,7 +47,10 @@ def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
     found = summary_of(run)
     assert found.take == "fossen"
-    assert "McFarland & Whitcomb has a slightly smaller error (0.40) with 216 terms" in found.explanation
+    assert (
+        "McFarland & Whitcomb has a slightly smaller error (0.40) with 216 terms"
+        in found.explanation
+    )
 
 
 def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
@@ -73,7 +85,10 @@ def test_axis_on_which_every_model_fails_is_missing(run: ExampleRun) -> None:
 def test_overfit_is_said(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.5})
     set_ratio(run, "training", {"coe": 0.1})
-    assert "Coe fits the training legs 5.0 times better than it predicts the validation legs." in summary_of(run).missing
+    assert (
+        "Coe fits the training legs 5.0 times better than it predicts the validation legs."
+        in summary_of(run).missing
+    )
 
 
 def test_without_validation_nothing_is_claimed(run: ExampleRun) -> None:
@@ -91,14 +106,27 @@ def test_without_error_table_the_page_says_so(run: ExampleRun) -> None:
 
 
 def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRun) -> None:
-    figures = {"inertia": [[0.26, 0, 0], [0, 0.23, 0], [0, 0, 0.37]], "centre_of_gravity": [0, 0, -0.01], "displaced_mass": 13.5}
-    run.vehicle["rigid_body"] |= {name: {"value": value, "unit": "kg*m^2", "assumed": True} for name, value in figures.items()}
-    run.vehicle["actuators"] = {"thrusters": {"thrust_curve": {"force": {"value": [1.0] * 25, "unit": "N", "assumed": True}}}}
+    figures = {
+        "inertia": [[0.26, 0, 0], [0, 0.23, 0], [0, 0, 0.37]],
+        "centre_of_gravity": [0, 0, -0.01],
+        "displaced_mass": 13.5,
+    }
+    run.vehicle["rigid_body"] |= {
+        name: {"value": value, "unit": "kg*m^2", "assumed": True} for name, value in figures.items()
+    }
+    run.vehicle["actuators"] = {
+        "thrusters": {
+            "thrust_curve": {"force": {"value": [1.0] * 25, "unit": "N", "assumed": True}}
+        }
+    }
     run.vehicle["sensors"] = {"dvl": {"lag": {"value": 0.15, "unit": "s", "source": "measured"}}}
     text = "\n".join(summary_of(run).missing)
     assert "do not excite roll (K) and pitch (M): damping there is not determined" in text
     assert "hardly excite yaw (N)" in text
-    assert "6 are weak (the interval reaches zero or nearly), 6 are not excited and 6 cannot be told apart" in text
+    assert (
+        "6 are weak (the interval reaches zero or nearly), 6 are not excited and 6 cannot be told"
+        " apart" in text
+    )
     assert "5 figures assumed, not measured" in text
     assert "rigid body: mass 13.5 kg, inertia diag(0.26, 0.23, 0.37) kg m²" in text
     assert "centre of gravity [0, 0, −0.01] kg m²" in text
@@ -110,12 +138,33 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
 @pytest.mark.parametrize(("diverged", "said"), [(0, False), (3, True)])
 def test_model_that_cannot_be_simulated_is_said(run: ExampleRun, diverged: int, said: bool) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    rows = {"segment": ["check"] * 2, "model": ["coe"] * 2, "horizon_s": [5.0, 10.0], "starts": [7, 6], "diverged": [diverged, diverged]}
+    rows = {
+        "segment": ["check"] * 2,
+        "model": ["coe"] * 2,
+        "horizon_s": [5.0, 10.0],
+        "starts": [7, 6],
+        "diverged": [diverged, diverged],
+    }
     rows["first_divergence_s"] = [0.54 if diverged else np.nan] * 2
-    names = [f"{axis}_rms_{unit}" for axes, unit in (("uvw", "m_s"), ("pqr", "rad_s")) for axis in axes]
-    table = make_table("free_run", {**rows, **{name: [0.1, 0.2] for name in (*names, "phi_rms_rad", "theta_rms_rad", "psi_rms_rad")}})
-    missing = summarise(run.cards, run.error_table(), run.segments, run.logs, run.sections, run.vehicle, table).missing
-    words = "Simulated by itself from measured states, Coe leaves all bounds in 3 of 6 runs of 10 s, the first after 0.5 s"
+    names = [
+        f"{axis}_rms_{unit}" for axes, unit in (("uvw", "m_s"), ("pqr", "rad_s")) for axis in axes
+    ]
+    table = make_table(
+        "free_run",
+        {
+            **rows,
+            **{
+                name: [0.1, 0.2] for name in (*names, "phi_rms_rad", "theta_rms_rad", "psi_rms_rad")
+            },
+        },
+    )
+    missing = summarise(
+        run.cards, run.error_table(), run.segments, run.logs, run.sections, run.vehicle, table
+    ).missing
+    words = (
+        "Simulated by itself from measured states, Coe leaves all bounds in 3 of 6 runs of 10 s,"
+        " the first after 0.5 s"
+    )
     assert any(item.startswith(words) for item in missing) is said
 
 
@@ -136,7 +185,10 @@ def test_warnings_are_those_of_the_sections_once_each(run: ExampleRun) -> None:
 
 def test_note_on_the_model_to_take_is_on_the_first_screen(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    words = [f"{title} predicts no better than a constant force alone in Z (0.86 against 0.72)." for title in ("Coe", "Linear")]
+    words = [
+        f"{title} predicts no better than a constant force alone in Z (0.86 against 0.72)."
+        for title in ("Coe", "Linear")
+    ]
     run.sections["validate"]["blocks"] += [remark(item, "note") for item in words]
     assert words[0] in summary_of(run).missing
     assert words[1] not in summary_of(run).missing
