@@ -83,7 +83,7 @@ circle: $(STAMP)
 
 # Damage to small logs of every format, an hour on two cores; a failing case is kept under tests/data/fuzz.
 fuzz: $(STAMP)
-	python -m benchmarks.fuzz $(addprefix --reader ,$(READER))
+	python -m tests.faults.fuzz $(addprefix --reader ,$(READER))
 
 # Every campaign with golden tables unless NAME= is given; all are compared before the first departure fails the target.
 regress: REGRESS = $(if $(filter command environment,$(firstword $(origin NAME))),$(NAME),$(notdir $(wildcard tests/golden/*)))
@@ -115,7 +115,7 @@ bench: $(STAMP)
 	@python -m benchmarks
 
 agreement: $(STAMP)
-	@python -m benchmarks.agreement $(LOGS)
+	@python -m tests.support.agreement $(LOGS)
 
 clean:
 	rm -rf runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

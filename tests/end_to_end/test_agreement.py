@@ -14,7 +14,7 @@ import pytest
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
-from benchmarks import agreement
+from tests.support import agreement
 from tests.support.mutate import mutations
 
 DATA = Path(__file__).parents[1] / "data"

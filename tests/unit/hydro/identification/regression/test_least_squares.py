@@ -4,6 +4,8 @@ truths, and what data do not determine.
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from auvid.hydro.identification.regression.least_squares import (
     merge_all,
     solve_axis,
 )
-from benchmarks.synthesis import measure, rich_motion
+from tests.support.velocity_waves import velocity_waves
 
 AXES = "XYZKMN"
 
@@ -44,7 +46,7 @@ def literal_synthesis(
 @pytest.mark.parametrize("name", ["gertler_hagen", "prestero", "linear", "coe", "fossen"])
 def test_equals_the_literal_kronecker_form(name: str) -> None:
     model = model_named(name)
-    nu, eta, force = rich_motion(400)
+    nu, eta, force = velocity_waves(400)
     terms = model.distinct_terms
     xi = basis_rows(nu, eta, terms)
     K = literal_synthesis(xi, force.T, model, terms)
@@ -60,8 +62,8 @@ def test_equals_the_literal_kronecker_form(name: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
-def test_recovers_in_span_coefficients_from_rich_motion(model: ViscousModel) -> None:
-    nu, eta, _ = rich_motion(12_000)
+def test_recovers_in_span_coefficients_from_velocity_waves(model: ViscousModel) -> None:
+    nu, eta, _ = velocity_waves(12_000)
     rng = np.random.default_rng(9)
     terms = model.distinct_terms
     rows = basis_rows(nu, eta, terms)
@@ -185,7 +187,7 @@ def test_factor_holds_the_gram_matrix_and_does_not_touch_its_input() -> None:
 
 
 def test_folds_merge_to_the_whole_bit_for_bit_in_the_same_order() -> None:
-    nu, eta, force = rich_motion(3000)
+    nu, eta, force = velocity_waves(3000)
     terms = model_named("prestero").distinct_terms
     legs = [
         TriangularFactor.empty(terms).update(basis_rows(nu[:, s], eta[s], terms), force[s])
@@ -221,8 +223,28 @@ def test_refusals() -> None:
         merge_all([])
 
 
-def test_benchmark_agrees_with_numpy_and_stays_small() -> None:
-    figures = measure(20_000)
-    assert figures["largest_relative_difference"] < 1e-9
-    assert figures["auvid_peak_mb"] < 100.0
-    assert figures["models"] == 8
+def test_all_models_from_one_factor_agree_with_numpy_in_little_memory() -> None:
+    """Every model from one factor, built in blocks, against lstsq on the whole basis."""
+    nu, eta, force = velocity_waves(20_000)
+    terms = tuple(dict.fromkeys(term for model in MODELS for term in model.distinct_terms))
+    basis = basis_rows(nu, eta, terms).T
+    tracemalloc.start()
+    factor = TriangularFactor.empty(terms)
+    for start in range(0, 20_000, 4096):
+        block = slice(start, start + 4096)
+        factor = factor.update(basis_rows(nu[:, block], eta[block], terms), force[block])
+    fits = {
+        (model.name, axis): solve_axis(factor, axis, model.terms[axis])
+        for model in MODELS
+        for axis in AXES
+        if model.terms[axis]
+    }
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(MODELS) == 8
+    assert peak < 100e6  # bytes
+    for (name, axis), fit in fits.items():
+        columns = basis[:, [terms.index(term) for term in model_named(name).terms[axis]]]
+        expected = np.linalg.lstsq(columns, force[:, AXES.index(axis)], rcond=None)[0]
+        difference = np.linalg.norm(fit.solution - expected) / np.linalg.norm(expected)
+        assert difference < 1e-9, (name, axis)

@@ -1,7 +1,8 @@
 """Damage the small log of every reader in every way, and hold what is read against the
 whole log.
 
-    make fuzz [READER=NAME]    or    python -m benchmarks.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
+    make fuzz [READER=NAME]
+    python -m tests.faults.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
 
 Binary formats: every single bit flip and every cut point of a 20 kB log. All readers:
 seeded mutations (flips, overwritten bytes, cuts, zeros, repeats, splices, hostile

@@ -1,7 +1,7 @@
 """Every log of a folder, field by field: auvid's readers against pymavlink and pyulog.
 Prints a table; exit code 1 if they disagree.
 
-    python -m benchmarks.agreement FOLDER
+    python -m tests.support.agreement FOLDER
 
 Every record that the other library reads must be there with the same values in every
 field. Of a damaged log this holds for the records of its chain: those that begin where
