@@ -1,5 +1,5 @@
 """The floors of the house: data_schemas <- hydro <- stages <- pipeline, and purity
-below pipeline. Held by reading the source.
+below pipeline. Held by reading the source; each test lists all offenders.
 """
 
 from __future__ import annotations
@@ -7,17 +7,17 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
-import pytest
+from auvid.stages import STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "pipeline")
-MODULES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
 SHARED_IN_STAGES = {"base", "presentation", "columns", "truth_lookup", "page"}
 """Modules of stages/ that are no stage: the interface, and what stages share."""
-TOUCHES_THE_WORLD = {
+IMPURE_MODULES = {
     "subprocess",
     "multiprocessing",
     "socket",
@@ -29,14 +29,21 @@ TOUCHES_THE_WORLD = {
     "logging",
     "threading",
 }
+IMPURE_CALLS = {"open", "print", "input", "exec", "eval"}
+CLOCKS = {"now", "utcnow", "today", "perf_counter", "monotonic", "time_ns"}
 
 
-def name_of(path: Path) -> str:
-    return str(path.relative_to(ROOT))
+def modules(*floors: str) -> list[Path]:
+    return sorted(path for floor in floors for path in (ROOT / floor).rglob("*.py"))
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Nodes except those behind `if TYPE_CHECKING`."""
+    """Yield the nodes except those behind `if TYPE_CHECKING`."""
     for node in ast.iter_child_nodes(tree):
         if not (
             isinstance(node, ast.If)
@@ -47,110 +54,114 @@ def executed(tree: ast.AST) -> Iterator[ast.AST]:
             yield from executed(node)
 
 
-def imports(path: Path) -> set[str]:
-    """Absolute names of the modules that a file imports."""
-    package = list(path.relative_to(ROOT).parent.parts)
-    found: set[str] = set()
-    for node in executed(ast.parse(path.read_text(encoding="utf-8"))):
+def imported(tree: ast.AST, package: tuple[str, ...]) -> set[str]:
+    """Return the absolute names, without `auvid.`, that a module of `package` imports."""
+    names: set[str] = set()
+    for node in executed(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name.removeprefix("auvid.") for alias in node.names}
+            names |= {alias.name.removeprefix("auvid.") for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            base = (
-                ".".join(
-                    [
-                        *package[: len(package) - node.level + 1],
-                        *([node.module] if node.module else []),
-                    ]
-                )
-                if node.level
-                else str(node.module).removeprefix("auvid.")
-            )
-            found |= {str(base), *(f"{base}.{alias.name}" for alias in node.names)}
-    return found
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            base = base.removeprefix("auvid.")
+            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return names
 
 
-def of_floor(floor: str) -> list[Path]:
-    return [path for path in MODULES if path.relative_to(ROOT).parts[0] == floor]
+@cache
+def imports_of(path: Path) -> set[str]:
+    return imported(tree_of(path), path.relative_to(ROOT).parent.parts)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_each_floor_imports_only_from_below(path: Path) -> None:
-    floor = FLOORS.index(path.relative_to(ROOT).parts[0])
-    forbidden = {name for name in imports(path) if name.partition(".")[0] in FLOORS[floor + 1 :]}
-    assert forbidden == set()
-
-
-@pytest.mark.parametrize("path", of_floor("hydro"), ids=name_of)
-def test_hydro_imports_only_mathematics(path: Path) -> None:
-    outside = (
-        {name.partition(".")[0] for name in imports(path)}
-        - HYDRO_PACKAGES
-        - {"hydro", "data_schemas"}
-    )
-    assert outside <= sys.stdlib_module_names
+def top_names(path: Path) -> set[str]:
+    return {name.partition(".")[0] for name in imports_of(path)}
 
 
 def stage_of(path: Path) -> str:
-    """The stage that a module of stages/ belongs to: `stages/fuse.py` and
-    `stages/ingest/merge.py` -> fuse, ingest.
-    """
+    """Return the stage of a module: `stages/fuse.py`, `stages/ingest/x.py` -> fuse, ingest."""
     return path.relative_to(ROOT / "stages").parts[0].removesuffix(".py")
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        path
-        for path in of_floor("stages")
-        if path.name != "__init__.py" or path.parent.name != "stages"
-    ],
-    ids=name_of,
-)
-def test_stages_do_not_import_each_other(path: Path) -> None:
-    own = stage_of(path)
-    others = {
-        name.split(".")[1]
-        for name in imports(path)
-        if name.startswith("stages.") and name.split(".")[1] not in (own, *SHARED_IN_STAGES)
-    }
-    assert others == set()
+def other_stages(path: Path) -> set[str]:
+    """Return the stages, other than its own, that a module of stages/ imports."""
+    names = {name.split(".")[1] for name in imports_of(path) if name.startswith("stages.")}
+    return names - {stage_of(path), *SHARED_IN_STAGES}
 
 
-def test_what_stages_share_is_no_stage() -> None:
-    from auvid.stages import STAGES
+def impurities(tree: ast.AST) -> set[str]:
+    """Return the calls and names that touch a file, the terminal, a clock or chance."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Name(id=name)) if name in IMPURE_CALLS:
+                names.add(name)
+            case ast.Name(id="Path"):
+                names.add("Path")
+            case ast.Attribute(attr=name) if name in CLOCKS:
+                names.add(name)
+            case ast.Call(args=[]) if ast.unparse(node.func).endswith("default_rng"):
+                names.add("default_rng without a seed")
+    return names
 
+
+def offenders(found: dict[Path, set[str]]) -> dict[str, set[str]]:
+    return {str(path.relative_to(ROOT)): names for path, names in found.items() if names}
+
+
+def test_each_floor_imports_only_from_below() -> None:
+    for floor, name in enumerate(FLOORS):
+        above = set(FLOORS[floor + 1 :])
+        assert offenders({path: top_names(path) & above for path in modules(name)}) == {}
+
+
+def test_hydro_imports_only_mathematics() -> None:
+    allowed = HYDRO_PACKAGES | {"hydro", "data_schemas"} | sys.stdlib_module_names
+    assert offenders({path: top_names(path) - allowed for path in modules("hydro")}) == {}
+
+
+def test_stages_do_not_import_each_other() -> None:
+    paths = [path for path in modules("stages") if path != ROOT / "stages" / "__init__.py"]
+    assert offenders({path: other_stages(path) for path in paths}) == {}
     assert not SHARED_IN_STAGES & {stage.name for stage in STAGES}
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.relative_to(ROOT).parts[0] in ("hydro", "stages")],
-    ids=name_of,
-)
-def test_hydro_and_stages_touch_no_file_clock_process_or_terminal(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    assert not {name.partition(".")[0] for name in imports(path)} & TOUCHES_THE_WORLD
-    calls = {
-        node.func.id
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+def test_hydro_and_stages_touch_no_file_clock_process_or_terminal() -> None:
+    paths = modules("hydro", "stages")
+    assert offenders({path: top_names(path) & IMPURE_MODULES for path in paths}) == {}
+    assert offenders({path: impurities(tree_of(path)) for path in paths}) == {}
+
+
+def test_every_file_has_a_docstring() -> None:
+    paths = [path for path in modules(*FLOORS) if path.stat().st_size]
+    assert [path for path in paths if not ast.get_docstring(tree_of(path))] == []
+
+
+def test_benchmarks_and_tests_are_independent() -> None:
+    tests, benchmarks = modules("tests"), modules("benchmarks")
+    assert offenders({path: top_names(path) & {"benchmarks"} for path in tests}) == {}
+    assert offenders({path: top_names(path) & {"tests"} for path in benchmarks}) == {}
+    assert offenders({path: top_names(path) & {"tests"} for path in modules(*FLOORS)}) == {}
+
+
+def test_the_rules_see_what_they_forbid() -> None:
+    package = ("hydro", "dynamics")
+    source = """
+from typing import TYPE_CHECKING
+import auvid.stages.fuse, os.path
+from ..control import riccati
+from . import arrays
+from auvid.data_schemas.errors import DataError
+if TYPE_CHECKING:
+    from auvid.pipeline import runner
+"""
+    names = imported(ast.parse(source), package)
+    assert {"stages.fuse", "os.path", "hydro.control.riccati", "hydro.dynamics.arrays"} <= names
+    assert "data_schemas.errors.DataError" in names
+    assert not any(name.startswith("pipeline") for name in names)
+    source = "open(p); Path('x'); time.monotonic(); np.random.default_rng(); default_rng(3)"
+    assert impurities(ast.parse(source)) == {
+        "open",
+        "Path",
+        "monotonic",
+        "default_rng without a seed",
     }
-    assert not calls & {"open", "print", "input", "exec", "eval"}
-    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    assert "Path" not in names
-    clocks = {"now", "utcnow", "today", "perf_counter", "monotonic", "time_ns"}
-    assert not clocks & {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    unseeded = [
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        and ast.unparse(node.func).endswith("default_rng")
-        and not node.args
-    ]
-    assert unseeded == []
-
-
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_files_say_what_they_are(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert not text or ast.get_docstring(ast.parse(text))

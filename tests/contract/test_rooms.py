@@ -1,0 +1,45 @@
+"""The rooms of the product: few entries a folder, no circle of files, no climb."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parents[2]
+MOST_ENTRIES = 12
+
+
+def rooms() -> ModuleType:
+    """Load tools/rooms.py, which is no module of a package."""
+    spec = importlib.util.spec_from_file_location("rooms", ROOT / "tools" / "rooms.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["rooms"] = module  # its dataclasses look there for their annotations
+    spec.loader.exec_module(module)
+    return module
+
+
+ROOMS = rooms()
+FOLDERS = ROOMS.folders(ROOT)
+
+
+def test_a_folder_has_at_most_twelve_entries() -> None:
+    """Exception: `stages` itself, which has one entry a stage."""
+    entries = {folder.path: len(folder.rooms) for folder in FOLDERS if folder.path != "stages"}
+    assert {path: count for path, count in entries.items() if count > MOST_ENTRIES} == {}
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    assert ROOMS.circles(ROOMS.import_graph(ROOT)) == []
+
+
+def test_no_room_climbs() -> None:
+    assert {folder.path: folder.climbs for folder in FOLDERS if folder.climbs} == {}
+
+
+def test_circles_are_recognised() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}
+    assert ROOMS.circles(graph) == [["a", "b", "c"]]
