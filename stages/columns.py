@@ -37,6 +37,7 @@ ACCELERATION = (
     "r_dot_rad_s2",
 )
 ATTITUDE = POSE[3:]
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 AXES = ("X", "Y", "Z", "K", "M", "N")
 AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}

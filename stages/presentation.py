@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from auvid.data_schemas.schemas import schema
+
 Block = dict[str, Any]
 Figure = dict[str, Any]
 Array = npt.NDArray[np.float64]
@@ -137,6 +139,46 @@ def figure(
         "note": note,
         "headline": headline,
     }
+
+
+def view(
+    entity: str,
+    table: str,
+    columns: Sequence[str],
+    roles: Sequence[str],
+    *,
+    tab: str,
+    names: Sequence[str] | None = None,
+    unit: str | None = None,
+    **more: Any,
+) -> dict[str, Any]:
+    """Return a group of a `views` document: columns of a table on one y-axis.
+
+    table: `port`, `port/key`, or `stage/item/port` of another stage. names: those of the
+    series, the symbols of the columns if None. unit: the schema's if None. more:
+    `filter`, `spread`, `less`.
+    """
+    parts = table.split("/")
+    return {
+        "entity": entity,
+        "table": table,
+        "columns": list(columns),
+        "names": list(names or map(symbol, columns)),
+        "roles": list(roles),
+        "tab": tab,
+        "unit": unit or unit_of(parts[-1] if len(parts) > 2 else parts[0], columns[0]),
+        **more,
+    }
+
+
+def unit_of(name: str, column: str) -> str:
+    """Return the unit of a column of schema `name`."""
+    return schema(name).columns[column].unit
+
+
+def symbol(column: str) -> str:
+    """Return the symbol that a column's name starts with: `u` of `u_m_s`."""
+    return column.partition("_")[0]
 
 
 def thin(x: Array, y: Array, points: int = SHOWN_POINTS) -> tuple[Array, Array]:

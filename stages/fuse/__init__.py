@@ -1,5 +1,4 @@
-"""Bias-corrected state and state derivative of the body origin, from one segment's
-sensors.
+"""Bias-corrected state and its derivative at the body origin, from a segment's sensors.
 
 Method `kinematic`: velocity from the velocity sensor, rates from the gyro, depth from
 the pressure sensor, derivatives from splines. Method `thesis`: McCarter section 2.5,
@@ -24,13 +23,13 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import cross
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, Array, named
 from auvid.stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
-from auvid.stages.fuse.motion import Found, Mask, Motion, low_pass, sensed_motion, sensor_motion
+from auvid.stages.fuse.motion import FusionResult, Mask, Motion, low_pass, sensor_motion
 from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
 
 LEAST_EDGE_S = 0.5
@@ -118,71 +117,36 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    if params.estimate_current and params.method != "smoother":
-        remedy = "Set method: smoother, or leave estimate_current out."
-        raise CampaignError(
-            "belongs to method smoother",
-            field="stages.fuse.estimate_current",
-            value=f"method {params.method}",
-            remedy=remedy,
-        )
-    if params.as_published and params.method != "thesis":
-        remedy = "Set method: thesis, or leave as_published out."
-        raise CampaignError(
-            "belongs to method thesis",
-            field="stages.fuse.as_published",
-            value=f"method {params.method}",
-            remedy=remedy,
-        )
+    """Return state and derivative of one segment.
+
+    Raises `CampaignError` for parameters of another method, `DataError` where a sensor
+    that the method needs is missing, or the segment is shorter than its edges.
+    """
+    for key, method in (("estimate_current", "smoother"), ("as_published", "thesis")):
+        if getattr(params, key) and params.method != method:
+            raise CampaignError(
+                f"belongs to method {method}",
+                field=f"stages.fuse.{key}",
+                value=f"method {params.method}",
+                remedy=f"Set method: {method}, or leave {key} out.",
+            )
     vehicle = vehicle_from_document(inputs.vehicle)
-    sensed = sensed_motion(inputs.resampled, vehicle, has_gyro=inputs.samples_imu is not None)
-    convention = (
-        params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
-    )
-    cutoff = None if params.method == "smoother" else params.cutoff_hz
     motion = sensor_motion(
         inputs.resampled,
-        sensed,
         vehicle,
-        cutoff_hz=cutoff,
+        cutoff_hz=None if params.method == "smoother" else params.cutoff_hz,
         fit_gyro_bias=params.fit_gyro_bias,
         arm=not params.as_published,
     )
-    if params.method == "kinematic":
-        velocity, rate, found = kinematic(motion)
-    elif params.method == "thesis":
-        velocity, rate, found = thesis(
-            motion,
-            inputs.resampled,
-            vehicle,
-            convention=convention,
-            cutoff_hz=params.cutoff_hz,
-            as_published=params.as_published,
-        )
-    else:
-        if inputs.samples_depth is None:
-            raise DataError("stage fuse needs the samples of the depth sensor (method smoother)")
-        velocity, rate, found = smoother(
-            motion,
-            SensorSamples(
-                inputs.samples_imu,
-                inputs.samples_velocity,
-                inputs.samples_depth,
-                inputs.samples_water,
-            ),
-            vehicle,
-            convention=convention,
-            noise=params.noise,
-            estimate_arm=params.estimate_dvl_arm,
-            estimate_mounting=params.estimate_dvl_mounting,
-            estimate_current=params.estimate_current,
-        )
-    over_ground, nu_dot = np.hstack([velocity, motion.omega]), np.hstack([rate, motion.omega_dot])
-    pose, drift = _pose(motion, velocity), np.zeros_like(over_ground)
-    if (
-        found.drift is not None
-    ):  # a steady current: nu_r = nu - R' c, and R' c turns against the body
-        drift[:, :3], nu_dot[:, :3] = found.drift, rate + cross(motion.omega, found.drift)
+    result = _fuse(inputs, params, vehicle, motion)
+    pose = _pose(motion, result.velocity)
+    over_ground = np.hstack([result.velocity, motion.omega])
+    nu_dot = np.hstack([result.v_dot, motion.omega_dot])
+    drift = np.zeros_like(over_ground)
+    if result.drift is not None:
+        # A steady current: nu_r = nu - R' c, and R' c turns against the body.
+        drift[:, :3] = result.drift
+        nu_dot[:, :3] = result.v_dot + cross(motion.omega, result.drift)
     if params.method == "smoother":
         pose, over_ground, drift, nu_dot = (
             low_pass(motion.t_s, part, params.cutoff_hz)
@@ -196,7 +160,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         **named(VELOCITY, over_ground - drift),
         **named(POSE_RATE, eta_dot(pose, over_ground)),
         **named(ACCELERATION, nu_dot),
-        **_spread(found, inputs.segment, len(motion.t_s), params.method),
+        **_standard_deviations(result, inputs.segment, len(motion.t_s), params.method),
     }
     fused = make_table("fused", {name: values[keep] for name, values in columns.items()})
     settings = {
@@ -205,23 +169,60 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "cutoff_hz": params.cutoff_hz,
         "edge_s": edge_s,
     }
-    fusion = fusion_document(inputs.segment, settings, motion, sensed, over_ground, keep, found)
-    shown = fuse_section(
-        inputs.segment, inputs.resampled, motion, sensed, over_ground, pose, keep, fusion
+    state = named(POSE, pose) | named(VELOCITY, over_ground)
+    fusion = fusion_document(
+        inputs.segment, settings, motion.gyro_bias, result, inputs.resampled, state, keep
     )
-    return Outputs(fused=fused, fusion=fusion, section=shown, views=fuse_views(fused))
+    return Outputs(
+        fused=fused,
+        fusion=fusion,
+        section=fuse_section(inputs.segment, fusion, inputs.resampled, state, keep),
+        views=fuse_views(fused),
+    )
 
 
-def _spread(found: Found, segment: Document, n: int, method: str) -> dict[str, Array]:
-    """Standard deviations where they are known: of velocity from the smoother, else of
-    the sensor's noise within its spline's bandwidth.
+def _fuse(inputs: Inputs, params: Params, vehicle: Vehicle, motion: Motion) -> FusionResult:
+    if params.method == "kinematic":
+        return kinematic(motion)
+    convention = (
+        params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
+    )
+    if params.method == "thesis":
+        return thesis(
+            motion,
+            inputs.resampled,
+            vehicle,
+            convention=convention,
+            cutoff_hz=params.cutoff_hz,
+            as_published=params.as_published,
+        )
+    samples = SensorSamples(
+        inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth, inputs.samples_water
+    )
+    return smoother(
+        motion,
+        samples,
+        vehicle,
+        convention=convention,
+        noise=params.noise,
+        estimate_arm=params.estimate_dvl_arm,
+        estimate_mounting=params.estimate_dvl_mounting,
+        estimate_current=params.estimate_current,
+    )
 
-    None for the velocity of method `thesis`, whose integrated errors grow along the
-    leg.
+
+def _standard_deviations(
+    result: FusionResult, segment: Document, n: int, method: str
+) -> dict[str, Array]:
+    """Return the standard deviations that are known, as columns (n,).
+
+    Those of velocity from the smoother, else the sensor's noise within its spline's
+    bandwidth. None for the velocity of method `thesis`, whose integrated errors grow
+    along the leg.
     """
-    if found.velocity_sd is None and method != "kinematic":
+    if result.velocity_sd is None and method != "kinematic":
         return {}
-    columns = {} if found.velocity_sd is None else named(VELOCITY_SD[:3], found.velocity_sd)
+    columns = {} if result.velocity_sd is None else named(VELOCITY_SD[:3], result.velocity_sd)
     for name, column in zip(VELOCITY, VELOCITY_SD, strict=True):
         item = segment["smoothing"].get(name)
         if column not in columns and item and item.get("cutoff_hz") and item.get("sample_hz"):
@@ -231,17 +232,16 @@ def _spread(found: Found, segment: Document, n: int, method: str) -> dict[str, A
 
 
 def _pose(motion: Motion, velocity: Array) -> Array:
-    """Pose (n, 6): attitude and depth as measured, x and y from integrated velocity
-    (McCarter 2.91-2.92).
-    """
+    """Return the pose (n, 6): x and y from integrated velocity (McCarter 2.91-2.92)."""
     ned = np.einsum("nij,nj->ni", rotation_body_to_ned(motion.euler), velocity)
     track = integrate(motion.t_s, ned[:, :2], np.zeros(2))
     return np.column_stack([track, motion.depth, motion.euler])
 
 
 def default_edge_s(cutoff_hz: float | None) -> float:
-    """Width [s] cut off at either end: the edge zone of the low-pass, and at least
-    `LEAST_EDGE_S` for what the splines bend at the ends.
+    """Return the width [s] cut off at either end: the edge zone of the low-pass.
+
+    At least `LEAST_EDGE_S`, for what the splines bend at the ends.
     """
     return LEAST_EDGE_S if cutoff_hz is None else max(LEAST_EDGE_S, edge_zone_s(cutoff_hz))
 

@@ -1,6 +1,4 @@
-"""Sensor signals of one segment at the body origin: mountings, lever arms, gyro bias
-and the common low-pass taken care of.
-"""
+"""Sensor signals of one segment at the body origin: lever arms and gyro bias removed."""
 
 from __future__ import annotations
 
@@ -20,17 +18,20 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.bias import gyro_bias, lever_arm_velocity
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.hydro.identification.signals.splines import derivative
-from auvid.stages.columns import ATTITUDE, VELOCITY, Array, clock, named
+from auvid.stages.columns import ATTITUDE, VELOCITY, Array, clock
 
 Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a method found on the way. `drift` (n, 3): the water's velocity in body
-    axes, None where it is not known.
+class FusionResult:
+    """Velocity over ground and its derivative (n, 3) by a method, and its estimates.
+
+    `drift` (n, 3): the water's velocity in body axes, None where it is not known.
     """
 
+    velocity: Array
+    v_dot: Array
     convention: str | None = None
     accel_bias: Array | None = None
     velocity_sd: Array | None = None
@@ -55,67 +56,48 @@ class Motion:
 
 
 def low_pass(t_s: Array, values: Array, cutoff_hz: float | None) -> Array:
-    """The zero-phase low-pass of all channels (n,) or (n, k), or the values themselves
-    where there is no cutoff.
-    """
+    """Return values (n,) or (n, k) after the zero-phase low-pass; unchanged for None."""
     return values if cutoff_hz is None else zero_phase_lowpass(t_s, values, cutoff_hz=cutoff_hz)
-
-
-def sensed_motion(resampled: pa.Table, vehicle: Vehicle, *, has_gyro: bool) -> dict[str, Array]:
-    """What the sensors say of u v w p q r, turned into body axes, by column name: (n,)
-    each, velocities only where there is a sensor.
-
-    Without a gyro the rates come from the attitude and are in body axes already.
-    """
-    if not has_columns(resampled, VELOCITY[3:]):
-        raise missing("imu", "angular rates")
-    rates = matrix(resampled, VELOCITY[3:])
-    sensed = named(VELOCITY[3:], rates @ vehicle.imu.rotation.T if has_gyro else rates)
-    if has_columns(resampled, VELOCITY[:3]):
-        sensed |= named(VELOCITY[:3], matrix(resampled, VELOCITY[:3]) @ vehicle.dvl.rotation.T)
-    return sensed
 
 
 def sensor_motion(
     resampled: pa.Table,
-    sensed: Mapping[str, Array],
     vehicle: Vehicle,
     *,
     cutoff_hz: float | None,
     fit_gyro_bias: bool,
     arm: bool = True,
 ) -> Motion:
-    """Signals at the body origin: lever arms taken out (the velocity sensor's only with
-    `arm`), gyro bias off, all filtered alike.
-    """
-    t_s = clock(resampled)
+    """Return the signals at the body origin, all filtered alike.
 
+    Lever arms are taken out (that of the velocity sensor only with `arm`), and the gyro
+    bias. Raises `DataError` without angular rates.
+    """
+    if not has_columns(resampled, VELOCITY[3:]):
+        raise missing("imu", "angular rates")
+    t_s = clock(resampled)
     euler = low_pass(t_s, matrix(resampled, ATTITUDE), cutoff_hz)
-    omega = low_pass(t_s, np.column_stack([sensed[name] for name in VELOCITY[3:]]), cutoff_hz)
+    omega = low_pass(t_s, matrix(resampled, VELOCITY[3:]), cutoff_hz)
     bias = gyro_bias(t_s, euler, omega).bias if fit_gyro_bias else np.zeros(3)
     omega = omega - bias
     velocity = None
-    if VELOCITY[0] in sensed:
-        velocity = low_pass(
-            t_s, np.column_stack([sensed[name] for name in VELOCITY[:3]]), cutoff_hz
-        )
+    if has_columns(resampled, VELOCITY[:3]):
+        velocity = low_pass(t_s, matrix(resampled, VELOCITY[:3]), cutoff_hz)
         if arm:
             velocity = lever_arm_velocity(velocity, omega, vehicle.dvl.arm_m)
-    depth = low_pass(t_s, column(resampled, "z_m"), cutoff_hz) - vertical_arm(
-        euler, vehicle.depth_sensor.arm_m
-    )
+    depth = low_pass(t_s, column(resampled, "z_m"), cutoff_hz)
+    depth = depth - depth_below_origin(euler, vehicle.depth_sensor.arm_m)
     return Motion(t_s, depth, euler, omega, derivative(t_s, omega), velocity, bias)
 
 
-def vertical_arm(euler: Array, arm_m: Array) -> Array:
-    """How much deeper than the body origin a point at `arm_m` (3,) is, for attitudes
-    (n, 3): (n,) m.
-    """
+def depth_below_origin(euler: Array, arm_m: Array) -> Array:
+    """Return how much deeper (n,) [m] than the origin a point at `arm_m` (3,) is."""
     return np.asarray(rotation_body_to_ned(euler)[:, 2, :] @ arm_m)
 
 
-def missing(stream: str, what: str) -> DataError:
+def missing(stream: str, need: str) -> DataError:
+    """Return the error for a stream that the method needs and the segment lacks."""
     return DataError(
-        f"stage fuse needs {what}: the stream '{stream}' is missing",
+        f"stage fuse needs {need}: the stream '{stream}' is missing",
         remedy=f"It can come from: {supply_text(stream)}.",
     )

@@ -1,45 +1,35 @@
-"""Put the sensors of one leg on a uniform clock, with spline derivatives; gaps, and
-jumps of the attitude, split the leg into segments.
+"""Put the sensors of a leg on a uniform clock, with spline derivatives.
 
-A smoothing spline stands for each channel; attitude is smoothed as a rotation. One
-smoothing parameter holds for a whole segment, so a signal whose character changes
-within it is smoothed for the mixture. Splines bend at the ends of a segment over about
-half a period of their cut-off; `fuse` cuts that off (`edge_s`). Nothing is
-extrapolated.
+Gaps, and jumps of the attitude, split the leg into segments. A smoothing spline stands
+for each channel; attitude is smoothed as a rotation. Vectors are turned from sensor to
+body axes first, here and nowhere after, so that all tables of a segment are in body
+axes; lever arms stay, `fuse` takes them out. One smoothing parameter holds for a whole
+segment, so a signal whose character changes within it is smoothed for the mixture.
+Splines bend at the ends of a segment over about half a period of their cut-off; `fuse`
+cuts that off (`edge_s`). Nothing is extrapolated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
-from auvid.hydro.identification.signals.resampling import (
-    hold,
-    linear,
-    smooth_attitude,
-    uniform_clock,
-    unwrap_angles,
-)
-from auvid.hydro.identification.signals.splines import (
-    cutoff_from_lambda,
-    lambda_from_cutoff,
-    smoothing_spline,
-)
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Span, leg_window, named
+from auvid.stages.columns import leg_window
 from auvid.stages.resample.segments import (
-    GYRO,
+    COVERING,
     Signal,
     common_spans,
     gap_list,
+    in_body_axes,
     missing_stream,
     segment_ids,
     signal,
@@ -47,18 +37,7 @@ from auvid.stages.resample.segments import (
     too_short,
     trimmed,
 )
-
-RATE = ("p_rad_s", "q_rad_s", "r_rad_s")
-RATE_DOT = ("p_dot_rad_s2", "q_dot_rad_s2", "r_dot_rad_s2")
-LINEAR = ("u_m_s", "v_m_s", "w_m_s")
-LINEAR_DOT = ("u_dot_m_s2", "v_dot_m_s2", "w_dot_m_s2")
-ATTITUDE_RATE = ("phi_dot_rad_s", "theta_dot_rad_s", "psi_dot_rad_s")
-COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
-"""Streams whose gaps split a leg. The battery changes slowly and does not, it only
-trims a segment's ends by a gap at most; nor does velocity through the water, which only
-helps where it is.
-"""
-LONG, BLOCK, BLOCKS = 100_000, 10_000, 7
+from auvid.stages.resample.uniform import SAMPLES, ResampledSegment, Smoothing, resample_segment
 
 
 @dataclass(frozen=True)
@@ -131,266 +110,143 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Segments of one leg.
+    """Return the segments of one leg.
 
     Raises `DataError` for a leg outside its log, without attitude or depth, or with no
     part that all sensors cover long enough.
     """
-    leg, start_us = inputs.leg, int(inputs.log_info["start_us"])
-    window = leg_window(leg, start_us, int(inputs.log_info["end_us"]))
-    lags = sensor_lags(inputs.vehicle, params.lag_s)
+    vehicle = vehicle_from_document(inputs.vehicle)
+    lags = sensor_lags(vehicle, params.lag_s)
+    signals, notes = _signals(inputs, params, vehicle, lags)
+    covering = [item for stream, item in signals.items() if stream in COVERING]
+    spans = [
+        trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)
+    ]
+    long = [span for span in spans if span[1] - span[0] >= params.min_segment_s]
+    if not long:
+        raise too_short(
+            inputs.leg, covering, min_segment_s=params.min_segment_s, max_gap_s=params.max_gap_s
+        )
+    if len(long) < len(spans):
+        lost = sum(end - start for start, end in spans if end - start < params.min_segment_s)
+        notes.append(
+            f"{len(spans) - len(long)} parts shorter than {params.min_segment_s:g} s are left out"
+            f" ({lost:.1f} s)"
+        )
+    interpolation = linear if params.actuator_interpolation == "linear" else hold
+    segments = {
+        name: resample_segment(
+            {
+                stream: item.within(span) if stream in COVERING else item
+                for stream, item in signals.items()
+            },
+            span,
+            rate_hz=params.rate_hz,
+            smoothing=Smoothing(params.smoothing, params.cutoff_hz),
+            between=partial(interpolation, max_gap_s=params.max_gap_s),
+        )
+        for name, span in zip(segment_ids(str(inputs.leg["id"]), long), long, strict=True)
+    }
+    shared = {"lags_s": lags, "gaps": gap_list(covering, params.max_gap_s), "notes": notes}
+    samples = {
+        table: {
+            name: part.samples[table] for name, part in segments.items() if table in part.samples
+        }
+        for table in SAMPLES
+    }
+    return Outputs(
+        resampled={name: part.table for name, part in segments.items()},
+        segment={
+            name: _document(name, inputs, part, params.rate_hz, shared)
+            for name, part in segments.items()
+        },
+        **samples,
+    )
+
+
+def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, float]:
+    """Return the lag of each sensor [s]: the parameter's, else the vehicle file's, else 0.
+
+    Raises `CampaignError` for an unknown sensor.
+    """
+    lags = {
+        "imu": vehicle.imu.lag_s,
+        "attitude": vehicle.imu.lag_s,
+        "depth": vehicle.depth_sensor.lag_s,
+        "velocity": vehicle.dvl.lag_s,
+        "actuators": 0.0,
+        "battery": 0.0,
+        "water_velocity": vehicle.dvl.lag_s,
+    }
+    for sensor in changed:
+        if sensor not in lags:
+            raise CampaignError(
+                "unknown sensor",
+                field=f"stages.resample.lag_s.{sensor}",
+                allowed=lags,
+                remedy=nearest(sensor, lags),
+            )
+    return lags | {sensor: float(lag_s) for sensor, lag_s in changed.items()}
+
+
+def _signals(
+    inputs: Inputs, params: Params, vehicle: Vehicle, lags: Mapping[str, float]
+) -> tuple[dict[str, Signal], list[str]]:
+    """Return the streams of a leg in body axes, and notes on what is missing or split."""
+    start_us, end_us = (int(inputs.log_info[key]) for key in ("start_us", "end_us"))
+    window = leg_window(inputs.leg, start_us, end_us)
+    rotations = {
+        "imu": vehicle.imu.rotation,
+        "velocity": vehicle.dvl.rotation,
+        "water_velocity": vehicle.dvl.rotation,
+    }
     signals: dict[str, Signal] = {}
     notes = []
-    length = (int(inputs.log_info["end_us"]) - start_us) / 1e6
+    length = (end_us - start_us) / 1e6
     if window[1] > length + params.max_gap_s:
         notes.append(f"the leg asks for data up to {window[1]:g} s, the log ends at {length:.3f} s")
     for stream in (*COVERING, "battery", "water_velocity"):
         table = getattr(inputs, stream)
-        found = None
+        item = None
         if table is not None:
-            max_gap_s = params.max_gap_s if stream in COVERING else np.inf
-            found = signal(
+            item = signal(
                 stream,
                 table,
                 start_us=start_us,
                 lag_s=lags[stream],
                 window=window,
-                max_gap_s=max_gap_s,
+                max_gap_s=params.max_gap_s if stream in COVERING else np.inf,
             )
-        if found is not None:
-            signals[stream] = found
+        if item is not None:
+            rotation = rotations.get(stream)
+            signals[stream] = item if rotation is None else in_body_axes(item, rotation)
         elif stream in ("attitude", "depth"):
-            raise missing_stream(stream, leg, logged=table is not None)
+            raise missing_stream(stream, inputs.leg, logged=table is not None)
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
     if "imu" in signals:
         signals["attitude"], jumps = split_at_jumps(signals["attitude"], signals["imu"])
         notes += jumps
-    covering = [item for name, item in signals.items() if name in COVERING]
-    all_spans = [
-        trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)
-    ]
-    spans = [span for span in all_spans if span[1] - span[0] >= params.min_segment_s]
-    if not spans:
-        raise too_short(
-            leg, covering, min_segment_s=params.min_segment_s, max_gap_s=params.max_gap_s
-        )
-    if len(spans) < len(all_spans):
-        lost = sum(end - start for start, end in all_spans) - sum(
-            end - start for start, end in spans
-        )
-        notes.append(
-            f"{len(all_spans) - len(spans)} parts shorter than {params.min_segment_s:g} s are left"
-            f" out ({lost:.1f} s)"
-        )
-    done = {}
-    for name, span in zip(segment_ids(str(leg["id"]), spans), spans, strict=True):
-        done[name] = resample_segment(
-            {key: _covering_run(item, span) for key, item in signals.items()}, span, params
-        )
-    gaps = gap_list(covering, params.max_gap_s)
-    documents = {}
-    for (name, smooth), span in zip(done.items(), spans, strict=True):
-        documents[name] = _document(name, inputs, params, lags, span, smooth, gaps, notes)
-    tables = {
-        name: {key: item.samples[name] for key, item in done.items() if name in item.samples}
-        for name in SAMPLES
-    }
-    return Outputs(
-        resampled={name: item.table for name, item in done.items()}, segment=documents, **tables
-    )
-
-
-@dataclass(frozen=True)
-class Resampled:
-    """One segment: its uniform table, tables of samples by schema name, the smoothing
-    per channel, and notes.
-    """
-
-    table: pa.Table
-    samples: Mapping[str, pa.Table]
-    smoothing: Mapping[str, Any]
-    notes: tuple[str, ...]
-
-
-SAMPLES: Mapping[str, tuple[str, Mapping[str, str]]] = {
-    "samples_attitude": ("attitude", {name: name for name in ATTITUDE}),
-    "samples_imu": ("imu", {name: name for name in (*GYRO, *ACCELEROMETER)}),
-    "samples_depth": ("depth", {"z_m": "depth_m"}),
-    "samples_velocity": ("velocity", {name: name for name in LINEAR}),
-    "samples_water": ("water_velocity", {name: name for name in LINEAR}),
-}
-
-
-def sensor_lags(vehicle: Document, given: Mapping[str, float]) -> dict[str, float]:
-    """Lag of each sensor in s: the parameter's, else the vehicle file's, else 0. Raises
-    `CampaignError` for an unknown sensor.
-    """
-    known = vehicle_from_document(vehicle)
-    lags = {
-        "imu": known.imu.lag_s,
-        "attitude": known.imu.lag_s,
-        "depth": known.depth_sensor.lag_s,
-        "velocity": known.dvl.lag_s,
-    }
-    lags |= {"actuators": 0.0, "battery": 0.0, "water_velocity": known.dvl.lag_s}
-    for key, value in given.items():
-        if key not in lags:
-            raise CampaignError(
-                "unknown sensor",
-                field=f"stages.resample.lag_s.{key}",
-                allowed=lags,
-                remedy=nearest(key, lags),
-            )
-        lags[key] = float(value)
-    return lags
-
-
-def resample_segment(signals: Mapping[str, Signal], span: Span, params: Params) -> Resampled:
-    """One segment on its uniform clock; `span` in s from the start of the log, covered
-    by every signal but the battery.
-    """
-    start = span[0]
-    t_s = uniform_clock(0.0, span[1] - start, params.rate_hz)
-    columns: dict[str, Array] = {"t_s": t_s}
-    smoothing: dict[str, Any] = {}
-    notes = []
-
-    def smooth(
-        stream: str, fields: tuple[str, ...], names: tuple[str, ...], rates: tuple[str, ...] = ()
-    ) -> None:
-        item = signals[stream]
-        at = _inside(t_s + start, item)
-        for field, name, rate in zip(fields, names, rates or (None,) * len(names), strict=True):
-            values = item.column(field)
-            spline = smoothing_spline(item.t_s, values, lam=_lambda(item, values, params))
-            columns[name] = spline.evaluate(at)
-            if rate is not None:
-                columns[rate] = spline.evaluate(at, 1)
-            smoothing[name] = _smoothing(
-                params, float(spline.lambda_), _step(item), float(spline.sigma)
-            )
-
-    smooth("depth", ("depth_m",), ("z_m",), ("z_dot_m_s",))
-    angles = signals["attitude"]
-    euler = unwrap_angles(_euler(angles))
-    attitude = smooth_attitude(
-        angles.t_s, euler, _inside(t_s + start, angles), lam=_lambda(angles, euler, params)
-    )
-    columns |= named(ATTITUDE, attitude.euler)
-    columns |= named(
-        ATTITUDE_RATE, np.einsum("nij,nj->ni", euler_rate_matrix(attitude.euler), attitude.omega)
-    )
-    smoothing["attitude"] = _smoothing(params, attitude.lambda_, _step(angles), attitude.sigma_rad)
-    if "imu" in signals:
-        smooth("imu", GYRO, RATE, RATE_DOT)
-        if bool(np.isfinite(signals["imu"].values).all()):
-            smooth("imu", ACCELEROMETER, ACCELEROMETER)
-    else:
-        columns |= named(RATE, attitude.omega) | named(RATE_DOT, attitude.omega_dot)
-        notes.append("angular rates come from the attitude: the log has no gyro in this leg")
-    if "velocity" in signals:
-        smooth("velocity", LINEAR, LINEAR, LINEAR_DOT)
-    between = linear if params.actuator_interpolation == "linear" else hold
-    if "actuators" in signals:
-        item = signals["actuators"]
-        columns |= named(
-            item.names,
-            between(item.t_s, item.values, _inside(t_s + start, item), max_gap_s=params.max_gap_s),
-        )
-    if "battery" in signals:
-        item = signals["battery"]
-        columns["voltage_v"] = linear(item.t_s, item.column("voltage_v"), t_s + start)
-        bare = float(np.mean(np.isnan(columns["voltage_v"])))
-        if bare > 0.0:
-            notes.append(f"the battery was not measured in {100.0 * bare:.1f} % of the segment")
-    return Resampled(
-        make_table("resampled", columns), _samples(signals, span), smoothing, tuple(notes)
-    )
-
-
-def _covering_run(item: Signal, span: Span) -> Signal:
-    return item if item.stream not in COVERING else item.within(span)
-
-
-def _inside(t_s: Array, item: Signal) -> Array:
-    """The uniform clock may stand a rounding error beyond the last sample."""
-    return np.clip(t_s, item.t_s[0], item.t_s[-1])
-
-
-def _euler(item: Signal) -> Array:
-    return np.column_stack([item.column(name) for name in ATTITUDE])
-
-
-def _step(item: Signal) -> float:
-    return float(item.t_s[-1] - item.t_s[0]) / (item.t_s.size - 1)
-
-
-def _lambda(item: Signal, values: Array, params: Params) -> float | None:
-    """The smoothing parameter; None leaves it to cross-validation on all samples, which
-    takes 2 s for a million of them.
-
-    Beyond `LONG` samples it is the median (of the logarithm) over blocks, which cost a
-    tenth of that.
-    """
-    if params.smoothing == "gcv":
-        if item.t_s.size <= LONG:
-            return None
-        starts = np.linspace(0, item.t_s.size - BLOCK, BLOCKS).astype(int)
-        fits = [
-            smoothing_spline(item.t_s[at : at + BLOCK], values[at : at + BLOCK], shared=True)
-            for at in starts
-        ]
-        return float(np.exp(np.median([np.log(np.min(fit.lambda_)) for fit in fits])))
-    return 0.0 if params.smoothing == "none" else lambda_from_cutoff(params.cutoff_hz, _step(item))
-
-
-def _smoothing(params: Params, lam: float, step_s: float, sigma: float) -> dict[str, Any]:
-    known = (
-        {"cutoff_hz": cutoff_from_lambda(lam, step_s), "noise_sd": sigma}
-        if lam > 0.0
-        else {"cutoff_hz": None, "noise_sd": None}
-    )
-    return {"method": params.smoothing, "lambda": lam, **known, "sample_hz": 1.0 / step_s}
-
-
-def _samples(signals: Mapping[str, Signal], span: Span) -> dict[str, pa.Table]:
-    tables = {}
-    for name, (stream, fields) in SAMPLES.items():
-        if stream in signals:
-            item = signals[stream].cut(span)
-            columns = {column: item.column(field) for column, field in fields.items()}
-            if stream == "attitude":
-                columns = named(ATTITUDE, unwrap_angles(_euler(item)))
-            tables[name] = make_table(name, {"t_s": item.t_s - span[0], **columns})
-    return tables
+    return signals, notes
 
 
 def _document(
-    name: str,
-    inputs: Inputs,
-    params: Params,
-    lags: Mapping[str, float],
-    span: Span,
-    smooth: Resampled,
-    gaps: list[dict[str, object]],
-    notes: list[str],
+    name: str, inputs: Inputs, part: ResampledSegment, rate_hz: float, shared: Mapping[str, Any]
 ) -> dict[str, Any]:
-    t_s = smooth.table["t_s"].to_numpy()
+    t_s = part.table["t_s"].to_numpy()
     return {
         "id": name,
         "leg": inputs.leg["id"],
         "log": inputs.leg["log"],
         "use": inputs.leg.get("use", "training"),
-        "start_us": int(inputs.log_info["start_us"]) + round(span[0] * 1e6),
-        "leg_start_s": span[0],
+        "start_us": int(inputs.log_info["start_us"]) + round(part.span[0] * 1e6),
+        "leg_start_s": part.span[0],
         "duration_s": float(t_s[-1]),
         "samples": int(t_s.size),
-        "rate_hz": params.rate_hz,
-        "lags_s": dict(lags),
-        "smoothing": dict(smooth.smoothing),
-        "gaps": gaps,
-        "notes": [*notes, *smooth.notes],
+        "rate_hz": rate_hz,
+        "smoothing": dict(part.smoothing),
+        **shared,
+        "notes": [*shared["notes"], *part.notes],
     }
 
 

@@ -14,18 +14,24 @@ from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.signal_checks import attitude_jumps
-from auvid.stages.columns import ATTITUDE, Array, Span
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, VELOCITY, Array, Span
 
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
+"""Streams whose gaps split a leg. The battery changes slowly and does not, it only
+trims a segment's ends by a gap at most; nor does velocity through the water, which only
+helps where it is.
+"""
+VECTORS = (GYRO, ACCELEROMETER, VELOCITY[:3])
+"""Columns of the raw streams that are vectors in the axes of their sensor."""
 NAMED_JUMPS = 5
-
-FEWEST = 5  # samples; a spline needs as many
+MIN_SAMPLES = 5  # a spline needs as many
 
 
 @dataclass(frozen=True)
 class Signal:
-    """The samples of one stream inside the leg: times (n,) in s from the start of the
-    log, lag taken off, and the stream's columns.
+    """The samples of one stream in the leg: times (n,), the stream's columns (n, k).
+
+    Times in s from the start of the log, lag taken off; `spans` are free of gaps.
     """
 
     stream: str
@@ -34,52 +40,64 @@ class Signal:
     values: Array
     spans: tuple[Span, ...]
 
+    @property
+    def step_s(self) -> float:
+        """Mean time between samples."""
+        return float(self.t_s[-1] - self.t_s[0]) / (self.t_s.size - 1)
+
     def within(self, span: Span) -> Signal:
-        """The unbroken run of samples that covers a span."""
+        """Return the samples of the gap-free part that covers a span."""
         run = next(item for item in self.spans if item[0] <= span[0] and item[1] >= span[1])
         return self.cut(run)
 
     def cut(self, span: Span) -> Signal:
-        """The samples at or between two times."""
+        """Return the samples at or between two times."""
         rows = (self.t_s >= span[0]) & (self.t_s <= span[1])
         return Signal(self.stream, self.t_s[rows], self.names, self.values[rows], (span,))
 
-    def column(self, name: str) -> Array:
-        return self.values[:, self.names.index(name)]
+    def columns(self, *names: str) -> Array:
+        """Return the columns of these names (n, k)."""
+        return self.values[:, [self.names.index(name) for name in names]]
 
 
 def signal(
     stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float
 ) -> Signal | None:
-    """The samples of a stream inside the window; None if there are fewer than five."""
+    """Return the samples of a stream in the window, None for fewer than five."""
     t = (table["time_us"].to_numpy() - start_us) / 1e6 - lag_s
     rows = np.flatnonzero((t >= window[0]) & (t <= window[1]))
-    if rows.size < FEWEST:
+    if rows.size < MIN_SAMPLES:
         return None
     names = tuple(name for name in table.column_names if name != "time_us")
     t, values = t[rows], matrix(table, names)[rows]
     spans = tuple(
         (float(t[first]), float(t[last - 1]))
         for first, last in gaps(t, max_gap_s)
-        if last - first >= FEWEST
+        if last - first >= MIN_SAMPLES
     )
     return Signal(stream, t, names, values, spans)
 
 
+def in_body_axes(item: Signal, rotation: Array) -> Signal:
+    """Return the signal with its vectors turned to body axes, x_body = R x_sensor.
+
+    rotation: R (3, 3), sensor axes to body axes, from the vehicle's mounting.
+    """
+    values = item.values.copy()
+    for names in VECTORS:
+        if set(names) <= set(item.names):
+            columns = [item.names.index(name) for name in names]
+            values[:, columns] = values[:, columns] @ rotation.T
+    return replace(item, values=values)
+
+
 def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
-    """The attitude with its spans ended where it jumps without the gyro, and a sentence
-    for each jump.
+    """Return the attitude cut where it jumps without the gyro, and a note per jump.
 
     A spline through a jump would turn the vehicle in a motion that never was.
     """
-    gyro = np.stack([imu.column(name) for name in GYRO], axis=1)
-    euler = np.stack([item.column(name) for name in ATTITUDE], axis=1)
-    jumps = list(
-        zip(
-            *(array.tolist() for array in attitude_jumps(item.t_s, euler, imu.t_s, gyro)),
-            strict=True,
-        )
-    )
+    sizes = attitude_jumps(item.t_s, item.columns(*ATTITUDE), imu.t_s, imu.columns(*GYRO))
+    jumps = list(zip(*(array.tolist() for array in sizes), strict=True))
     spans = list(item.spans)
     for start, end, _ in jumps:
         spans = [
@@ -91,7 +109,7 @@ def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
     kept = tuple(
         span
         for span in spans
-        if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= FEWEST
+        if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= MIN_SAMPLES
     )
     notes = [
         f"the attitude jumps by {math.degrees(size):.0f} degrees at {start:.2f} s without the gyro;"
@@ -106,7 +124,7 @@ def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
 
 
 def common_spans(signals: Sequence[Signal]) -> list[Span]:
-    """The spans that all signals cover without a gap."""
+    """Return the spans that all signals cover without a gap."""
     spans: list[Span] = [(-np.inf, np.inf)]
     for item in signals:
         both = [
@@ -117,9 +135,7 @@ def common_spans(signals: Sequence[Signal]) -> list[Span]:
 
 
 def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
-    """The span without the ends that a slow signal does not cover, each cut by
-    `longest_s` at most.
-    """
+    """Return the span without ends, up to `longest_s`, that a slow signal leaves bare."""
     if item is None:
         return span
     first, last = float(item.t_s[0]), float(item.t_s[-1])
@@ -129,26 +145,24 @@ def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
 
 
 def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
-    """The leg's own name for a single segment, else `<leg>.1`, `<leg>.2` ..."""
+    """Return the leg's own id for a single segment, else `<leg>.1`, `<leg>.2` ..."""
     return [leg] if len(spans) == 1 else [f"{leg}.{number}" for number in range(1, len(spans) + 1)]
 
 
 def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[dict[str, object]]:
-    """Every pause of a stream that is longer than allowed, in seconds from the start of
-    the log.
-    """
-    found: list[dict[str, object]] = []
+    """Return all pauses longer than allowed, in seconds from the start of the log."""
+    pauses: list[dict[str, object]] = []
     for item in signals:
         for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):
             start, end = float(item.t_s[index]), float(item.t_s[index + 1])
-            found.append(
+            pauses.append(
                 {"stream": item.stream, "start_s": start, "end_s": end, "duration_s": end - start}
             )
-    return sorted(found, key=lambda gap: (str(gap["start_s"]), str(gap["stream"])))
+    return sorted(pauses, key=lambda gap: (str(gap["start_s"]), str(gap["stream"])))
 
 
 def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> DataError:
-    """The error for a stream that the chain cannot do without."""
+    """Return the error for a stream that the chain cannot do without."""
     reason = "has fewer than five samples of it in the leg" if logged else "has none"
     return DataError(
         f"leg '{leg['id']}' needs stream '{stream}', and log '{leg['log']}' {reason}",
@@ -160,7 +174,7 @@ def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> D
 def too_short(
     leg: Mapping[str, object], signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
 ) -> DataError:
-    """The error for a leg of which no part is covered by all sensors for long enough."""
+    """Return the error for a leg of which no part is covered for long enough."""
     cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
     return DataError(
         f"no part of leg '{leg['id']}' is covered by all sensors for {min_segment_s:g} s",

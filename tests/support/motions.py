@@ -209,9 +209,12 @@ def resampled_table(
     *,
     gravity: float = 9.80665,
     without: tuple[str, ...] = (),
+    sensor_axes: bool = False,
 ) -> pa.Table:
-    """What ideal sensors at these places read on the motion's clock. Biases act in body
-    axes; `without` names columns to leave out.
+    """Return what ideal sensors at these places read on the motion's clock.
+
+    In body axes, as `resample` gives it; `sensor_axes`: as the sensors themselves
+    report it. Biases act in body axes; `without` names columns to leave out.
     """
     euler, omega, omega_dot = motion.eta[:, 3:], motion.nu[:, 3:], motion.nu_dot[:, 3:]
     to_ned = rotation_body_to_ned(euler)
@@ -229,8 +232,8 @@ def resampled_table(
         "derivative": motion.nu_dot[:, :3],
     }[sensors.convention]
     imu, log = (
-        rotation_body_to_ned(sensors.imu_mounting),
-        rotation_body_to_ned(sensors.dvl_mounting),
+        rotation_body_to_ned(mounting) if sensor_axes else np.eye(3)
+        for mounting in (sensors.imu_mounting, sensors.dvl_mounting)
     )
     columns = {
         "t_s": motion.t_s,

@@ -17,7 +17,7 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import fuse, resample
-from auvid.stages.columns import ACCELERATION, ACCELEROMETER, POSE, VELOCITY, Array
+from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, POSE, VELOCITY, Array
 from auvid.stages.fuse import methods
 from tests.support.motions import (
     IDEAL,
@@ -54,10 +54,7 @@ def imu_samples(table: pa.Table) -> pa.Table | None:
     """Samples of the gyro on the segment's own clock, where the table has rates."""
     if "p_rad_s" not in table.column_names:
         return None
-    gyro = {
-        name: column(table, source)
-        for name, source in zip(resample.GYRO, VELOCITY[3:], strict=True)
-    }
+    gyro = {name: column(table, source) for name, source in zip(GYRO, VELOCITY[3:], strict=True)}
     return make_table(
         "samples_imu",
         {
@@ -120,7 +117,7 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     lag, sensors = 0.2, ODD
     vehicle = mounted_vehicle(sensors)
     vehicle["sensors"]["dvl"]["lag"] = {"value": lag, "unit": "s", "source": "test"}
-    dense = resampled_table(motion, sensors)
+    dense = resampled_table(motion, sensors, sensor_axes=True)
     streams = sampled(dense, lag)
     log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)
     given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
@@ -137,9 +134,10 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     assert np.abs(matrix(found.fused, VELOCITY) - truth).max() < 5e-3
 
 
-def sampled(dense: pa.Table, lag_s: float) -> dict[str, pa.Table]:
-    """Raw streams at the sensors' own rates from a dense table; the velocity is stamped
-    late.
+def sampled(dense: pa.Table, lag_s: float, *, every: int | None = None) -> dict[str, pa.Table]:
+    """Return raw streams at the sensors' own rates, or of every so many rows.
+
+    `dense` in sensor axes; the velocity is stamped late by `lag_s`.
     """
     t = column(dense, "t_s")
     names = {
@@ -153,7 +151,7 @@ def sampled(dense: pa.Table, lag_s: float) -> dict[str, pa.Table]:
     }
     streams = {}
     for stream, columns in names.items():
-        rows = np.arange(0, t.size, max(int(RATE_HZ / SAMPLES[stream]), 1))
+        rows = np.arange(0, t.size, every or max(int(RATE_HZ / SAMPLES[stream]), 1))
         time_us = np.round((t[rows] + (lag_s if stream == "velocity" else 0.0)) * 1e6).astype(
             np.int64
         )
@@ -363,13 +361,43 @@ def test_accelerometer_is_not_needed_for_kinematic(motion: Motion) -> None:
     assert run(motion, without=ACCELEROMETER).fused.num_rows == motion.t_s.size
 
 
-def test_mounting_of_the_gyro_is_not_applied_to_rates_from_the_attitude(motion: Motion) -> None:
-    sensors = replace(IDEAL, imu_mounting=np.array([0.0, 0.0, 1.0]))
-    table = resampled_table(motion, IDEAL)
-    found = fuse.run(inputs(table, sensors, gyro=False), fuse.Params(cutoff_hz=None, edge_s=0.0))
-    np.testing.assert_allclose(
-        matrix(found.fused, VELOCITY[3:]), motion.nu[:, 3:], rtol=0.0, atol=1e-7
+@pytest.mark.parametrize("mounting", ["imu_mounting", "dvl_mounting"])
+def test_views_draw_raw_and_fused_in_the_same_axes(motion: Motion, mounting: str) -> None:
+    """A sensor turned by 1 rad about z: raw minus fused, as the recording draws it, is
+    noise; in sensor axes the difference would be 0.25 rad/s and 0.6 m/s.
+    """
+    sensors = replace(IDEAL, **{mounting: np.array([0.0, 0.0, 1.0])})
+    vehicle = mounted_vehicle(sensors)
+    log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)
+    streams = sampled(resampled_table(motion, sensors, sensor_axes=True), 0.0, every=1)
+    noise = np.random.default_rng(3)
+    for stream, names in (("imu", GYRO), ("velocity", VELOCITY[:3])):
+        for name in names:
+            place = streams[stream].column_names.index(name)
+            noisy = column(streams[stream], name) + noise.normal(0.0, 1e-3, len(streams[stream]))
+            streams[stream] = streams[stream].set_column(
+                place, streams[stream].schema.field(name), pa.array(noisy)
+            )
+    cut = resample.run(
+        resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams),
+        resample.Params(smoothing="none", rate_hz=RATE_HZ),
     )
+    found = fuse.run(
+        fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log),
+        fuse.Params(cutoff_hz=3.0, edge_s=2.0, fit_gyro_bias=False),
+    )
+    tables = {"resampled": cut.resampled["one"], "fused": found.fused}
+    groups = {group["entity"]: group for group in found.views["groups"]}
+    for entity in ("state/velocity", "state/rates"):
+        raw, fused = (groups[f"{entity}/{role}"] for role in ("raw", "fused"))
+        rows = np.searchsorted(
+            column(tables[raw["table"]], "t_s"), column(tables[fused["table"]], "t_s") - 1e-9
+        )
+        difference = matrix(tables[raw["table"]], raw["columns"])[rows] - matrix(
+            tables[fused["table"]], fused["columns"]
+        )
+        # noise of 1e-3, and what the low-pass of 3 Hz takes of waves up to 0.6 Hz
+        assert np.sqrt(np.mean(difference**2, axis=0)).max() < 2e-3
 
 
 def test_biases_belong_to_their_segment() -> None:

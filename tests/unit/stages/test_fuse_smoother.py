@@ -14,7 +14,6 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages import fuse, resample
 from auvid.stages.columns import ACCELERATION, POSE_RATE, VELOCITY, named
 from auvid.stages.fuse.presentation import installation_blocks
@@ -41,7 +40,7 @@ def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fus
     `told` describes.
     """
     vehicle = mounted_vehicle(told or sensors)
-    streams = sampled(resampled_table(motion, sensors), 0.0)
+    streams = sampled(resampled_table(motion, sensors, sensor_axes=True), 0.0)
     log = log_document(
         end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention
     )
@@ -102,10 +101,9 @@ def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> Non
         found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02
     )  # m
     assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
-    assert "Velocity sensor as found to sit" in str(found.section)
-    assert "Velocity sensor as found to sit" not in str(blind.section)
-    # m/s: sway is held against the velocity log as it was found to sit, not as the
-    # vehicle file says.
+    assert "Estimated installation of the velocity sensor" in str(found.section)
+    assert "Estimated installation of the velocity sensor" not in str(blind.section)
+    # m/s: measured sway uses the estimated arm, not that of the vehicle file.
     turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
     assert found.fusion["integrated_sway_rms_m_s"] < 0.5 * turned
 
@@ -123,7 +121,7 @@ def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
     }
     warning, shown = installation_blocks(found)
     assert (
-        "does not determine the velocity sensor's arm y: the vehicle file's word stands there"
+        "does not determine the velocity sensor's arm y: the value of the vehicle file is used"
         in str(warning)
     )
     assert [row[0] for row in shown["rows"]] == ["arm x", "arm y"]
@@ -161,8 +159,7 @@ def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)
     t_s = column(track, "t_s")
     rows = np.searchsorted(motion.t_s, t_s + float(given.segment["leg_start_s"]) - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
-    mounting = vehicle_from_document(given.vehicle).dvl.rotation
-    through = matrix(track, VELOCITY[:3]) - drift @ mounting
+    through = matrix(track, VELOCITY[:3]) - drift
     water = make_table(
         "samples_water", {"t_s": t_s[samples], **named(VELOCITY[:3], through[samples])}
     )

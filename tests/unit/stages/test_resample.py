@@ -4,6 +4,7 @@ and what it refuses.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ import yaml
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages import resample
+from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
 
 VEHICLE = yaml.safe_load((Path(__file__).parents[3] / "vehicles/bluerov2_heavy.yaml").read_text())
 DVL_LAG_S = 0.15
@@ -24,6 +27,7 @@ OMEGA = 2.0 * np.pi * 0.1
 """A slow sine: far below the sample rates, so that splines follow it to their own
 accuracy.
 """
+STREAM_VELOCITY = ("time_us", *VELOCITY[:3])
 Array = np.ndarray[Any, Any]
 
 
@@ -104,13 +108,14 @@ def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
 def run(
     leg: dict[str, Any] | None = None,
     params: dict[str, Any] | None = None,
+    vehicle: Mapping[str, Any] = VEHICLE,
     **changes: pa.Table | None,
 ) -> resample.Outputs:
     info = {"start_us": START_US, "end_us": START_US + 60_000_000}
     inputs = resample.Inputs(
         leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})},
         log_info=info,
-        vehicle=VEHICLE,
+        vehicle=vehicle,
         **streams(**changes),
     )
     return resample.run(inputs, resample.Params(**(params or {})))
@@ -266,6 +271,57 @@ def test_without_a_gyro_the_attitude_gives_the_rates() -> None:
     assert "accel_x_m_s2" not in table.column_names
     assert outputs.samples_imu == {}
     assert any("no gyro" in note for note in outputs.segment["leg"]["notes"])
+
+
+MOUNTED = {
+    **VEHICLE,
+    "sensors": {
+        **VEHICLE["sensors"],
+        "imu": {"mounting": {"value": [0.0, 0.0, 1.0], "unit": "rad", "source": "test"}},
+        "dvl": {
+            **VEHICLE["sensors"]["dvl"],
+            "mounting": {"value": [np.pi, 0.0, 0.5], "unit": "rad", "source": "test"},
+        },
+    },
+}
+
+
+def test_vectors_are_turned_from_sensor_to_body_axes() -> None:
+    """Gyro and accelerometer by the mounting of the IMU, velocities by that of the DVL;
+    the table, the samples and the derivatives alike.
+    """
+    water = make_table("water_velocity", {n: velocity(times(4))[n] for n in STREAM_VELOCITY})
+    plain, turned = (
+        run({}, {"smoothing": "none"}, vehicle=vehicle, water_velocity=water)
+        for vehicle in (VEHICLE, MOUNTED)
+    )
+    rotations = {
+        key: rotation_body_to_ned(np.array(MOUNTED["sensors"][key]["mounting"]["value"]))
+        for key in ("imu", "dvl")
+    }
+    for table, key, names in (
+        ("resampled", "imu", VELOCITY[3:]),
+        ("resampled", "imu", ACCELERATION[3:]),
+        ("resampled", "imu", ACCELEROMETER),
+        ("resampled", "dvl", VELOCITY[:3]),
+        ("resampled", "dvl", ACCELERATION[:3]),
+        ("samples_imu", "imu", GYRO),
+        ("samples_imu", "imu", ACCELEROMETER),
+        ("samples_velocity", "dvl", VELOCITY[:3]),
+        ("samples_water", "dvl", VELOCITY[:3]),
+    ):
+        sensor, body = (
+            matrix(getattr(outputs, table)["leg"], names) for outputs in (plain, turned)
+        )
+        assert np.abs(body - sensor).max() > 0.01
+        np.testing.assert_allclose(body, sensor @ rotations[key].T, rtol=0.0, atol=1e-12)
+
+
+def test_mounting_of_the_gyro_does_not_turn_rates_from_the_attitude() -> None:
+    plain, turned = (
+        run(imu=None, vehicle=vehicle).resampled["leg"] for vehicle in (VEHICLE, MOUNTED)
+    )
+    assert matrix(turned, VELOCITY[3:]).tolist() == matrix(plain, VELOCITY[3:]).tolist()
 
 
 def test_without_an_accelerometer_its_columns_are_absent() -> None:
