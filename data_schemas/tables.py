@@ -18,7 +18,6 @@ import pyarrow.compute as pc
 from auvid.data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
 from auvid.data_schemas.schemas import Field, schema
 
-Array = npt.NDArray[np.float64]
 ARROW = {
     "bool": pa.bool_(),
     "int16": pa.int16(),
@@ -201,14 +200,14 @@ def numbers(values: pa.ChunkedArray) -> npt.NDArray[Any]:
     return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0, dtype)
 
 
-def column(table: pa.Table, name: str) -> Array:
+def column(table: pa.Table, name: str) -> npt.NDArray[np.float64]:
     """A numeric column as a read-only float64 array (n,); nulls become NaN."""
     values = np.asarray(numbers(table[name]), dtype=np.float64)
     values.flags.writeable = False
     return values
 
 
-def matrix(table: pa.Table, names: Sequence[str]) -> Array:
+def matrix(table: pa.Table, names: Sequence[str]) -> npt.NDArray[np.float64]:
     """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls
     become NaN.
     """

@@ -1,4 +1,4 @@
-"""The array type of this package and small batched helpers."""
+"""Array types, names of axes and velocities, and batched products of small matrices."""
 
 from __future__ import annotations
 
@@ -6,21 +6,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+Buffer = NDArray[np.uint8]
 
 AXES = ("X", "Y", "Z", "K", "M", "N")
+"""Forces and moments in body axes, as SNAME names them."""
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
+"""Linear and angular velocities in body axes, as SNAME names them."""
 
 
 def read_only(values: ArrayLike) -> Array:
-    """A float64 copy that cannot be written to."""
+    """Return a float64 copy that cannot be written to."""
     array = np.array(values, dtype=np.float64)
     array.flags.writeable = False
     return array
 
 
 def cross(a: Array, b: Array) -> Array:
-    """a x b for (..., 3) arrays that broadcast; several times faster than `np.cross` on
-    long batches.
+    """Return a x b of arrays (..., 3) that broadcast.
+
+    On long batches several times faster than `np.cross`.
     """
     a1, a2, a3 = a[..., 0], a[..., 1], a[..., 2]
     b1, b2, b3 = b[..., 0], b[..., 1], b[..., 2]
@@ -28,15 +35,13 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def matrix_product(matrix: ArrayLike, vector: ArrayLike) -> Array:
-    """Matrices (m, n), or one for each member (..., m, n), times vectors (..., n) ->
-    (..., m).
-    """
+    """Return matrices (m, n) or (..., m, n) times vectors (..., n): (..., m)."""
     left, right = np.asarray(matrix, dtype=np.float64), np.asarray(vector, dtype=np.float64)
     return np.asarray(right @ left.T if left.ndim == 2 else (left @ right[..., None])[..., 0])
 
 
 def stack_matrix(rows: list[list[Array | float]], shape: tuple[int, ...]) -> Array:
-    """Matrices (*shape, m, n) from their entries, each a scalar or an array of `shape`."""
+    """Return matrices (*shape, m, n) of entries that are scalars or have `shape`."""
     out = np.empty((*shape, len(rows), len(rows[0])))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):

@@ -8,13 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.arrays import AXES, Array
 
-Array = npt.NDArray[np.float64]
 Span = tuple[float, float]
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
@@ -36,10 +35,12 @@ ACCELERATION = (
     "q_dot_rad_s2",
     "r_dot_rad_s2",
 )
-ATTITUDE = POSE[3:]
+POSITION, ATTITUDE = POSE[:3], POSE[3:]
+LINEAR_VELOCITY = VELOCITY[:3]
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
-AXES = ("X", "Y", "Z", "K", "M", "N")
+UNIX_TIME_US = 1_000_000_000_000_000
+"""A clock beyond this (September 2001) counts from 1970; below it, from boot."""
 AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}
 
 

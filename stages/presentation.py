@@ -14,14 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.schemas import schema
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 
 Block = dict[str, Any]
 Figure = dict[str, Any]
-Array = npt.NDArray[np.float64]
 SHOWN_POINTS = 1200
-Z95 = 1.959964
-"""Standard errors from the middle to the ends of a 95 % interval."""
-AXES = ("X", "Y", "Z", "K", "M", "N")
 
 
 def section(
@@ -126,7 +124,9 @@ def figure(
     low, high = (None, None)
     if number is not None and spread is not None:
         low, high = (
-            interval if interval is not None else (number - Z95 * spread, number + Z95 * spread)
+            interval
+            if interval is not None
+            else (number - NORMAL_95 * spread, number + NORMAL_95 * spread)
         )
     return {
         "quantity": quantity,

@@ -12,6 +12,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import Control, ForceComponents, residual_force
@@ -22,12 +23,10 @@ from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import (
     ACCELERATION,
-    AXES,
     AXIS_UNITS,
     POSE,
     VELOCITY,
     VELOCITY_SD,
-    Array,
     clock,
     force_columns,
     named,

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis_rows, basis_term_names, coefficient_unit
@@ -36,7 +37,7 @@ from auvid.hydro.identification.regression.separability import breaks_symmetry, 
 from auvid.hydro.identification.regression.standard_errors import hac_fit_covariance
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, INSEPARABLE, NOT_EXCITED
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import AXES, AXIS_UNITS, VELOCITY, VELOCITY_SD, Array, forces
+from auvid.stages.columns import AXIS_UNITS, VELOCITY, VELOCITY_SD, forces
 from auvid.stages.presentation import equation, remark, section, table
 
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))

@@ -12,8 +12,9 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
+from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
-from auvid.stages.columns import Array, clock
+from auvid.stages.columns import clock
 
 BIASES = {"gyro_bias_rad_s": "gyro_rad_s", "accel_bias_m_s2": "accel_m_s2"}
 """Bias in the fusion document -> the one drawn, in the simulation document."""

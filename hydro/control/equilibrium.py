@@ -32,7 +32,7 @@ GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)
 GLIDE_PITCH_RAD, GLIDE_HEAVE_M_S = 0.2796, 0.0402
 METHODS = ("algorithm_1", "trimmed")
 ITERATIONS = 40
-UNMET, GRAVITY = 0.01, 9.81
+UNMET = 0.01
 """Share of the weight that may be missing at a trimmed instant."""
 SETTLED = 1e-6
 """Relative gain of a step below which a trim with an input at its limit is settled."""
@@ -259,7 +259,7 @@ def require_reachable(
     missing = np.sqrt(np.sum(found.residual[:, :3] ** 2, axis=1)) + np.sqrt(
         np.sum(found.residual[:, 3:] ** 2, axis=1)
     )
-    unmet = missing > UNMET * plant.neutral_kg * GRAVITY
+    unmet = missing > UNMET * plant.neutral_kg * plant.gravity
     if found.glides or unmet.mean() <= share:
         return
     span = 1e-9 * (limits.high - limits.low)

@@ -62,6 +62,9 @@ class Plant(Protocol):
     @property
     def neutral_kg(self) -> float: ...
 
+    @property
+    def gravity(self) -> float: ...
+
     def rate(
         self,
         chi: ArrayLike,
@@ -101,6 +104,10 @@ class HybridPlant:
     @property
     def neutral_kg(self) -> float:
         return self.hybrid.engine.neutral_kg
+
+    @property
+    def gravity(self) -> float:
+        return self.hybrid.vehicle.gravity
 
     def rate(
         self,
@@ -191,6 +198,10 @@ class IdentifiedPlant:
     @property
     def neutral_kg(self) -> float:
         return self.vehicle.mass_kg
+
+    @property
+    def gravity(self) -> float:
+        return self.vehicle.gravity
 
     @cached_property
     def _needs_ratio(self) -> bool:

@@ -16,22 +16,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from auvid.data_schemas.tables import make_table, matrix
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.check_truth.bounds import Bounds, checks
 from auvid.stages.check_truth.errors import Errors, Sums
 from auvid.stages.check_truth.presentation import comparison_plots, trust_section, trust_views
-from auvid.stages.columns import (
-    AXES,
-    AXIS_UNITS,
-    POSE,
-    VELOCITY,
-    Array,
-    clock,
-    force_columns,
-    forces,
-    named,
-)
+from auvid.stages.columns import AXIS_UNITS, POSE, VELOCITY, clock, force_columns, forces, named
 from auvid.stages.presentation import Block
 from auvid.stages.truth_lookup import BIASES, bias_errors, drawn_biases, true_values, truth_of
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from auvid.stages.columns import Array
+from auvid.hydro.arrays import Array
 
 ALL = "all"
 Key = tuple[str, str, str, str, str]

@@ -7,10 +7,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
 from auvid.stages.check_truth.bounds import Check
 from auvid.stages.check_truth.errors import Errors
-from auvid.stages.columns import ATTITUDE, AXES, AXIS_UNITS, VELOCITY, Array, force_columns
+from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns
 from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
 
 MODEL = "model "

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import Array
 from auvid.hydro.control.controllers import Weights
 from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
 from auvid.hydro.control.paths.paths import Curve, helix, saw_tooth
 from auvid.hydro.control.reference import ModeSwitch, Waiting
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.stages.base import Document
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

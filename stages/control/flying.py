@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import equilibrium, require_reachable
@@ -30,7 +29,6 @@ from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Document
 from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
-Array = npt.NDArray[np.float64]
 DESIGN_EVERY_S = 0.5
 """Gains are computed this often and are linear between: trajectories turn by a degree
 or two in that time.

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import Array
 from auvid.hydro.control.closed_loop import linear_response
 from auvid.hydro.control.equilibrium import METHODS, equilibrium
 from auvid.hydro.control.open_loop import OpenLoopRun, fly_open_loop
@@ -19,7 +19,6 @@ from auvid.hydro.control.paths.trajectories import trajectory_through
 from auvid.hydro.control.plants import HybridPlant
 from auvid.stages.presentation import Block, panel, plot, series, table
 
-Array = npt.NDArray[np.float64]
 FROM_S, FOR_S, STEP_S = 5.0, 60.0, 0.1
 """The recording starts when the vehicle moves: a path at rest has no direction."""
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
 from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import Inputs, Plant
 from auvid.hydro.control.riccati import STATES
@@ -19,7 +20,6 @@ from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
 from auvid.stages.presentation import Block, panel, plot, remark, series, table, text
 
-Array = npt.NDArray[np.float64]
 COLUMNS = {
     "X_thrust": "thrust_N",
     "delta_r": "rudder_rad",

@@ -21,15 +21,15 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.arrays import cross
+from auvid.hydro.arrays import Array, Mask, cross
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
 from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, Array, named
+from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, named
 from auvid.stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
-from auvid.stages.fuse.motion import FusionResult, Mask, Motion, low_pass, sensor_motion
+from auvid.stages.fuse.motion import FusionResult, Motion, low_pass, sensor_motion
 from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
 
 LEAST_EDGE_S = 0.5

@@ -8,9 +8,10 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.signals.smoother import FEWEST, SmoothedVelocity
-from auvid.stages.columns import VELOCITY, Array
+from auvid.stages.columns import VELOCITY
 
 OBSERVABLE, NOT_OBSERVABLE = "observable", "not observable"
 REASON = (

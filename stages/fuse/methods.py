@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.tables import column, has_columns, matrix
-from auvid.hydro.arrays import cross
+from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.bias import (
@@ -25,7 +25,7 @@ from auvid.hydro.identification.signals.bias import (
 from auvid.hydro.identification.signals.installation import Installation, estimate_installation
 from auvid.hydro.identification.signals.smoother import SmootherNoise, smooth_velocity
 from auvid.hydro.identification.signals.splines import derivative
-from auvid.stages.columns import ACCELEROMETER, VELOCITY, Array, rms
+from auvid.stages.columns import ACCELEROMETER, VELOCITY, rms
 from auvid.stages.fuse.current import current_document, drift, water_track, without_water_track
 from auvid.stages.fuse.motion import FusionResult, Motion, depth_below_origin, low_pass, missing
 

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.bias import gyro_bias, lever_arm_velocity
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.hydro.identification.signals.splines import derivative
-from auvid.stages.columns import ATTITUDE, VELOCITY, Array, clock
-
-Mask = npt.NDArray[np.bool_]
+from auvid.stages.columns import ATTITUDE, VELOCITY, clock
 
 
 @dataclass(frozen=True)

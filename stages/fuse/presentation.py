@@ -8,10 +8,11 @@ from typing import Any
 import pyarrow as pa
 
 from auvid.data_schemas.tables import column, has_columns
+from auvid.hydro.arrays import Array, Mask
 from auvid.stages.base import Document
-from auvid.stages.columns import ATTITUDE, VELOCITY, Array, clock, rms
+from auvid.stages.columns import ATTITUDE, VELOCITY, clock, rms
 from auvid.stages.fuse.current import NOT_OBSERVABLE
-from auvid.stages.fuse.motion import FusionResult, Mask
+from auvid.stages.fuse.motion import FusionResult
 from auvid.stages.presentation import (
     Block,
     panel,

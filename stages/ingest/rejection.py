@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED
+from auvid.hydro.arrays import Ints, Mask
 from auvid.stages.ingest.streams.mapping import Columns, Stream
 
 EMPTY = "empty or non-finite cell"
@@ -47,8 +48,6 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "fin": (-7.0, 7.0),
     "propeller_rev_s": (-1e3, 1e3),
 }
-Mask = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

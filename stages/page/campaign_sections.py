@@ -8,9 +8,9 @@ import platform
 from collections.abc import Mapping
 from typing import Any
 
+from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, section, table
 
-Document = Mapping[str, Any]
 LEGS, LAST = 89, 1000
 """Logs and legs stand before the health of the logs, behind what was found; the
 provenance is last.

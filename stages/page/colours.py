@@ -45,7 +45,7 @@ ORANGE = ("#b27800", "#e6a52a")
 SKY = ("#2a8cc4", "#7cc7f0")
 OLIVE = ("#857b00", "#ded34b")
 
-AXES: Mapping[str, Ink] = {
+AXIS_INKS: Mapping[str, Ink] = {
     **dict.fromkeys(("x", "u", "p", "phi", "k", "surge", "roll"), Ink(*VERMILLION)),
     **dict.fromkeys(("y", "v", "q", "theta", "m", "sway", "pitch"), Ink(*GREEN)),
     **dict.fromkeys(("z", "w", "r", "psi", "n", "heave", "yaw"), Ink(*BLUE)),
@@ -109,7 +109,7 @@ def ink(role: str) -> Ink:
 
 def _own(name: str) -> Ink | None:
     return next(
-        (family[name] for family in (ROLES, COMPONENTS, MODELS, AXES) if name in family), None
+        (family[name] for family in (ROLES, COMPONENTS, MODELS, AXIS_INKS) if name in family), None
     )
 
 

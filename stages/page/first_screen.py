@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-AXES = ("X", "Y", "Z", "K", "M", "N")
 AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
 Level = Literal["good", "fair", "poor"]
 

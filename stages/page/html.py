@@ -23,8 +23,9 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from auvid.stages.base import Document
 from auvid.stages.page.colours import (
-    AXES,
+    AXIS_INKS,
     COMPONENTS,
     MODELS,
     ROLES,
@@ -48,7 +49,6 @@ from auvid.stages.page.number_format import (
 )
 from auvid.stages.page.svg_plots import lay_out
 
-Document = Mapping[str, Any]
 VERDICTS = {
     "identified": "good",
     "excited": "good",
@@ -345,7 +345,7 @@ def heat(ratio: float | None) -> str:
 
 def inks(found: Mapping[str, Ink]) -> str:
     """CSS variables of all colours, on paper and on a dark screen."""
-    known = {**AXES, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **found}
+    known = {**AXIS_INKS, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **found}
     light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
     dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
     system = (

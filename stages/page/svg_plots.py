@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvid.hydro.arrays import Array
 from auvid.stages.page.colours import Ink, ink, is_model, key
 
-Array = npt.NDArray[np.float64]
 X_STEPS = 30_000
 Y_STEPS = 8_000
 PANEL_STEPS = 8_000

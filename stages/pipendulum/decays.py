@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.free_decay import (
@@ -41,7 +42,6 @@ from auvid.hydro.identification.bench.swing import (
     swing_back_period,
 )
 from auvid.stages.base import Document
-from auvid.stages.columns import Array
 from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
 from auvid.stages.presentation import Figure, figure
 

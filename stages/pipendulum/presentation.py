@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.stages.base import Document
 from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, Decayed, sensitivity
 from auvid.stages.pipendulum.recordings import ASKEW_DEG
 from auvid.stages.pipendulum.swings import Swung
 from auvid.stages.presentation import (
-    Z95,
     Block,
     equation,
     panel,
@@ -292,7 +292,7 @@ def _methods_table(item: Decayed) -> Block:
             row: list[Any] = [name, UNITS[index]]
             for method in METHODS[::-1]:
                 result = item.derivatives[item.chosen, method]
-                row += [result.values[index], Z95 * result.standard_errors[index]]
+                row += [result.values[index], NORMAL_95 * result.standard_errors[index]]
             rows.append([*row, item.point_mass.values[index]])
     heads = [
         "figure",

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import has_columns
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.bench.swing import (
     SwingAxis,
     angle_about,
@@ -25,9 +26,8 @@ from auvid.hydro.identification.bench.swing import (
 )
 from auvid.hydro.identification.signals.splines import smoothing_spline
 from auvid.stages.base import Collection, Document
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, Array, Samples, leg_window, samples_within
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, Samples, leg_window, samples_within
 
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 50
 MOST_CLIPPED_PERCENT = 80.0
 """Beyond this only the zero crossings are left. At 73 % the inertia of a swing of 40

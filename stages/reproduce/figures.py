@@ -13,16 +13,15 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,
     ATTITUDE,
-    AXES,
     AXIS_UNITS,
     POSE,
     VELOCITY,
-    Array,
     clock,
     force_columns,
     forces,

@@ -13,9 +13,10 @@ import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Document
-from auvid.stages.columns import VELOCITY, Array, clock, force_columns, forces
+from auvid.stages.columns import VELOCITY, clock, force_columns, forces
 from auvid.stages.truth_lookup import bias_errors, drawn_biases, true_values
 
 if TYPE_CHECKING:

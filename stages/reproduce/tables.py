@@ -10,9 +10,10 @@ from functools import cached_property
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
-from auvid.stages.presentation import AXES, Block, remark, table, text
+from auvid.stages.presentation import Block, remark, table, text
 from auvid.stages.reproduce.measures import Check, Found, total
 
 Cells = list[Any]

@@ -12,9 +12,10 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.signal_checks import attitude_jumps
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, VELOCITY, Array, Span
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, VELOCITY, Span
 
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 """Streams whose gaps split a leg. The battery changes slowly and does not, it only

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
 from auvid.hydro.identification.signals.resampling import (
     linear,
@@ -29,7 +30,6 @@ from auvid.stages.columns import (
     GYRO,
     POSE_RATE,
     VELOCITY,
-    Array,
     Span,
     named,
 )

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
 from auvid.hydro.identification.bench.single_channel import (
@@ -26,7 +27,6 @@ from auvid.hydro.identification.bench.single_channel import (
     Symbols,
     symbols,
 )
-from auvid.stages.columns import Array
 from auvid.stages.presentation import Figure, figure
 from auvid.stages.rlse.run_of_leg import LegRun
 

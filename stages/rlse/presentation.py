@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, WINDOWS
 from auvid.hydro.identification.bench.single_channel import (
     CHANNELS,
@@ -350,7 +351,7 @@ def _history_plot(found: LegRun, estimate: ChannelEstimate, rate: float) -> Bloc
     for index, (_, label, unit) in enumerate(_quantities(found, "linear and quadratic")):
         if fit.standard_errors[index] == 0.0:  # not in this damping model, or not determined
             continue
-        value, spread = recursive.values[rows, index], 1.959964 * recursive.spread[rows, index]
+        value, spread = recursive.values[rows, index], NORMAL_95 * recursive.spread[rows, index]
         lines = [
             series("recursive", t[rows], value, "fused"),
             series("95 % low", t[rows], value - spread, "band"),

@@ -13,7 +13,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns
-from auvid.hydro.arrays import cross
+from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -22,9 +22,8 @@ from auvid.hydro.identification.bench.single_channel import CHANNELS, ChannelRun
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.splines import smoothing_spline
-from auvid.stages.columns import ATTITUDE, VELOCITY, Array, Samples, samples_within, span_text
+from auvid.stages.columns import ATTITUDE, GYRO, VELOCITY, Samples, samples_within, span_text
 
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 FEWEST = 20
 NEUTRAL_AFTER_S = 1e-9
 NO_FORCE = 1e-9

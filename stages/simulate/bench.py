@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -38,13 +37,13 @@ from auvid.hydro.dynamics.simulation.sensor_models import (
 )
 from auvid.hydro.dynamics.simulation.simulation import Motion, constant_inputs
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
-from auvid.stages.columns import POSE, VELOCITY, named
+from auvid.stages.base import Document
+from auvid.stages.columns import GYRO, POSE, VELOCITY, named
 from auvid.stages.simulate.bench_plans import OUTPUTS, BenchPlan, Experiment, output_of
 from auvid.stages.simulate.flights import DEPTH, IMU, random_of
 from auvid.stages.simulate.flights import VELOCITY as DVL
-from auvid.stages.simulate.sensing import ACCEL, BOOT_US, GYRO, Recorded, sample_times, wrapped
+from auvid.stages.simulate.sensing import ACCEL, BOOT_US, Recorded, sample_times, wrapped
 
-Document = Mapping[str, Any]
 LOOK_S = 0.1
 DOFS = ("surge", "sway", "heave")
 

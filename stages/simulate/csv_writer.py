@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.simulation.sensor_models import without_gravity
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.columns import POSE, VELOCITY, Array
+from auvid.stages.columns import GYRO, POSE, VELOCITY
 from auvid.stages.simulate.bench_plans import OUTPUTS
 from auvid.stages.simulate.plans import csv_name
-from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, GYRO, Recorded
+from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, Recorded
 
 TIME = "time_s"
 PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {

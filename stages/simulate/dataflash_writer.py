@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats.dataflash import FMT, MAGIC, Definition, define
+from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
 from auvid.stages.simulate.sensing import BOOT_US, Recorded
 
 UNITS = {
@@ -34,8 +35,7 @@ UNITS = {
     "Y": "us",
 }
 MULTIPLIERS = {"-": 0.0, "0": 1.0, "F": 1e-6, "C": 1e-3, "B": 1e-2}
-FRESH_WATER_PA_M = 1000.0 * 9.80665
-STANDARD_PRESSURE_PA = 101_325.0
+FRESH_WATER_PA_M = FRESH_WATER_KG_M3 * STANDARD_GRAVITY
 
 UNIT = define(117, "UNIT", "QbZ", "TimeUS,Id,Label")
 MULT = define(118, "MULT", "Qbd", "TimeUS,Id,Mult")

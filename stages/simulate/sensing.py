@@ -13,10 +13,11 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
-from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, Array, force_columns, named
+from auvid.stages.columns import ACCELERATION, GYRO, POSE, VELOCITY, force_columns, named
 from auvid.stages.simulate.flights import DEPTH, IMU, FlownLeg, random_of
 from auvid.stages.simulate.flights import VELOCITY as DVL
 from auvid.stages.simulate.plans import Plan
@@ -26,7 +27,6 @@ BOOT_US = 10_000_000
 PHASE_MS = {"imu": 3, "velocity": 107, "depth": 41, "actuators": 0}
 """When each sensor first reports, after the start of the log."""
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 Times = npt.NDArray[np.int64]
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M, STANDARD_PRESSURE_PA
+from auvid.hydro.constants import STANDARD_PRESSURE_PA
+from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M
 from auvid.stages.simulate.sensing import BOOT_US, FINS, Recorded
 
 UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do

@@ -18,22 +18,14 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
 from auvid.hydro.identification.regression.error_measures import ErrorAccumulator
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import (
-    AXES,
-    AXIS_UNITS,
-    VELOCITY,
-    Array,
-    clock,
-    force_columns,
-    forces,
-    named,
-)
+from auvid.stages.columns import AXIS_UNITS, VELOCITY, clock, force_columns, forces, named
 from auvid.stages.presentation import panel, plot, remark, section, series
 from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
 from auvid.stages.validate.tables import (

@@ -11,11 +11,12 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import has_columns, make_table, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.columns import ATTITUDE, POSE, VELOCITY, Array, clock
+from auvid.stages.columns import ATTITUDE, POSE, VELOCITY, clock
 from auvid.stages.presentation import Block, remark, table
 
 FASTEST_HZ = 50.0

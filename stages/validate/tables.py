@@ -12,13 +12,14 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.identification.regression.error_measures import (
     TOTAL,
     ErrorAccumulator,
     ErrorMeasures,
 )
 from auvid.stages.base import Document
-from auvid.stages.columns import AXES, AXIS_UNITS, Array
+from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.presentation import remark, table
 
 USES = ("validation", "training")

@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from auvid.hydro.arrays import AXES
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.execution.engines import Serial
-from auvid.stages.columns import AXES
 
 ROOT = Path(__file__).parents[2]
 CAMPAIGNS = ("bluerov2_dvl", "bluerov2_dvl_csv")

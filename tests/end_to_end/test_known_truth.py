@@ -11,10 +11,11 @@ import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.models import MODELS, IdentifiedModel, model_named
 from auvid.stages import residual, synthesise, validate
 from auvid.stages.base import collection
-from auvid.stages.columns import AXES, forces
+from auvid.stages.columns import forces
 from tests.support.motions import (
     driven_by,
     fused_table,

@@ -15,6 +15,7 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
@@ -25,7 +26,7 @@ from auvid.pipeline import cli
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.execution import engines
 from auvid.stages import simulate
-from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, Array, force_columns
+from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns
 from auvid.stages.simulate.flights import refit
 from auvid.stages.simulate.plans import plan_from_document
 from tests.support.pictures import assert_pictured

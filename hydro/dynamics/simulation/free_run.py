@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Index
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import (
@@ -26,7 +26,6 @@ from auvid.hydro.dynamics.viscous.basis import (
 )
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel, coefficient_matrix
 
-Index = NDArray[np.intp]
 SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
 """Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours
 comes near them.

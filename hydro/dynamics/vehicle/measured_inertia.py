@@ -8,7 +8,7 @@ from typing import Any
 
 from auvid.hydro.dynamics.quantities import Quantities
 
-AXES = ("I_x", "I_y", "I_z")
+INERTIAS = ("I_x", "I_y", "I_z")
 
 
 def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]) -> dict[str, Any]:
@@ -24,8 +24,8 @@ def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]
     arm = body.array("centre_of_gravity", "m", shape=(3,))
     matrix = body.array("inertia", "kg*m^2", shape=(3, 3)).tolist()
     read = Quantities(inertia)
-    measured = [name for name in AXES if name in read]
-    for index, name in enumerate(AXES):
+    measured = [name for name in INERTIAS if name in read]
+    for index, name in enumerate(INERTIAS):
         if name in measured:
             matrix[index][index] = read.number(name, "kg*m^2") + body.number("mass", "kg") * float(
                 arm @ arm - arm[index] ** 2
@@ -33,9 +33,9 @@ def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]
     out = copy.deepcopy(dict(vehicle))
     old = out["rigid_body"]["inertia"]
     source = f"{', '.join(measured)}: {inertia['source']}"
-    if len(measured) < len(AXES):
+    if len(measured) < len(INERTIAS):
         source += f"; the rest: {old['source']}"
     out["rigid_body"]["inertia"] = {**old, "value": matrix, "unit": "kg*m^2", "source": source}
-    if len(measured) == len(AXES):
+    if len(measured) == len(INERTIAS):
         out["rigid_body"]["inertia"].pop("assumed", None)
     return out

@@ -16,11 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Index
 from auvid.hydro.identification.regression.standard_errors import stationary_covariance
 
 LONGEST_STEP_S = 0.02
@@ -33,7 +32,6 @@ wander on, and its errors say so.
 """
 DIVERGED = 1e6
 """Error of a run that diverged, in parts of its sensor's noise."""
-Index = NDArray[np.intp]
 Model = Callable[[Array], tuple[Array, Array]]
 """Parameters (p,) -> coefficients c0 .. c4 (5,) and their derivatives (5, p)."""
 

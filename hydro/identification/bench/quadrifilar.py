@@ -9,6 +9,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 
 LARGE_RAD, NODES = np.pi / 4.0, 400
 
@@ -23,7 +24,7 @@ class Estimate:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval."""
-        half = 1.959964 * self.standard_error
+        half = NORMAL_95 * self.standard_error
         return self.value - half, self.value + half
 
 

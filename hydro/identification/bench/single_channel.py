@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.output_error import (
-    Index,
     Model,
     Nuisance,
     OutputErrorFit,
@@ -152,7 +152,7 @@ class ChannelFit:
     @property
     def mass_interval(self) -> tuple[float, float]:
         """95 % interval of M, symmetric in its logarithm: M stays positive."""
-        width = 1.959964 * float(self.standard_errors[0] / self.values[0])
+        width = NORMAL_95 * float(self.standard_errors[0] / self.values[0])
         return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
 
     def normalised(self) -> tuple[Array, Array]:

@@ -17,11 +17,11 @@ from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.hydro.arrays import Array, cross
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned
 from auvid.hydro.identification.regression.standard_errors import hac_covariance
 from auvid.hydro.identification.signals.resampling import interpolate_rotation, unwrap_angles
 
-GRAVITY = 9.80665
 WALK_SAMPLES = 16
 """Fewer samples give no estimate of a random walk."""
 CONVENTIONS = ("specific_force", "inertial", "derivative")
@@ -188,7 +188,7 @@ def inertial_acceleration(
     omega_dot: ArrayLike,
     velocity: ArrayLike,
     arm: ArrayLike = (0.0, 0.0, 0.0),
-    gravity: float = GRAVITY,
+    gravity: float = STANDARD_GRAVITY,
 ) -> Array:
     """f = v_dot + omega x v of the body origin [m/s^2] from what an accelerometer at
     `arm` (3,) [m] reports, all series (n, 3).

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, cross
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned, skew
 from auvid.hydro.identification.signals.splines import smoothing_spline
 
@@ -66,7 +67,7 @@ class SmootherNoise:
     tilt_error_rad: float = 1e-3
     tilt_time_s: float = 30.0
     bias: float = 0.5
-    gravity: float = 9.80665
+    gravity: float = STANDARD_GRAVITY
     water: Array | None = None
     current_walk: float = 0.0
 

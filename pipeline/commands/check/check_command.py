@@ -27,7 +27,8 @@ from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.store.atomic_files import contents, readable, write_atomically
 from auvid.stages import KINDS, ingest
 from auvid.stages.base import Document, RawFile, RawLog
-from auvid.stages.ingest.health.finding import GYRO, Recorded
+from auvid.stages.columns import GYRO
+from auvid.stages.ingest.health.finding import Recorded
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.simulate.csv_writer import column_maps
 

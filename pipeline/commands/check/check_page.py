@@ -15,6 +15,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from auvid.hydro.arrays import VELOCITIES
 from auvid.pipeline.terminal import plain, plain_lines
 from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
-AXES = ("u", "v", "w", "p", "q", "r")
 
 
 def show(pages: Sequence[Page]) -> None:
@@ -162,7 +162,7 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
             plain("; ".join(said) + (f"; and so not {follows}" if follows else "")),
         )
     parts: list[Any] = [("motion RMS: ", "dim")]
-    for axis in AXES:
+    for axis in VELOCITIES:
         item = health["excitation"][axis]
         value = "-" if item["rms"] is None else f"{item['rms']:.3g}"
         parts += [
@@ -215,5 +215,5 @@ def html(pages: Sequence[Page], aligned: Alignment | None = None) -> str:
     environment.filters["plain_lines"] = plain_lines
     source = (resources.files(__package__) / "check_page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source).render(
-        pages=pages, axes=AXES, alignment=aligned and alignment_text(aligned)
+        pages=pages, axes=VELOCITIES, alignment=aligned and alignment_text(aligned)
     )

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.diff.diff_operands import Loaded, common, load
 from auvid.pipeline.commands.inspect import inspect_command as inspection
@@ -20,7 +22,6 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.terminal import plain
-from auvid.stages.columns import AXES
 from auvid.stages.report.difference.signals import (
     FigureChange,
     Pair,
@@ -313,7 +314,9 @@ def _n(value: float | None, form: str = ".6g") -> str:
 
 
 def _pm(value: float | None, error: float | None) -> str:
-    return _n(value, ".5g") + ("" if value is None or error is None else f" ± {1.96 * error:.2g}")
+    return _n(value, ".5g") + (
+        "" if value is None or error is None else f" ± {NORMAL_95 * error:.2g}"
+    )
 
 
 def _percent(old: float | None, new: float | None) -> str:

@@ -9,12 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
-
-Array = npt.NDArray[np.float64]
 
 SEED, RATE_HZ, DURATION_S, HOLD_S = 7, 10.0, 90.0, 3.0
 LINEAR = np.array([-8.0, -14.0, -18.0, -0.6, -0.6, -0.9])

@@ -13,16 +13,12 @@ import pyarrow as pa
 
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.tables import column, matrix
+from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
+from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.streams.mapping import OtherSource
 
-Array = npt.NDArray[np.float64]
 Finding = dict[str, Any]
-GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
-ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
-ATTITUDE = ("phi_rad", "theta_rad", "psi_rad")
-VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
-POSITION = ("x_m", "y_m", "z_m")
 ON_CHANGE = ("mode", "events")
 UNDER_WATER = re.compile(r"ArduSub")
 ELSEWHERE = re.compile(

@@ -8,15 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.data_schemas.streams import STREAMS
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.signal_checks import clock_statistics, flat_top, repeats
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import (
-    ACCELEROMETER,
-    ATTITUDE,
-    GYRO,
     ON_CHANGE,
-    POSITION,
-    VELOCITY,
-    Array,
     Finding,
     Recorded,
     counted,
@@ -35,7 +31,7 @@ GAP_STEPS = 3.0
 MOTION = {
     "imu": GYRO,
     "attitude": ATTITUDE,
-    "velocity": VELOCITY,
+    "velocity": LINEAR_VELOCITY,
     "position": POSITION,
     "depth": ("depth_m",),
 }

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.signals.signal_checks import (
     Following,
     RateAgreement,
@@ -18,11 +20,8 @@ from auvid.hydro.identification.signals.signal_checks import (
     gravity,
     rate_agreement,
 )
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
-    ATTITUDE,
-    GYRO,
-    VELOCITY,
-    Array,
     Finding,
     Recorded,
     counted,
@@ -38,13 +37,12 @@ SMALLEST_TURN_RAD_S = 0.03
 and nothing is compared.
 """
 SMALLEST_MOVE_M_S = 0.03
-GRAVITY_M_S2 = 9.81
-UNITS_PER_MS2 = {"specific_force": GRAVITY_M_S2, "inertial": 0.0, "derivative": 0.0}
+UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
 ESTIMATED = re.compile(
     r"estimate of the navigation filter|relative altitude of the navigation filter"
 )
-AXES = "xyz"
+SENSOR_AXES = "xyz"
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
 """Where the gyro itself is wrong, turns that it does not show are no jumps of the
 attitude.
@@ -100,7 +98,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
     largest = int(np.argmax(np.abs(found.bias)))
     if abs(found.bias[largest]) > limit("gyro_bias"):
         text = (
-            f"Gyro {AXES[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
+            f"Gyro {SENSOR_AXES[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
             " turns (median)."
         )
         yield finding("gyro_bias", text, stream="imu", value=float(abs(found.bias[largest])))
@@ -110,7 +108,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
         best = int(np.argmax(np.abs(found.correlation[axis])))
         if own < limit("gyro_sign"):
             text = (
-                f"Gyro {AXES[axis]} turns against {RATES[axis]} of the attitude (correlation"
+                f"Gyro {SENSOR_AXES[axis]} turns against {RATES[axis]} of the attitude (correlation"
                 f" {own:.2f})."
             )
             yield finding("gyro_sign", text, stream="imu", value=own)
@@ -118,15 +116,15 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
             limit("gyro_axes"), abs(own) + 0.3
         ):
             text = (
-                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {AXES[best]} and"
-                f" not by gyro {AXES[axis]}."
+                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {SENSOR_AXES[best]} and"
+                f" not by gyro {SENSOR_AXES[axis]}."
             )
             yield finding(
                 "gyro_axes", text, stream="imu", value=float(abs(found.correlation[axis, best]))
             )
         elif own < limit("gyro_disagrees"):
             text = (
-                f"Gyro {AXES[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
+                f"Gyro {SENSOR_AXES[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
                 f" {own:.2f})."
             )
             yield finding("gyro_disagrees", text, stream="imu", value=own)
@@ -135,7 +133,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
             off = float(found.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
                 text = (
-                    f"Gyro {AXES[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
+                    f"Gyro {SENSOR_AXES[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
                     " the attitude."
                 )
                 yield finding("gyro_scale", text, stream="imu", value=off)
@@ -164,18 +162,20 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
     ).get("accelerometer")
     if abs(size - 1.0) < limit("accelerometer_unit"):
         text = (
-            f"The accelerometer reads {size:.3f} (median length) and not {GRAVITY_M_S2}: it is"
+            f"The accelerometer reads {size:.3f} (median length) and not {STANDARD_GRAVITY:.2f}: it is"
             " in g."
         )
         yield finding("accelerometer_unit", text, stream="imu", value=size)
-    elif abs(size - UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)) > limit("accelerometer_convention"):
-        expected = UNITS_PER_MS2.get(str(said), GRAVITY_M_S2)
+    elif abs(size - UNITS_PER_MS2.get(str(said), STANDARD_GRAVITY)) > limit(
+        "accelerometer_convention"
+    ):
+        expected = UNITS_PER_MS2.get(str(said), STANDARD_GRAVITY)
         text = (
             f"The accelerometer reads {size:.2f} m/s^2 (median length); {said or 'specific_force'}"
             f" at rest is {expected:g}."
         )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
-    if size > GRAVITY_M_S2 / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
+    if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         yield from _direction(log, accelerometer, found.angle)
 
 
@@ -338,7 +338,7 @@ def _spread(values: Array) -> float:
 
 
 def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
-    at, velocity = log.t_s("velocity"), log.values("velocity", VELOCITY)
+    at, velocity = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)
     angles = log.values("attitude", ATTITUDE)
     phi, theta = (np.interp(at, log.t_s("attitude"), angles[:, axis]) for axis in range(2))
     down = -np.sin(theta) * velocity[:, 0] + np.cos(theta) * (
@@ -386,12 +386,16 @@ def velocity_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def _other_velocities(log: Recorded) -> Iterator[Finding]:
-    used, t_s, own = log.source("velocity"), log.t_s("velocity"), log.values("velocity", VELOCITY)
+    used, t_s, own = (
+        log.source("velocity"),
+        log.t_s("velocity"),
+        log.values("velocity", LINEAR_VELOCITY),
+    )
     for other in _comparable(log, "velocity"):
         assert other.columns is not None
         at = log.seconds(other.columns["time_us"])
         against = []
-        for axis, name in enumerate(VELOCITY):
+        for axis, name in enumerate(LINEAR_VELOCITY):
             values = other.columns[name]
             if min(_spread(own[:, axis]), _spread(values)) < SMALLEST_MOVE_M_S:
                 continue

@@ -13,7 +13,7 @@ from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_ex
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import Finding, Recorded, finding, limit, listed, number
-from auvid.stages.ingest.health.vehicle import AXES, activity, motions
+from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 SHORTEST_DRIVEN_S = 20.0
@@ -52,7 +52,7 @@ def excitation(
     """
     found = motions(log)
     result = {}
-    for axis in AXES:
+    for axis in MOTION_WORDS:
         empty = {"rms": None, "low": None, "high": None, "share_beyond": None}
         about = {"threshold": THRESHOLDS[axis], "unit": UNITS[axis]}
         at, values, source = found.get(axis, (np.zeros(0), np.zeros(0), "not measured"))
@@ -82,7 +82,9 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
         if item["rms"] is not None and not item["excited"]
     ]
     if still:
-        said = [f"{AXES[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still]
+        said = [
+            f"{MOTION_WORDS[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still
+        ]
         text = f"Hardly any motion in {listed(said)} (RMS; threshold {limit('not_excited'):g})."
         yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
 
@@ -115,7 +117,7 @@ def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> lis
         if residual is not None or driven_s(log) >= SHORTEST_DRIVEN_S
         else f"outputs act for {driven_s(log):.1f} s only"
     )
-    for axis, name in AXES.items():
+    for axis, name in MOTION_WORDS.items():
         item = excited[axis]
         motion = short
         if item["rms"] is None:
@@ -191,7 +193,9 @@ def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
                 "covered_s": longest_common_s(log, (start, min(end, length))) if inside else 0.0,
                 "active_share": active,
                 "rms": {axis: item["rms"] for axis, item in excited.items()},
-                "excited": [AXES[axis] for axis, item in excited.items() if item["excited"]],
+                "excited": [
+                    MOTION_WORDS[axis] for axis, item in excited.items() if item["excited"]
+                ],
             }
         )
     return rows

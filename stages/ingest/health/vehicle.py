@@ -8,13 +8,11 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.signals.signal_checks import clock_statistics, response_lag
+from auvid.stages.columns import GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
-    GYRO,
-    VELOCITY,
-    Array,
     Finding,
     Recorded,
     finding,
@@ -23,7 +21,6 @@ from auvid.stages.ingest.health.finding import (
     percent,
 )
 
-Mask = npt.NDArray[np.bool_]
 NEUTRAL_US = 1500.0
 PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0
@@ -39,7 +36,7 @@ RECUT = "read although a router cut trailing zeros"
 NUMBERS = re.compile(r"(\d+) [A-Z]")
 CHECKSUM = re.compile(r"wrong checksum")
 NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
-AXES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
+MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
 def missing_findings(log: Recorded) -> Iterator[Finding]:
@@ -205,7 +202,7 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
     """
     found: dict[str, tuple[Array, Array, str]] = {}
     if log.has("velocity"):
-        for axis, name in zip("uvw", VELOCITY, strict=True):
+        for axis, name in zip("uvw", LINEAR_VELOCITY, strict=True):
             found[axis] = (
                 log.t_s("velocity"),
                 log.column("velocity", name),
@@ -262,7 +259,10 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
             else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
         )
         said.append(
-            (found.explained, f"{AXES[axis]} {how}, {percent(round(found.explained, 2))} explained")
+            (
+                found.explained,
+                f"{MOTION_WORDS[axis]} {how}, {percent(round(found.explained, 2))} explained",
+            )
         )
     if said:
         text = f"Motion against outputs: {'; '.join(words for _, words in said)}."

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvid.hydro.arrays import Array, Ints
+from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.streams.flight_modes import mode_name
 from auvid.stages.ingest.streams.mapping import Columns, Rules
@@ -29,9 +31,6 @@ LEAP_SECONDS = (
     (1_341_100_800, 16),
     (0, 15),
 )  # GPS minus UTC [s] since a Unix time (IERS C)
-UNIX_US = 1 << 50  # a clock beyond it counts from 1970: no autopilot runs for 35 years
-Ints = npt.NDArray[np.int64]
-Array = npt.NDArray[np.float64]
 
 
 def clock(messages: Messages, log: DecodedLog) -> Ints | None:
@@ -322,7 +321,7 @@ def utc_offset_us(log: DecodedLog) -> int | None:
     )
     if time_us is None or not good.any():
         return None
-    if np.median(time_us[good]) > UNIX_US:
+    if np.median(time_us[good]) > UNIX_TIME_US:
         return 0
     gps_us = (
         GPS_EPOCH_US + week[good].astype(np.int64) * WEEK_US + of_week[good].astype(np.int64) * 1000

@@ -5,8 +5,10 @@ pressure to depth, cells of the battery, modes.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
+from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.streams.dataflash import (
     PWM_OUTPUTS,
@@ -20,21 +22,16 @@ from auvid.stages.ingest.streams.flight_modes import mode_name
 from auvid.stages.ingest.streams.mapping import Columns, Rules, rate_hz
 
 WRAP_US = 1 << 32  # ArduPilot's servo time stamp has 32 bits: it starts again after 71.6 minutes
-UNIX_US = 1_000_000_000_000_000  # own time stamps beyond this (2001) count from 1970, not from boot
 RESTART_US = -2_000_000
 BLOCKS = 40
 DRIFT_SPAN_US = 60_000_000
 SLOWEST_HZ = 10.0
-STANDARD_PRESSURE_PA = 101_325.0
-GRAVITY = 9.80665
 UNUSED_CELL = 65535
 ARMED_BIT = 128
 VELOCITY_HORIZONTAL, CONSTANT_POSITION = 2, 128  # EKF_STATUS_FLAGS
 SMALLEST_CHANGE_M = 0.02
 TWIN_ARRAY_ID = 2759
 TWIN_ARRAY = ("propeller_rev_s", "fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
-Ints = npt.NDArray[np.int64]
-Array = npt.NDArray[np.float64]
 
 
 def own_time_us(messages: Messages) -> Ints | None:
@@ -128,7 +125,7 @@ def clock(messages: Messages, log: DecodedLog) -> Ints | None:
     own = own_time_us(messages)
     if own is None:
         return arrived
-    if own.max() >= UNIX_US or not _of_autopilot(messages, log):
+    if own.max() >= UNIX_TIME_US or not _of_autopilot(messages, log):
         return own + int(np.median(arrived - own))
     if (
         messages.columns.get("time_usec") is not None
@@ -262,7 +259,8 @@ def pressure_depth(messages: Messages, log: DecodedLog) -> Columns:
     )
     pressure = floats(messages, "press_abs") * 100.0
     return {
-        "depth_m": (pressure - (surface or STANDARD_PRESSURE_PA)) / (1000.0 * gravity * GRAVITY)
+        "depth_m": (pressure - (surface or STANDARD_PRESSURE_PA))
+        / (FRESH_WATER_KG_M3 * gravity * STANDARD_GRAVITY)
     }
 
 
@@ -337,7 +335,7 @@ def utc_offset_us(log: DecodedLog) -> int | None:
     known = log.messages.get("SYSTEM_TIME")
     if known is not None and len(known):
         unix = np.asarray(known.columns["time_unix_usec"]).astype(np.int64)
-        set_rows = unix > UNIX_US
+        set_rows = unix > UNIX_TIME_US
         if set_rows.any():
             boot = np.asarray(known.columns["time_boot_ms"]).astype(np.int64) * 1000
             return int(np.median((unix - boot)[set_rows]))

@@ -5,8 +5,10 @@ frame, pressure to depth, modes.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
+from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.streams.dataflash import (
     PWM_OUTPUTS,
@@ -18,15 +20,12 @@ from auvid.stages.ingest.streams.dataflash import (
 )
 from auvid.stages.ingest.streams.flight_modes import px4_mode
 from auvid.stages.ingest.streams.mapping import Columns, Rules
-from auvid.stages.ingest.streams.tlog import GRAVITY, STANDARD_PRESSURE_PA, euler_from_quaternion
+from auvid.stages.ingest.streams.tlog import euler_from_quaternion
 
 NED, BODY_FRD = 1, 3  # vehicle_odometry.velocity_frame
 ARMED = 2  # vehicle_status.arming_state
 HIGHEST_HPA = 20_000.0  # pressures below this are hectopascal: PX4 changed to pascal in 2022
 RANGE_STEP_PA = 2000.0
-UNIX_US = 1_000_000_000_000_000
-Ints = npt.NDArray[np.int64]
-Array = npt.NDArray[np.float64]
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
 
 
@@ -119,7 +118,10 @@ def pressure_pa(messages: Messages) -> Array:
 
 def pressure_depth(messages: Messages, log: DecodedLog) -> Columns:
     """Depth in m: (p - 1013.25 hPa) / (1000 kg/m3 g)."""
-    return {"depth_m": (pressure_pa(messages) - STANDARD_PRESSURE_PA) / (1000.0 * GRAVITY)}
+    return {
+        "depth_m": (pressure_pa(messages) - STANDARD_PRESSURE_PA)
+        / (FRESH_WATER_KG_M3 * STANDARD_GRAVITY)
+    }
 
 
 def submerged(messages: Messages, log: DecodedLog) -> float:
@@ -168,7 +170,7 @@ def utc_offset_us(log: DecodedLog) -> int | None:
         fix = log.messages.get(name)
         if fix is not None and "time_utc_usec" in fix.columns:
             unix = np.asarray(fix.columns["time_utc_usec"]).astype(np.int64)
-            known = unix > UNIX_US
+            known = unix > UNIX_TIME_US
             if known.any():
                 return int(
                     np.median((unix - np.asarray(fix.columns["timestamp"]).astype(np.int64))[known])

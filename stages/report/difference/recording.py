@@ -10,7 +10,8 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from auvid.stages.page.colours import AXES, ROLES, Ink, ink
+from auvid.hydro.arrays import Array
+from auvid.stages.page.colours import AXIS_INKS, ROLES, Ink, ink
 from auvid.stages.page.number_format import visible
 from auvid.stages.report.difference.signals import FORCE, MODEL, Pair, Side, Signals
 from auvid.stages.report.recording.blueprint import (
@@ -24,7 +25,7 @@ from auvid.stages.report.recording.blueprint import (
     time_plot,
 )
 from auvid.stages.report.recording.recording import make_clock
-from auvid.stages.report.recording.rerun_stream import Array, Recording
+from auvid.stages.report.recording.rerun_stream import Recording
 
 FIRST, SECOND = ROLES["first"], ROLES["second"]
 
@@ -99,7 +100,7 @@ def _label(side: Side, drawn: Signals, place: int) -> str:
 
 
 def _difference_ink(name: str) -> Ink:
-    return AXES.get(name.lower(), ink("difference"))
+    return AXIS_INKS.get(name.lower(), ink("difference"))
 
 
 def _send(

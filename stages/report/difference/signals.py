@@ -11,17 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from auvid.data_schemas.tables import column, has_columns, matrix
-from auvid.stages.columns import ATTITUDE, AXES, AXIS_UNITS, VELOCITY, force_columns, rms
-from auvid.stages.report.recording.rerun_stream import Array
+from auvid.hydro.arrays import AXES, Array
+from auvid.stages.base import Document
+from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns, rms
 
-Document = Mapping[str, Any]
 STATE = (*VELOCITY, "z_m", *ATTITUDE)
 UNITS = {"m_s": "m/s", "rad_s": "rad/s", "m": "m", "rad": "rad", "N": "N", "N_m": "N m"}
 SAME_CLOCK_S = 1e-6

@@ -14,11 +14,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from auvid.data_schemas.errors import DataError, nearest
+from auvid.hydro.arrays import Array
+from auvid.stages.base import Document
 from auvid.stages.page.colours import is_model
 from auvid.stages.page.number_format import visible
-from auvid.stages.report.recording.rerun_stream import TIMELINE, Array
+from auvid.stages.report.recording.rerun_stream import TIMELINE
 
-Document = Mapping[str, Any]
 Owned = tuple[str, Document]
 """A group of series and the stage/item whose view it is."""
 

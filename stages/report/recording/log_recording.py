@@ -21,14 +21,15 @@ import rerun.blueprint as rrb
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.stages.base import Document
 from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
 from auvid.stages.page.number_format import visible
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
 from auvid.stages.report.recording.recording import line_inks
-from auvid.stages.report.recording.rerun_stream import Array, Recording
+from auvid.stages.report.recording.rerun_stream import Recording
 
-Document = Mapping[str, Any]
 TABS: Mapping[str, tuple[str, ...]] = {
     "Motion": ("velocity", "attitude", "imu"),
     "Place": ("depth", "position", "range"),

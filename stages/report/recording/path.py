@@ -5,19 +5,19 @@ force that acts on it, and forces along the path.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.stages.base import Document
 from auvid.stages.page.colours import ROLES
 from auvid.stages.page.number_format import visible
-from auvid.stages.report.recording.rerun_stream import TIMELINE, Array, Recording
+from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
 
-Document = Mapping[str, Any]
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 FORCE = ("tau_bar_X_N", "tau_bar_Y_N", "tau_bar_Z_N")
 BODY_HALF_SIZE_M = (0.4, 0.15, 0.15)

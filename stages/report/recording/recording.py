@@ -12,7 +12,6 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,8 +20,10 @@ import rerun as rr
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import Array
+from auvid.stages.base import Document
 from auvid.stages.page.colours import (
-    AXES,
+    AXIS_INKS,
     ROLES,
     Ink,
     distinct,
@@ -46,10 +47,9 @@ from auvid.stages.report.recording.blueprint import (
 )
 from auvid.stages.report.recording.flights import send_flights
 from auvid.stages.report.recording.path import send_paths
-from auvid.stages.report.recording.rerun_stream import Array, Recording
+from auvid.stages.report.recording.rerun_stream import Recording
 from auvid.stages.report.recording.text import markdown, stage_texts
 
-Document = Mapping[str, Any]
 LOG_GAP_S = 10.0
 MODELS_SHOWN = 3
 TABLES_KEPT = 4
@@ -362,9 +362,11 @@ def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
     if len(set(roles)) != 1 or len(names) == 1:
         found_of = inks_of(roles)
         return [found_of[key(role)] for role in roles]
-    axes = [next((word for word in key(name).split("_") if word in AXES), None) for name in names]
+    axes = [
+        next((word for word in key(name).split("_") if word in AXIS_INKS), None) for name in names
+    ]
     known = len(set(axes)) == len(axes) and None not in axes
-    found = [AXES[str(axis)] for axis in axes] if known else list(distinct(names).values())
+    found = [AXIS_INKS[str(axis)] for axis in axes] if known else list(distinct(names).values())
     return [Ink(item.light, item.dark, width=ink(roles[0]).width) for item in found]
 
 

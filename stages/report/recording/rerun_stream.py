@@ -13,13 +13,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
-from auvid.stages.page.colours import AXES, Ink, key
+from auvid.hydro.arrays import Array
+from auvid.stages.page.colours import AXIS_INKS, Ink, key
 from auvid.stages.page.number_format import visible
 
-Array = npt.NDArray[np.float64]
 TIMELINE = "t"
 CHUNK_ROWS = 50_000
 PREVIEW_BINS = 2000
@@ -144,7 +143,7 @@ class Recording:
 
     def body_axes(self, entity: str) -> None:
         """The axes x, y, z of a body, in the colours that axes have everywhere."""
-        colours = [AXES[name].rgb for name in ("x", "y", "z")]
+        colours = [AXIS_INKS[name].rgb for name in ("x", "y", "z")]
         self.static(
             f"{entity}/axes",
             rr.Arrows3D(vectors=AXIS_LENGTH_M * np.eye(3), colors=colours, labels=["x", "y", "z"]),

@@ -8,10 +8,10 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from auvid.stages.base import Document
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
 from auvid.stages.page.number_format import number, visible
 
-Document = Mapping[str, Any]
 MOST_ROWS = 60
 MARKS = {"finding": "✓", "note": "·", "warning": "!"}
 

@@ -7,21 +7,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
+from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.page.first_screen import AXES, AXIS_WORDS, Finding
+from auvid.stages.base import Document
+from auvid.stages.page.first_screen import AXIS_WORDS, Finding
 
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
-NORMAL_95 = 1.96
 LONGEST = 6
 """Longer lists of assumed numbers stay in the vehicle file."""
-Document = Mapping[str, Any]
 
 
 def findings(card: Document) -> tuple[Finding, ...]:

@@ -6,15 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
+from auvid.hydro.constants import NORMAL_95
+from auvid.stages.base import Document
 from auvid.stages.page.first_screen import Fact, Figure, Level, Summary
 from auvid.stages.page.number_format import number, printed_unit
-from auvid.stages.presentation import Z95
 from auvid.stages.report.summary.coefficient_text import true_minus
 from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks
 
-Document = Mapping[str, Any]
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
 MET, MISSED = "met", "missed"
 BOUNDS = (MET, MISSED)
@@ -221,7 +220,7 @@ def _figure(part: str, row: Document) -> Figure:
     )
     narrow = bool(interval) and f"{low:{places}}" == f"{high:{places}}"
     if (not interval or narrow) and error is not None and value is not None:
-        interval = f"± {number(float(f'{Z95 * error:.2g}'))}"
+        interval = f"± {number(float(f'{NORMAL_95 * error:.2g}'))}"
     return Figure(
         part,
         str(row["quantity"]),

@@ -16,13 +16,14 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from auvid.stages.page.first_screen import AXES, AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
+from auvid.stages.base import Document
+from auvid.stages.page.first_screen import AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
 CLOSE = 1.05
 OVERFIT = 2.0
-Document = Mapping[str, Any]
 
 
 def summarise(

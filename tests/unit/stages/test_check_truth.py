@@ -13,17 +13,10 @@ import yaml
 
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table
+from auvid.hydro.arrays import Array
 from auvid.stages import check_truth
 from auvid.stages.base import Collection, collection
-from auvid.stages.columns import (
-    ACCELERATION,
-    POSE,
-    POSE_RATE,
-    VELOCITY,
-    Array,
-    force_columns,
-    named,
-)
+from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
 
 VEHICLE: dict[str, Any] = yaml.safe_load(
     (Path(__file__).parents[3] / "vehicles/vt690.yaml").read_text(encoding="utf-8")

@@ -15,9 +15,10 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import fuse, resample
-from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, POSE, VELOCITY, Array
+from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, POSE, VELOCITY
 from auvid.stages.fuse import methods
 from tests.support.motions import (
     IDEAL,
@@ -141,10 +142,7 @@ def sampled(dense: pa.Table, lag_s: float, *, every: int | None = None) -> dict[
     """
     t = column(dense, "t_s")
     names = {
-        "imu": (
-            dict(zip(("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"), VELOCITY[3:], strict=True))
-            | {n: n for n in ACCELEROMETER}
-        ),
+        "imu": (dict(zip(GYRO, VELOCITY[3:], strict=True)) | {n: n for n in ACCELEROMETER}),
         "attitude": {name: name for name in POSE[3:]},
         "depth": {"depth_m": "z_m"},
         "velocity": {name: name for name in VELOCITY[:3]},

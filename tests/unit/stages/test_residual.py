@@ -13,12 +13,13 @@ import pytest
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, make_table, matrix
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
 from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import residual
-from auvid.stages.columns import Array, forces
+from auvid.stages.columns import forces
 from tests.support.motions import (
     FINS,
     Motion,

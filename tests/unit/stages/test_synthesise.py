@@ -13,6 +13,7 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.basis import basis, basis_term_names, coefficient_unit
 from auvid.hydro.dynamics.viscous.models import (
     MODELS,
@@ -23,7 +24,7 @@ from auvid.hydro.dynamics.viscous.models import (
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
 from auvid.stages import synthesise
 from auvid.stages.base import collection
-from auvid.stages.columns import AXES, VELOCITY_SD, Array
+from auvid.stages.columns import VELOCITY_SD
 from tests.support.motions import (
     ratio_of,
     residual_table,

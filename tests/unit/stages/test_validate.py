@@ -12,10 +12,10 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
 from auvid.stages.base import collection
-from auvid.stages.columns import AXES, Array
 from tests.support.motions import residual_table, rich_motion, segment_document, vehicle_document
 
 LEGS = {"one": "training", "two": "training", "check": "validation", "far": "validation"}

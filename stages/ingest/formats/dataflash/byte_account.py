@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Buffer, Ints
+from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus, Skipped
 from auvid.stages.ingest.formats.dataflash.scan import Chain, Gap, read_times
 
@@ -22,10 +24,7 @@ PADDING_BYTES = 528  # block-based logs end in up to two pages of padding
 LEAP_US = 86_400_000_000
 BACK_US = 1_000_000
 CLOCK_SAMPLES = 20_000
-UNIX_US = 1_000_000_000_000_000  # September 2001 as Unix time, 31 years as time since boot
 
-Buffer = npt.NDArray[np.uint8]
-Ints = npt.NDArray[np.int64]
 Clock = npt.NDArray[np.int8]
 
 
@@ -166,6 +165,6 @@ def clock_notes(buffer: Buffer, chain: Chain, clock: Clock) -> list[str]:
         place = f"near byte {chain.offset[sample[at + 1]]}, from {times[at]} to {times[at + 1]} us"
         more = f" It leaps {len(leaps)} times in all." if len(leaps) > 1 else ""
         notes.append(f"The clock {how} by {abs(int(steps[at])) * 1e-6:.6g} s {place}.{more}")
-    if np.median(times) > UNIX_US:
+    if np.median(times) > UNIX_TIME_US:
         notes.append("The clock counts from 1970 (Unix time), not from boot.")
     return notes

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Ints
 
 GATHER_BYTES = (
     1 << 18
 )  # records gathered at a time, small enough to stay in the cache while each field is copied out
 
 Column = npt.NDArray[np.generic]
-Ints = npt.NDArray[np.int64]
 
 
 def column_dtype(char: str) -> np.dtype[np.generic]:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Buffer, Ints
 
 WRONG_LENGTH = "definition whose length does not match its format"
 WRONG_COLUMNS = "definition whose field names do not match its format"
@@ -20,8 +21,6 @@ WRONG_FMT = "definition of FMT itself with another layout"
 CONTRADICTED = "definition contradicted by the records"
 REASONS = ("", UNNAMED, WRONG_COLUMNS, WRONG_LENGTH, UNKNOWN_FORMAT, WRONG_FMT, CONTRADICTED)
 
-Ints = npt.NDArray[np.int64]
-Buffer = npt.NDArray[np.uint8]
 ROWS = 4096  # FMT records judged at a time
 LABELS_START = 25  # in a FMT record, behind header, id, length, name and formats
 DAMAGED_LABEL_BYTES = 2  # two firmwares that name fields of one format differently differ in more

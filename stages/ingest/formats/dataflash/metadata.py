@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Ints
 from auvid.stages.ingest.formats.dataflash.columns import Column
 
-Ints = npt.NDArray[np.int64]
 Table = tuple[dict[str, Column], Ints]  # columns, byte offset of each record
 NEEDED = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})
 LARGEST = 1 << 62

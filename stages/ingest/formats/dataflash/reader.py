@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Buffer, Ints
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.formats.dataflash.byte_account import (
@@ -47,8 +48,6 @@ FORMAT = "ArduPilot DataFlash"
 ROUNDS = 6  # of settling which definitions stand in the chain; two are enough unless a log is made to deceive
 CONTRADICTIONS = 4
 
-Ints = npt.NDArray[np.int64]
-Buffer = npt.NDArray[np.uint8]
 Part = tuple[
     layout.Definition, int, Ints
 ]  # layout, its entry in Definitions, offsets of its records

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Buffer, Ints
 from auvid.stages.ingest.formats.dataflash.definitions import Definitions
 
 BLOCK = 1 << 17
@@ -26,9 +27,6 @@ FAR_US = 10_000_000  # where only one side shows the clock
 LATEST_US = 1 << 62
 UNKNOWN_SHARE = 0.6  # share of equal gaps from which the length of an undefined type is inferred
 UNKNOWN_LEAST = 4
-
-Buffer = npt.NDArray[np.uint8]
-Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from pyarrow import csv
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
+from auvid.hydro.arrays import Buffer, Ints
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, Messages, Skipped
 from auvid.stages.ingest.formats.dataflash.byte_account import UNDEFINED, covered_seconds
@@ -30,7 +31,6 @@ from auvid.stages.ingest.formats.dataflash.definitions import UNKNOWN_FORMAT, WR
 from auvid.stages.ingest.formats.dataflash.metadata import (
     NEEDED,
     UNTIMED,
-    Ints,
     Table,
     Units,
     parameters_of,
@@ -58,7 +58,6 @@ DAMAGE = frozenset({NO_RECORD, WRONG_FIELDS, UNREADABLE})
 CLOCKS = {"TimeUS": 1, "TimeMS": 1000}
 LATEST_US = 1 << 62  # beyond it digits of a time stamp are damaged
 
-Buffer = npt.NDArray[np.uint8]
 Sliced = bytes | mmap.mmap
 Declared = list[
     tuple[int, layout.Definition]

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.data_schemas.formats import mavlink
+from auvid.hydro.arrays import Mask
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus, Skipped
 from auvid.stages.ingest.formats.tlog.clock import implausible
 from auvid.stages.ingest.formats.tlog.frames import (
     Bytes,
     Frames,
     Integers,
-    Mask,
     frames_at,
     joined,
     known,

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import mavlink
+from auvid.hydro.arrays import Mask
 
 Bytes = npt.NDArray[np.uint8]
 Integers = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 _SCAN_BYTES = 1 << 21
 _LATEST_YEAR_BYTE = (

@@ -8,11 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
+from auvid.hydro.arrays import Buffer, Ints
 from auvid.stages.ingest.formats.ulog.contents import Numbers
 from auvid.stages.ingest.formats.ulog.messages import Subscription
-
-Ints = npt.NDArray[np.int64]
-Buffer = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from auvid.hydro.arrays import Ints
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus, Skipped
 from auvid.stages.ingest.formats.dataflash.byte_account import covered_seconds
 from auvid.stages.ingest.formats.ulog.contents import (
@@ -29,8 +30,6 @@ STRAY_US = 60_000_000
 BACK_US = 1_000_000
 HEADER_DAMAGED = "damaged file header"
 HARMLESS = frozenset({CUT_BY_APPENDED, UNKNOWN_TYPE})
-
-Ints = npt.NDArray[np.int64]
 
 
 def byte_account(

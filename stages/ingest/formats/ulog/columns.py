@@ -8,11 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
+from auvid.hydro.arrays import Buffer, Ints
 
 GATHER_BYTES = 1 << 18  # rows are gathered in parts that stay in the processor's cache
-
-Ints = npt.NDArray[np.int64]
-Buffer = npt.NDArray[np.uint8]
 
 
 def unpack(

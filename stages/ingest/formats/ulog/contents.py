@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
+from auvid.hydro.arrays import Ints
 
 DAMAGED = "damaged bytes"
 CUT_OFF = "message cut off by the end of the file"
@@ -22,8 +23,6 @@ UNKNOWN_TYPE = "message of an unknown type"
 UNREADABLE = "message whose content cannot be read"
 TAIL_BYTES, PARTS_BACK = 4, 8
 UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
-
-Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

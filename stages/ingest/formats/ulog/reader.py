@@ -17,6 +17,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import ulog as layout
+from auvid.hydro.arrays import Ints
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.formats.ulog.byte_account import (
@@ -26,7 +27,7 @@ from auvid.stages.ingest.formats.ulog.byte_account import (
     lost_seconds,
     status_of,
 )
-from auvid.stages.ingest.formats.ulog.columns import Ints, read_times, unpack
+from auvid.stages.ingest.formats.ulog.columns import read_times, unpack
 from auvid.stages.ingest.formats.ulog.contents import Contents, Gap, Stream
 from auvid.stages.ingest.formats.ulog.scan import Scan
 

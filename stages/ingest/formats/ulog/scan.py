@@ -17,9 +17,9 @@ import struct
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
+from auvid.hydro.arrays import Buffer
 from auvid.stages.ingest.formats.ulog import messages
 from auvid.stages.ingest.formats.ulog.blocks import Block, choose_format, data_headers
 from auvid.stages.ingest.formats.ulog.contents import (
@@ -46,8 +46,6 @@ BLANK_BYTES = 16
 SMALL = 1024  # sizes and numbers of most messages are smaller; those of damaged bytes are not
 NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
 
-Ints = npt.NDArray[np.int64]
-Buffer = npt.NDArray[np.uint8]
 
 _searchable = np.zeros(256, np.bool_)
 _searchable[list(b"FIMPQASLC")] = True

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from auvid.stages.page.colours import (
-    AXES,
+    AXIS_INKS,
     COMPONENTS,
     MODELS,
     PAPER,
@@ -24,7 +24,7 @@ from auvid.stages.page.html import _text, inks
 
 LEAST_LINE = 3.0  # WCAG 2.1, 1.4.11
 LEAST_TEXT = 4.5  # WCAG 2.1, 1.4.3
-EVERY = {**AXES, **ROLES, **COMPONENTS, **MODELS}
+EVERY = {**AXIS_INKS, **ROLES, **COMPONENTS, **MODELS}
 
 
 def test_contrast_of_black_on_white_is_21() -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import DataError, PipelineError
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
     rotation_body_to_ned,
 )
 from auvid.hydro.identification.signals.bias import (
-    GRAVITY,
     accelerometer_bias,
     fit_bias_linear,
     fit_velocity,
@@ -69,7 +69,7 @@ def accelerometer(m: Motion, convention: str) -> np.ndarray:
     a = m.inertial + np.cross(m.omega_dot, ARM) + np.cross(m.omega, np.cross(m.omega, ARM))
     if convention == "specific_force":
         down = np.einsum("nji,j->ni", rotation_body_to_ned(m.euler), np.array([0.0, 0.0, 1.0]))
-        a = a - GRAVITY * down
+        a = a - STANDARD_GRAVITY * down
     return a
 
 
@@ -96,7 +96,7 @@ def test_inertial_acceleration_from_each_convention(motion: Motion, convention: 
 def test_accelerometer_at_rest_reads_minus_gravity_along_down() -> None:
     zero = np.zeros((1, 3))
     rate = inertial_acceleration(
-        np.array([[0.0, 0.0, -GRAVITY]]),
+        np.array([[0.0, 0.0, -STANDARD_GRAVITY]]),
         convention="specific_force",
         euler=zero,
         omega=zero,
