@@ -6,7 +6,7 @@ VENV := .venv
 STAMP := $(VENV)/.installed
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test lint format declarations lock bench agreement clean twin circle fuzz
+.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test test-all lint format declarations lock bench agreement clean twin circle fuzz
 
 help:
 	@echo "make demo                 set up .venv and run the bundled real dive"
@@ -17,7 +17,8 @@ help:
 	@echo "make diff A=x B=y         what changed from run x to run y"
 	@echo "make reproduce            a thesis's tables beside those of a twin (NAME=vt690_twin unless said)"
 	@echo "make regress              run what has golden tables and compare (NAME=x: that campaign)"
-	@echo "make test                 set up and run all tests"
+	@echo "make test                 set up and run the tests"
+	@echo "make test-all             and those that only a release needs, as other processors run them too"
 	@echo "make twin                 fly the VT 690 twin, write its logs, run the chain, compare with the truth"
 	@echo "make circle               fly the H-AUV in closed loop, log, identify, redesign the controller on what was found, fly again"
 	@echo "make fuzz                 damage logs of every format in every way (long); READER=tlog: of one"
@@ -92,8 +93,14 @@ regress: $(STAMP)
 		auvid run $$name --until validate && auvid regress $$name || status=1; \
 	done; exit $$status
 
+# Two or more workers; campaigns that several tests look at run once for all of them.
 test: $(STAMP)
-	pytest
+	pytest -n auto --dist worksteal -m "not release"
+
+# Also what only a release needs, then the numeric tests as other processors would run them.
+test-all: $(STAMP)
+	pytest -n auto --dist worksteal
+	python tools/dispatches.py
 
 lint: $(STAMP)
 	ruff check .

@@ -5,7 +5,7 @@ and the same from CSV files.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,41 +15,27 @@ import pyarrow.parquet as pq
 import pytest
 
 from auvid.hydro.arrays import AXES
-from auvid.pipeline.commands import open_run as session
-from auvid.pipeline.execution.engines import Serial
 
-ROOT = Path(__file__).parents[2]
 CAMPAIGNS = ("bluerov2_dvl", "bluerov2_dvl_csv")
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Both campaigns run up to validation, in a workspace of their own."""
-    folder = tmp_path_factory.mktemp("demo")
-    (folder / "campaigns").mkdir()
-    (folder / "params.yaml").write_bytes((ROOT / "params.yaml").read_bytes())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        for name in CAMPAIGNS:
-            (folder / "campaigns" / name).symlink_to(
-                ROOT / "campaigns" / name, target_is_directory=True
-            )
-            run = session.open_run(name)
-            run.execute(session.select(run.graph, until="validate"), Serial())
-        yield folder / "runs"
+def runs(committed_run: Callable[[str], Path]) -> dict[str, Path]:
+    """Results of both campaigns, up to validation."""
+    return {name: committed_run(name) / "runs" / name for name in CAMPAIGNS}
 
 
-def document(runs: Path, path: str, campaign: str = CAMPAIGNS[0]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((runs / campaign / path).read_text(encoding="utf-8"))
+def document(runs: dict[str, Path], path: str, campaign: str = CAMPAIGNS[0]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((runs[campaign] / path).read_text(encoding="utf-8"))
     return found
 
 
-def table(runs: Path, path: str, campaign: str = CAMPAIGNS[0]) -> pa.Table:
-    return pq.ParquetFile(runs / campaign / path).read()
+def table(runs: dict[str, Path], path: str, campaign: str = CAMPAIGNS[0]) -> pa.Table:
+    return pq.ParquetFile(runs[campaign] / path).read()
 
 
-def cards(runs: Path, campaign: str = CAMPAIGNS[0]) -> dict[str, dict[str, Any]]:
-    folder = runs / campaign / "synthesise/model_card"
+def cards(runs: dict[str, Path], campaign: str = CAMPAIGNS[0]) -> dict[str, dict[str, Any]]:
+    folder = runs[campaign] / "synthesise/model_card"
     return {
         path.stem: json.loads(path.read_text(encoding="utf-8"))
         for path in sorted(folder.glob("*.json"))
@@ -63,7 +49,7 @@ def coefficient(card: dict[str, Any], axis: str, term: str) -> dict[str, Any]:
     return found
 
 
-def remarks(runs: Path, path: str, level: str) -> list[str]:
+def remarks(runs: dict[str, Path], path: str, level: str) -> list[str]:
     return [
         block["text"]
         for block in document(runs, path)["blocks"]
@@ -71,20 +57,20 @@ def remarks(runs: Path, path: str, level: str) -> list[str]:
     ]
 
 
-def test_surge_damping_is_negative_and_of_the_order_of_tens(runs: Path) -> None:
+def test_surge_damping_is_negative_and_of_the_order_of_tens(runs: dict[str, Path]) -> None:
     surge = coefficient(cards(runs)["linear"], "X", "u")
     assert surge["verdict"] == "identified"
     assert -100.0 < surge["value"] < -20.0  # N s/m, at the scale of the assumed thrust curve
     assert surge["standard_error"] < 5.0
 
 
-def test_linear_model_holds_in_surge_on_validation(runs: Path) -> None:
+def test_linear_model_holds_in_surge_on_validation(runs: dict[str, Path]) -> None:
     validation = document(runs, "validate/error_metrics.json")["validation"]
     assert validation["linear"]["X"] < 0.6
     assert validation["linear"]["ratio"] < 0.7
 
 
-def test_roll_and_pitch_are_not_excited(runs: Path) -> None:
+def test_roll_and_pitch_are_not_excited(runs: dict[str, Path]) -> None:
     found = cards(runs)
     assert len(found) == 8
     for card in found.values():
@@ -97,7 +83,7 @@ def test_roll_and_pitch_are_not_excited(runs: Path) -> None:
                     assert item["standard_error"] is None
 
 
-def test_no_number_rests_on_motion_that_was_not_there(runs: Path) -> None:
+def test_no_number_rests_on_motion_that_was_not_there(runs: dict[str, Path]) -> None:
     """In the training leg u alone is excited, and ahead only: no other coefficient than
     those of u and the constant has a number.
     """
@@ -113,13 +99,13 @@ def test_no_number_rests_on_motion_that_was_not_there(runs: Path) -> None:
     assert coefficient(cards(runs)["fossen"], "X", "u*|u|")["verdict"] == "weak"
 
 
-def test_net_buoyancy_is_a_few_newtons_up(runs: Path) -> None:
+def test_net_buoyancy_is_a_few_newtons_up(runs: dict[str, Path]) -> None:
     trim = coefficient(cards(runs)["linear"], "Z", "constant")
     assert trim["verdict"] == "identified"
     assert -8.0 < trim["value"] < -2.0  # N, z is down
 
 
-def test_a_model_that_fails_is_shown_to_fail(runs: Path) -> None:
+def test_a_model_that_fails_is_shown_to_fail(runs: dict[str, Path]) -> None:
     metrics = document(runs, "validate/error_metrics.json")
     warnings = remarks(runs, "validate/section.json", "warning")
     (failing,) = (words for words in warnings if "fail in some axes on validation" in words)
@@ -138,7 +124,7 @@ def test_a_model_that_fails_is_shown_to_fail(runs: Path) -> None:
     )
 
 
-def test_linear_model_is_put_beside_a_constant(runs: Path) -> None:
+def test_linear_model_is_put_beside_a_constant(runs: dict[str, Path]) -> None:
     """Heave is the net buoyancy: the report says that Linear adds nothing to a constant
     there.
     """
@@ -146,18 +132,18 @@ def test_linear_model_is_put_beside_a_constant(runs: Path) -> None:
         words.startswith("Linear predicts no better than a constant force alone in Z")
         for words in remarks(runs, "validate/section.json", "note")
     )
-    assert (runs / CAMPAIGNS[0] / "validate/tables_text.txt").read_text(encoding="utf-8").count(
+    assert (runs[CAMPAIGNS[0]] / "validate/tables_text.txt").read_text(encoding="utf-8").count(
         "constant alone"
     ) == 2
 
 
-def test_terms_of_the_propeller_do_not_apply(runs: Path) -> None:
+def test_terms_of_the_propeller_do_not_apply(runs: dict[str, Path]) -> None:
     card = cards(runs)["gertler_hagen"]
     assert (card["n_bar"], card["n_bar_declared"], len(card["not_applicable"])) == (73, 88, 15)
     assert "eta_ratio" not in table(runs, "residual/train/residual.parquet").column_names
 
 
-def test_what_is_assumed_is_said(runs: Path) -> None:
+def test_what_is_assumed_is_said(runs: dict[str, Path]) -> None:
     assumed = cards(runs)["linear"]["assumed"]
     assert any("rigid_body.mass = 13.5 kg" in words for words in assumed)
     notes = [
@@ -168,7 +154,7 @@ def test_what_is_assumed_is_said(runs: Path) -> None:
     assert any(f"{len(assumed)} assumed figures of the vehicle as exact" in note for note in notes)
 
 
-def test_battery_is_used_and_directions_have_a_source(runs: Path) -> None:
+def test_battery_is_used_and_directions_have_a_source(runs: dict[str, Path]) -> None:
     words = [
         block["text"]
         for block in document(runs, "residual/train/section.json")["blocks"]
@@ -178,7 +164,7 @@ def test_battery_is_used_and_directions_have_a_source(runs: Path) -> None:
     assert not any("battery voltage" in text.lower() for text in words)
 
 
-def test_thrust_balances_residual_in_slow_motion(runs: Path) -> None:
+def test_thrust_balances_residual_in_slow_motion(runs: dict[str, Path]) -> None:
     """At 0.1 m/s inertia and Coriolis forces are small: tau_bar is nearly minus the
     thrust.
     """
@@ -190,7 +176,7 @@ def test_thrust_balances_residual_in_slow_motion(runs: Path) -> None:
         )
 
 
-def test_csv_files_give_the_same_tables(runs: Path) -> None:
+def test_csv_files_give_the_same_tables(runs: dict[str, Path]) -> None:
     ours, theirs = (table(runs, "validate/error_table.parquet", name) for name in CAMPAIGNS)
     assert ours.column_names == theirs.column_names
     assert ours.num_rows == 2 * 2 * 8 * 7

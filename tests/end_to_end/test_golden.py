@@ -6,43 +6,33 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import DataError
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
 from auvid.pipeline.commands.regress.golden_tables import Tables
-from auvid.pipeline.execution.engines import Serial
+from tests.support.campaign_runs import (
+    ROOT,
+    copy_workspace,
+    run_campaign,
+    write_workspace,
+)
 
-ROOT = Path(__file__).parents[2]
 NAME = "bluerov2_dvl"
 GOLDEN = ROOT / "tests" / "golden" / NAME
 FIGURES = ("J", "J0", "ratio", *"XYZKMN")
 
 
-def make_workspace(folder: Path) -> None:
-    """A workspace with the dive alone, its golden tables, and the declarations of DVC."""
-    (folder / "campaigns" / NAME).mkdir(parents=True)
-    params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
-    (folder / "params.yaml").write_text(
-        yaml.safe_dump({**params, "campaigns": [NAME]}), encoding="utf-8"
-    )
-    (folder / "campaigns" / NAME / "campaign.yaml").write_bytes(
-        (ROOT / "campaigns" / NAME / "campaign.yaml").read_bytes()
-    )
-    (folder / "campaigns" / NAME / "logs").symlink_to(
-        ROOT / "campaigns" / NAME / "logs", target_is_directory=True
-    )
+def add_golden_tables(folder: Path) -> None:
+    """Add the golden tables of the dive and the declarations of DVC to a workspace."""
     (folder / "tests" / "golden").mkdir(parents=True)
     (folder / "tests" / "golden" / NAME).symlink_to(GOLDEN, target_is_directory=True)
     (folder / "dvc.yaml").write_bytes((ROOT / "dvc.yaml").read_bytes())
@@ -53,26 +43,30 @@ def make_workspace(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The dive, run up to validation."""
-    folder = tmp_path_factory.mktemp("golden")
-    make_workspace(folder)
+def workspace(
+    committed_run: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
+    """Workspace of the dive, run up to validation."""
+    folder = copy_workspace(committed_run(NAME), tmp_path_factory.mktemp("golden"))
+    add_golden_tables(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        with pytest.raises(DataError, match=rf"stage ingest has not been run\. auvid run {NAME}"):
-            regress.open_setting(NAME, None)
-        run()
         yield folder
-
-
-def run() -> None:
-    opened = session.open_run(NAME)
-    opened.execute(session.select(opened.graph, until="validate"), Serial())
 
 
 @pytest.fixture(scope="module")
 def tables(workspace: Path) -> Tables:
     return regress.open_setting(NAME, None).tables
+
+
+def test_results_that_are_missing_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_workspace(tmp_path, NAME)
+    add_golden_tables(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match=rf"stage ingest has not been run\. auvid run {NAME}"):
+        regress.open_setting(NAME, None)
 
 
 def test_the_dive_holds_its_golden_tables(
@@ -129,7 +123,7 @@ def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path:
     Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7
     leaves room on both sides.
     """
-    make_workspace(tmp_path)
+    write_workspace(tmp_path, NAME)
     found = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
     wide = subprocess.run(
         [sys.executable, "-c", found], capture_output=True, text=True, check=True
@@ -169,8 +163,7 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
     """Three per cent more cutoff frequency moves the models that extrapolate, not what
     the measured force is.
     """
-    make_workspace(tmp_path)
-    shutil.copytree(workspace / "runs", tmp_path / "runs")
+    copy_workspace(workspace, tmp_path)
     monkeypatch.chdir(tmp_path)
     manifest = tmp_path / "campaigns" / NAME / "campaign.yaml"
     manifest.write_text(
@@ -181,7 +174,7 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
         DataError, match=rf"the results of stage fuse are not up to date\. auvid run {NAME}"
     ):
         regress.open_setting(NAME, None)
-    run()
+    run_campaign(tmp_path, NAME, "validate")
     old, new = golden.read_tables(GOLDEN), regress.open_setting(NAME, None)
     assert not regress.check(new, as_json=True)
     departures = json.loads(capsys.readouterr().out)["departures"]

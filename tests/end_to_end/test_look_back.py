@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from auvid.pipeline import cli
 from auvid.pipeline.commands.history import run_history as history
+from tests.support.campaign_runs import copy_workspace
 from tests.support.pictures import assert_pictured
 
 
@@ -19,12 +20,10 @@ def auvid(*words: str) -> Result:
 
 
 def test_second_run_is_remembered_and_equals_the_variant_of_the_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    example_workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = tmp_path / "work"
-    assert auvid("new", str(folder)).exit_code == 0
+    folder = copy_workspace(example_workspace, tmp_path / "work")
     monkeypatch.chdir(folder)
-    assert auvid("run", "example").exit_code == 0
     manifest = folder / "campaigns" / "example" / "campaign.yaml"
     manifest.write_text(manifest.read_text().replace("cutoff_hz: 2.0", "cutoff_hz: 1.0"))
     assert auvid("run", "example").exit_code == 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,8 +18,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from auvid.data_schemas.tables import column
-from auvid.pipeline.commands import open_run as session
-from auvid.pipeline.execution.engines import Serial
 
 ROOT = Path(__file__).parents[2]
 HERE = ROOT / "campaigns" / "bluerov2_dvl_tlog"
@@ -51,34 +49,18 @@ def streams(script: ModuleType) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def tables(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[dict[str, dict[tuple[str, str], dict[str, Any]]]]:
-    """Rows of the error tables for all axes and legs, by campaign, then by use and
-    model.
-    """
-    folder = tmp_path_factory.mktemp("tlog")
-    (folder / "campaigns").mkdir()
-    (folder / "params.yaml").write_bytes((ROOT / "params.yaml").read_bytes())
-    found = {}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        for name in NAMES:
-            (folder / "campaigns" / name).symlink_to(
-                ROOT / "campaigns" / name, target_is_directory=True
-            )
-            run = session.open_run(name)
-            run.execute(session.select(run.graph, until="validate"), Serial())
-            rows = (
-                pq.ParquetFile(folder / "runs" / name / "validate" / "error_table.parquet")
-                .read()
-                .to_pylist()
-            )
-            found[name] = {
-                (row["use"], row["model"]): row
-                for row in rows
-                if row["axis"] == "all" and row["leg"] == "all"
-            }
-        yield found
+    committed_run: Callable[[str], Path],
+) -> dict[str, dict[tuple[str, str], dict[str, Any]]]:
+    """Rows of the error tables for all axes and legs: campaign -> (use, model) -> row."""
+    tables = {}
+    for name in NAMES:
+        file = committed_run(name) / "runs" / name / "validate" / "error_table.parquet"
+        tables[name] = {
+            (row["use"], row["model"]): row
+            for row in pq.ParquetFile(file).read().to_pylist()
+            if row["axis"] == "all" and row["leg"] == "all"
+        }
+    return tables
 
 
 def test_the_log_is_what_its_script_writes(script: ModuleType, streams: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -24,15 +25,20 @@ from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.pipeline import cli
 from auvid.pipeline.commands import open_run as session
-from auvid.pipeline.execution import engines
 from auvid.stages import simulate
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns
 from auvid.stages.simulate.flights import refit
 from auvid.stages.simulate.plans import plan_from_document
+from tests.support.campaign_runs import (
+    TWIN,
+    TWIN_PLANS,
+    copy_workspace,
+    run_campaign,
+    write_twin,
+)
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
-PLANS = ROOT / "campaigns/vt690_twin/plans"
 DOCUMENT = yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
 VT690 = vehicle_from_document(DOCUMENT)
 TAU_BAR = force_columns("tau_bar")
@@ -40,32 +46,19 @@ FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 INTEGRATED = {"resample": {"smoothing": "none"}, "fuse": {"method": "thesis", "cutoff_hz": None}}
 
 
-def plan(name: str, **change: object) -> dict[str, object]:
-    return yaml.safe_load((PLANS / f"{name}.yaml").read_text(encoding="utf-8")) | change
+def plan(name: str, **change: object) -> dict[str, Any]:
+    """Return a plan of the VT 690 twin with some keys changed."""
+    document = yaml.safe_load((TWIN_PLANS / f"{name}.yaml").read_text(encoding="utf-8"))
+    return {**document, **change}
 
 
-def workspace(
-    folder: Path,
-    plan_document: dict[str, object],
-    stages: dict[str, object],
-    *,
-    until: str = "residual",
-) -> Path:
-    """A workspace with one twin campaign, run; returns the folder of its results."""
-    campaign = folder / "campaigns" / "twin"
-    campaign.mkdir(parents=True)
-    (folder / "params.yaml").write_text("campaigns: [twin]\n", encoding="utf-8")
-    (campaign / "plan.yaml").write_text(yaml.safe_dump(plan_document), encoding="utf-8")
-    manifest = {
-        "kind": "twin",
-        "vehicle": "vt690",
-        "simulate": {"plan": "plan.yaml", "seed": 11},
-        "stages": stages,
-    }
-    (campaign / "campaign.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
-    run = session.open_run(str(campaign))
-    run.execute(session.select(run.graph, only=None, until=until), engines.Serial())
-    return run.folder
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Workspace of a flight with the default sensors, run up to validation: read-only."""
+    folder = tmp_path_factory.mktemp("noisy")
+    write_twin(folder, plan("short", settle_s=10), {})
+    run_campaign(folder, TWIN, "validate")
+    return folder
 
 
 def force_error(runs: Path) -> tuple[float, float]:
@@ -103,67 +96,69 @@ def test_exact_sensors_give_back_the_true_force(tmp_path: Path) -> None:
     """Through DataFlash logs in single precision: 0.05 N of some 9 N, the bound for
     sensors without noise.
     """
-    error, size = force_error(
-        workspace(tmp_path, plan("short", sensors={}, settle_s=10), INTEGRATED)
-    )
+    write_twin(tmp_path, plan("short", sensors={}, settle_s=10), INTEGRATED)
+    run_campaign(tmp_path, TWIN, "residual")
+    error, size = force_error(tmp_path / "runs" / TWIN)
     assert size > 5.0
     assert error < 0.05
 
 
-def test_as_published_finds_another_force(tmp_path: Path) -> None:
+def test_as_published_finds_another_force(noisy: Path, tmp_path: Path) -> None:
     """The negative control: a physical accelerometer taken for v_dot puts more than 10
     N into the residual, and a warning is given.
     """
     stages = INTEGRATED | {"fuse": {"method": "thesis", "as_published": True, "cutoff_hz": None}}
-    runs = workspace(tmp_path, plan("short", settle_s=10), stages)
+    copy_workspace(noisy, tmp_path)
+    write_twin(tmp_path, plan("short", settle_s=10), stages)
+    run_campaign(tmp_path, TWIN, "residual")
+    runs = tmp_path / "runs" / TWIN
     assert force_error(runs)[0] > 10.0
     fusion = json.loads((runs / "fuse" / "yaw_2133" / "fusion.json").read_text(encoding="utf-8"))
     assert any("accelerometer does not measure" in words for words in fusion["warnings"])
 
 
-def test_noisy_sensors_give_models_that_predict(tmp_path: Path) -> None:
+def test_noisy_sensors_give_models_that_predict(noisy: Path) -> None:
     """Default sensors and method: the force to 0.9, and small models explain the other
     leg to a quarter of its force.
     """
-    runs = workspace(tmp_path, plan("short", settle_s=10), {}, until="validate")
+    runs = noisy / "runs" / TWIN
     assert force_error(runs)[0] < 0.9
     found = ratios(runs)
     assert found["prestero"] < 0.15
     assert found["linear"] < 0.25
 
 
-@pytest.mark.parametrize(
-    ("bound", "status", "words"), [(0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")]
-)
 def test_run_of_a_twin_says_how_far_it_is_from_the_truth(
-    tmp_path: Path, bound: float, status: int, words: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`auvid run` of a twin prints estimate against truth, ends with 1 where a bound is
     missed, and the report shows both.
     """
     document = plan("short", settle_s=5)
-    document["legs"] = document["legs"][:1]  # type: ignore[index]
-    stages = {
+    document["legs"] = document["legs"][:1]
+    stages: dict[str, dict[str, object]] = {
         "fuse": {"method": "smoother"},
         "validate": {"free_run": False},
-        "check_truth": {"force_error": bound},
     }
-    runs = workspace(tmp_path, document, stages, until="simulate")
-    done = CliRunner().invoke(cli.app, ["run", str(tmp_path / "campaigns" / "twin")])
-    assert done.exit_code == status, done.output
-    assert "estimate against truth (RMS error over all legs)" in done.output
-    assert words in done.output
-    page = (runs / "report" / "report_html.html").read_text(encoding="utf-8")
-    assert "Estimate against truth" in page
-    assert ("Against the truth of the twin" in page) == bool(status)
-    if not status:
-        assert_pictured(runs / "report" / "recording.rrd", "twin")
+    monkeypatch.chdir(tmp_path)
+    runs = tmp_path / "runs" / TWIN
+    for bound, status, words in ((0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")):
+        write_twin(tmp_path, document, stages | {"check_truth": {"force_error": bound}})
+        done = CliRunner().invoke(cli.app, ["run", TWIN])
+        assert done.exit_code == status, done.output
+        assert "estimate against truth (RMS error over all legs)" in done.output
+        assert words in done.output
+        page = (runs / "report" / "report_html.html").read_text(encoding="utf-8")
+        assert "Estimate against truth" in page
+        assert ("Against the truth of the twin" in page) == bool(status)
+        if not status:
+            assert_pictured(runs / "report" / "recording.rrd", "twin")
 
 
 def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
     """A refitted truth, and what it flies on the training legs of the default plan."""
     document = plan("default", sensors={})
-    document["legs"] = [leg for leg in document["legs"] if leg["use"] == "training"]  # type: ignore[attr-defined]
+    document["legs"] = [leg for leg in document["legs"] if leg["use"] == "training"]
     truth = {"kind": "refit", "name": name, "source": "physics"}
     twin = {
         "plan": document,
@@ -232,8 +227,7 @@ def test_command_makes_a_campaign_that_runs(
         "yaw_2133.tlog",
         "yaw_2350.tlog",
     ]
-    run = session.open_run("campaigns/mine")
-    assert run.execute(session.select(run.graph, only=None, until="residual"), engines.Serial()) > 0
+    assert run_campaign(tmp_path, "campaigns/mine", "residual") > 0
     again = CliRunner().invoke(cli.app, ["simulate", "vt690", "plan.yaml", "-o", "campaigns/mine"])
     assert "nothing is overwritten" in str(again.exception)
 

@@ -1,0 +1,114 @@
+"""Campaigns that run once a session, whichever worker needs them first.
+
+The workspaces are read-only: a test that changes something works on a `copy_workspace`.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from auvid.pipeline import cli
+from auvid.pipeline.commands import open_run
+from auvid.pipeline.execution.engines import Serial
+
+ROOT = Path(__file__).parents[2]
+LAST_STAGE = {
+    "bluerov2_dvl": "validate",
+    "bluerov2_dvl_csv": "validate",
+    "bluerov2_dvl_tlog": "validate",
+    "hauv_circle": "synthesise",
+    "blueye_heave": "rlse",
+}
+"""Campaigns of the repository that tests look at, and how far their chains go."""
+TWIN = "twin"
+TWIN_PLANS = ROOT / "campaigns/vt690_twin/plans"
+
+
+def made_once(folder: Path, make: Callable[[Path], None]) -> Path:
+    """Return `folder`, filled by `make` in the first worker that comes; others wait."""
+    done = folder.with_name(f"{folder.name}.done")
+    with folder.with_name(f"{folder.name}.lock").open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        if not done.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            make(folder)
+            done.touch()
+    return folder
+
+
+def run_campaign(workspace: Path, name: str, until: str | None) -> int:
+    """Run a campaign of a workspace in this process; return how many items ran."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(workspace)
+        run = open_run.open_run(name)
+        return run.execute(open_run.select(run.graph, until=until), Serial())
+
+
+def auvid(*words: str, folder: Path) -> str:
+    """Return the standard output of a command called in `folder`, which ends with 0."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done = CliRunner().invoke(cli.app, list(words), catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def write_workspace(folder: Path, name: str) -> None:
+    """Write a workspace with one campaign of the repository: its manifest may be changed,
+    its other files are linked.
+    """
+    campaign, source = folder / "campaigns" / name, ROOT / "campaigns" / name
+    campaign.mkdir(parents=True)
+    for path in source.iterdir():
+        if path.name == "campaign.yaml":
+            shutil.copy(path, campaign)
+        else:
+            (campaign / path.name).symlink_to(path, target_is_directory=path.is_dir())
+    params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+    (folder / "params.yaml").write_text(
+        yaml.safe_dump({**params, "campaigns": [name]}), encoding="utf-8"
+    )
+
+
+def make_committed(folder: Path) -> None:
+    """Run the campaign of the repository that `folder` is named after."""
+    write_workspace(folder, folder.name)
+    run_campaign(folder, folder.name, LAST_STAGE[folder.name])
+
+
+def make_example(folder: Path) -> None:
+    """Write a new workspace and run its example, with report and recording."""
+    folder.rmdir()
+    auvid("new", str(folder), folder=folder.parent)
+    printed = auvid("run", "example", folder=folder)
+    assert "items run" in printed
+    assert "runs/example/report/report_html.html" in printed
+
+
+def write_twin(folder: Path, plan: dict[str, object], stages: Mapping[str, object]) -> None:
+    """Write a workspace with campaign `TWIN`: the VT 690 flies `plan`."""
+    campaign = folder / "campaigns" / TWIN
+    campaign.mkdir(parents=True, exist_ok=True)
+    (folder / "params.yaml").write_text(f"campaigns: [{TWIN}]\n", encoding="utf-8")
+    (campaign / "plan.yaml").write_text(yaml.safe_dump(plan), encoding="utf-8")
+    manifest = {
+        "kind": "twin",
+        "vehicle": "vt690",
+        "simulate": {"plan": "plan.yaml", "seed": 11},
+        "stages": dict(stages),
+    }
+    (campaign / "campaign.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
+
+
+def copy_workspace(workspace: Path, folder: Path) -> Path:
+    """Copy a workspace with its results, links as links; return `folder`."""
+    shutil.copytree(workspace, folder, symlinks=True, dirs_exist_ok=True)
+    return folder

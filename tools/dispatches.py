@@ -1,0 +1,86 @@
+"""Run the numeric tests as other processors would: other vector instructions, other
+BLAS kernels, other numbers of BLAS threads.
+
+    python tools/dispatches.py [NAME]... [-- PYTEST ARGUMENTS]
+
+Numbers that a test holds may not depend on these. `all` of the names stands for each;
+the names and their environments are in `DISPATCHES`.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TESTS = (
+    "tests/unit/hydro",
+    "tests/unit/stages",
+    "tests/properties",
+    "tests/end_to_end/test_golden.py",
+    "tests/end_to_end/test_known_truth.py",
+    "tests/end_to_end/test_twin_short.py",
+    "tests/end_to_end/test_hauv_circle.py",
+    "tests/end_to_end/test_hauv_control.py",
+)
+"""Tests that hold numbers."""
+DISPATCHES = {
+    "no-avx512": {"NPY_DISABLE_CPU_FEATURES": "X86_V4", "OPENBLAS_CORETYPE": "Haswell"},
+    "no-avx2": {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4", "OPENBLAS_CORETYPE": "Nehalem"},
+    "generic-numba": {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
+    "zen": {"OPENBLAS_CORETYPE": "Zen", "NPY_DISABLE_CPU_FEATURES": "X86_V4"},
+    "two-threads": {"TEST_BLAS_THREADS": "2"},
+}
+"""Environment variables by name of a dispatch. numpy is told not to use instructions
+above its baseline (X86_V2), OpenBLAS which kernels to take, numba which processor to
+compile for.
+"""
+
+
+def supported(environment: dict[str, str]) -> dict[str, str]:
+    """Return an environment without the features of numpy that this build does not know:
+    it warns of those, and a warning fails a test.
+    """
+    from numpy._core import _multiarray_umath as umath
+
+    features = environment.get("NPY_DISABLE_CPU_FEATURES", "").split()
+    able = [name for name in umath.__cpu_dispatch__ if umath.__cpu_features__[name]]
+    kept = [name for name in features if name in able]
+    return {**environment, "NPY_DISABLE_CPU_FEATURES": " ".join(kept)}
+
+
+def main() -> int:
+    """Run the tests under each dispatch; print which hold; 1 if any does not."""
+    words = sys.argv[1:]
+    split = words.index("--") if "--" in words else len(words)
+    names, arguments = words[:split], words[split + 1 :]
+    unknown = set(names) - set(DISPATCHES)
+    if unknown:
+        print(f"unknown: {', '.join(sorted(unknown))}; there are {', '.join(DISPATCHES)}")
+        return 2
+    failed = []
+    for name in names or list(DISPATCHES):
+        environment = supported(DISPATCHES[name])
+        settings = " ".join(f"{key}={value!r}" for key, value in environment.items() if value)
+        print(f"{name}: {settings}", flush=True)
+        with tempfile.TemporaryDirectory() as cache:
+            done = subprocess.run(
+                [
+                    *(sys.executable, "-m", "pytest", "-p", "no:cacheprovider"),
+                    *(arguments or ("-n", "auto", "--dist", "worksteal", *TESTS)),
+                ],
+                cwd=ROOT,
+                env=os.environ | environment | {"NUMBA_CACHE_DIR": cache},
+                check=False,
+            )
+        if done.returncode:
+            failed.append(name)
+    print(f"fail: {', '.join(failed)}" if failed else "all hold")
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
