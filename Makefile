@@ -25,7 +25,7 @@ help:
 	@echo "make lint                 ruff and mypy"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
-	@echo "make declarations         write params.yaml and dvc.yaml anew from the stages"
+	@echo "make declarations         write params.yaml, dvc.yaml and docs/equations.md from the code"
 	@echo "make lock                 pin the dependencies anew"
 	@echo "make clean                remove results and caches, not .venv"
 
@@ -113,6 +113,7 @@ format: $(STAMP)
 
 declarations: $(STAMP)
 	python -m auvid.pipeline.execution.generate_dvc
+	python tools/equations.py
 
 lock:
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \

@@ -5,6 +5,8 @@ The controller is asked once per tick and its inputs are held; the plant moves b
 Runge-Kutta 4 in between. Members of a batch share the trajectory and the schedule and
 may differ in parameters, disturbance, start, and in whether the observer's estimate is
 used.
+
+Equations of Al Makdah 2016.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ a motion.
 They are analytic because the moduli in drag make complex steps wrong; at the kink of a
 modulus the derivative is that of its middle, 0. All functions take leading batch
 dimensions.
+
+Equations of McCarter 2014.
 """
 
 from __future__ import annotations

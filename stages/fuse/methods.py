@@ -1,4 +1,7 @@
-"""The methods that estimate velocity and its derivative from a segment's sensors."""
+"""The methods that estimate velocity and its derivative from a segment's sensors.
+
+Equations of McCarter 2014.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Added mass and damping from free decays of a pendulum in water."""
+"""Added mass and damping from free decays of a pendulum in water.
+
+Equations of Alberti 2015.
+"""
 
 from __future__ import annotations
 

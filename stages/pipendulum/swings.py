@@ -1,4 +1,7 @@
-"""Moments of inertia from the swings of a quadrifilar pendulum."""
+"""Moments of inertia from the swings of a quadrifilar pendulum.
+
+Equations of Alberti 2015.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """From the raw streams of a log to one run of one channel: what was measured, and what
 drove it.
+
+Equations of Alberti 2015.
 """
 
 from __future__ import annotations

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
+from tests.support.tools import ROOT, load_tool
 
-ROOT = Path(__file__).resolve().parents[2]
 MOST_ENTRIES = 12
 
 
-def rooms() -> ModuleType:
-    """Load tools/rooms.py, which is no module of a package."""
-    spec = importlib.util.spec_from_file_location("rooms", ROOT / "tools" / "rooms.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["rooms"] = module  # its dataclasses look there for their annotations
-    spec.loader.exec_module(module)
-    return module
-
-
-ROOMS = rooms()
+ROOMS = load_tool("rooms")
 FOLDERS = ROOMS.folders(ROOT)
 
 

@@ -6,6 +6,8 @@ between knots; a jump is two knots at one place. Heading and pitch are then quad
 between knots (clothoid-like where a rate is ramped), the tangent is exact, and straight
 lines need no care. With run sigma, heading psi and pitch theta (bow up): T = [c(theta)
 c(psi), c(theta) s(psi), -s(theta)] in NED and ds = d(sigma) / c(theta).
+
+Equations of Al Makdah 2016.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Fixed thrusters driven by servo pulses: allocation and bollard thrust curves."""
+"""Fixed thrusters driven by servo pulses: allocation and bollard thrust curves.
+
+Equations of Alberti 2015.
+"""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def _whole(count: int) -> int:
 
 @compiled
 def _model_force(nu: Any, eta_minus_1: Any, c: Tables, room: Array, like: Any) -> Any:
-    """K xi(nu) (3.12)."""
+    """K xi(nu) McCarter (3.12)."""
     f = _whole(c.counts[0])  # room: the terms, and behind them their factors
     for i in range(6):
         put(room, f + i, nu[i])

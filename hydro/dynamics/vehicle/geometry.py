@@ -2,6 +2,8 @@
 thin surfaces (`geometry` of a vehicle document).
 
 Body axes FRD; x counts from the body origin, heights from the hull's axis.
+
+Equations of Al Makdah 2016.
 """
 
 from __future__ import annotations

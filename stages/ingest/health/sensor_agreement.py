@@ -42,7 +42,7 @@ BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PR
 ESTIMATED = re.compile(
     r"estimate of the navigation filter|relative altitude of the navigation filter"
 )
-SENSOR_AXES = "xyz"
+XYZ = "xyz"
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
 """Where the gyro itself is wrong, turns that it does not show are no jumps of the
 attitude.
@@ -98,7 +98,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
     largest = int(np.argmax(np.abs(found.bias)))
     if abs(found.bias[largest]) > limit("gyro_bias"):
         text = (
-            f"Gyro {SENSOR_AXES[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
+            f"Gyro {XYZ[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
             " turns (median)."
         )
         yield finding("gyro_bias", text, stream="imu", value=float(abs(found.bias[largest])))
@@ -108,7 +108,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
         best = int(np.argmax(np.abs(found.correlation[axis])))
         if own < limit("gyro_sign"):
             text = (
-                f"Gyro {SENSOR_AXES[axis]} turns against {RATES[axis]} of the attitude (correlation"
+                f"Gyro {XYZ[axis]} turns against {RATES[axis]} of the attitude (correlation"
                 f" {own:.2f})."
             )
             yield finding("gyro_sign", text, stream="imu", value=own)
@@ -116,15 +116,15 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
             limit("gyro_axes"), abs(own) + 0.3
         ):
             text = (
-                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {SENSOR_AXES[best]} and"
-                f" not by gyro {SENSOR_AXES[axis]}."
+                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {XYZ[best]} and"
+                f" not by gyro {XYZ[axis]}."
             )
             yield finding(
                 "gyro_axes", text, stream="imu", value=float(abs(found.correlation[axis, best]))
             )
         elif own < limit("gyro_disagrees"):
             text = (
-                f"Gyro {SENSOR_AXES[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
+                f"Gyro {XYZ[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
                 f" {own:.2f})."
             )
             yield finding("gyro_disagrees", text, stream="imu", value=own)
@@ -133,7 +133,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
             off = float(found.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
                 text = (
-                    f"Gyro {SENSOR_AXES[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
+                    f"Gyro {XYZ[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
                     " the attitude."
                 )
                 yield finding("gyro_scale", text, stream="imu", value=off)
