@@ -7,6 +7,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +17,7 @@ import typer
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.terminal import plain_lines
 
-FINE, FAILED, WRONG_USE, LOSSES, INTERRUPTED = 0, 1, 2, 3, 130
+FAILED, WRONG_USE, LOSSES, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
     name="auvid",
@@ -68,27 +70,19 @@ def run(
     """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound
     that its campaign sets.
     """
-    from auvid.pipeline.commands import open_run as session
-    from auvid.pipeline.execution import engines
+    from auvid.pipeline.commands.run.run_command import run_campaign
 
-    opened = session.open_run(campaign)
-    stages = session.select(opened.graph, only=only, until=until)
-    try:
-        with session.progress() as progress:
-            count = opened.execute(stages, engines.make_engine(engine, jobs), progress, force=force)
-    except KeyboardInterrupt:
-        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
-    print(
-        "nothing to do: everything is up to date"
-        if not count
-        else f"{count} item{'s' * (count != 1)} run"
-    )
-    if only is None:
-        session.print_summary(opened)
-        if session.missed(opened, stages):
-            raise typer.Exit(FAILED)
-    if strict and session.losses(opened):
-        raise typer.Exit(LOSSES)
+    with _interruptible():
+        status = run_campaign(
+            campaign,
+            only=only,
+            until=until,
+            strict=strict,
+            engine=engine,
+            jobs=jobs,
+            force=force,
+        )
+    raise typer.Exit(status)
 
 
 @app.command(epilog="Example: auvid report bluerov2_dvl --open")
@@ -108,26 +102,9 @@ def report(
     ] = None,
 ) -> None:
     """Say where the report of a campaign is, rebuild it, or open it."""
-    from auvid.pipeline.commands import open_run as session
-    from auvid.pipeline.execution import engines
+    from auvid.pipeline.commands.run.run_command import report_file
 
-    opened = session.open_run(campaign)
-    if rebuild:
-        with session.progress() as progress:
-            opened.execute(
-                session.select(opened.graph, only="report"), engines.Serial(), progress, force=True
-            )
-    page = session.places(opened).get("report")
-    if page is None or not page.is_file():
-        raise PipelineError(
-            "there is no report yet",
-            value=opened.campaign.name,
-            remedy=f"auvid run {opened.campaign.name}",
-        )
-    if compare or against is not None:
-        from auvid.pipeline.commands.history import history_page
-
-        page = history_page.write_compared(opened, against)
+    page = report_file(campaign, rebuild=rebuild, compare=compare, against=against)
     print(page)
     if open_it:
         typer.launch(page.resolve().as_uri())
@@ -161,11 +138,11 @@ def check(
     """Say what is wrong with logs and what they can be used for. Exits with 1 if one is
     refused, 3 if there are losses or errors.
     """
-    from auvid.pipeline.commands.check import check_command as checking
+    from auvid.pipeline.commands.check import check_command
 
-    status = checking.check(targets, columns=columns, json_file=json, html_file=html, align=align)
-    if status:
-        raise typer.Exit(status)
+    raise typer.Exit(
+        check_command.check(targets, columns=columns, json_file=json, html_file=html, align=align)
+    )
 
 
 @app.command(epilog="Example: auvid inspect dive.BIN --save dive.rrd")
@@ -206,9 +183,9 @@ def inspect(
     ] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
-    from auvid.pipeline.commands.inspect import inspect_command as inspection
+    from auvid.pipeline.commands.inspect import inspect_command
 
-    inspection.inspect(
+    inspect_command.inspect(
         target,
         log=log,
         columns=columns,
@@ -260,9 +237,9 @@ def diff(
     """Compare two runs, a run with its golden tables, two variants or two models. Exits
     with 1 if anything left its tolerance.
     """
-    from auvid.pipeline.commands.diff import diff_command as comparing
+    from auvid.pipeline.commands.diff import diff_command
 
-    if not comparing.diff(
+    if not diff_command.diff(
         first, second, save=save, picture=screenshot, as_json=as_json, relative=relative
     ):
         raise typer.Exit(FAILED)
@@ -319,12 +296,12 @@ def regress(
         raise typer.BadParameter(
             "--update and --message go together: a changed baseline is remembered in the changelog"
         )
-    from auvid.pipeline.commands.regress import regress_command as golden
+    from auvid.pipeline.commands.regress import regress_command
 
-    setting = golden.open_setting(campaign, baseline)
+    setting = regress_command.open_setting(campaign, baseline)
     if message is not None:
-        golden.update(setting, message, as_json=as_json)
-    elif not golden.check(setting, as_json=as_json):
+        regress_command.update(setting, message, as_json=as_json)
+    elif not regress_command.check(setting, as_json=as_json):
         raise typer.Exit(FAILED)
 
 
@@ -373,9 +350,9 @@ def simulate(
     """Fly a plan with a twin and write its logs, the truth, and a campaign that is
     ready to run. Exits with 3 if a leg was cut short.
     """
-    from auvid.pipeline.commands import simulate as twin
+    from auvid.pipeline.commands.simulate import write_campaign
 
-    losses = twin.write_campaign(
+    losses = write_campaign(
         vehicle,
         plan,
         output,
@@ -411,36 +388,29 @@ def reproduce(
     A campaign with `published` in its manifest is run, and its results are printed
     beside the published values.
     """
-    from auvid.pipeline.commands import open_run as session
-    from auvid.pipeline.commands import printed_values as comparison
-    from auvid.pipeline.commands.reproduce import reproduce_command as again
-    from auvid.pipeline.execution import engines
+    from auvid.pipeline.commands.open_run import show_progress
+    from auvid.pipeline.commands.reproduce import printed_values, reproduce_command
+    from auvid.pipeline.commands.run.run_command import execute
+    from auvid.pipeline.commands.run.run_summary import result_files
+    from auvid.pipeline.execution.engines import make_engine
 
-    printed = comparison.open_comparison(campaign)
-    if printed is not None:
-        try:
-            with session.progress() as progress:
-                printed.execute(
-                    printed.graph.stages, engines.make_engine(engine, jobs), progress, force=force
+    with _interruptible():
+        printed = printed_values.open_comparison(campaign)
+        if printed is not None:
+            execute(printed, printed.graph.stages, engine=engine, jobs=jobs, force=force)
+            met = printed_values.print_comparison(printed)
+            page = result_files(printed).get("report")
+        else:
+            setting = reproduce_command.open_setting(campaign)
+            with show_progress() as progress:
+                done = reproduce_command.reproduce(
+                    setting, make_engine(engine, jobs), progress, force=force
                 )
-        except KeyboardInterrupt:
-            raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
-        met, page = comparison.print_comparison(printed), session.places(printed).get("report")
-        if open_it and page is not None:
-            typer.launch(page.resolve().as_uri())
-        raise typer.Exit(FINE if met else FAILED)
-    setting = again.open_setting(campaign)
-    try:
-        with session.progress() as progress:
-            done = again.reproduce(
-                setting, engines.make_engine(engine, jobs), progress, force=force
-            )
-    except KeyboardInterrupt:
-        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
-    again.print_tables(done)
-    if open_it:
-        typer.launch(done.page.resolve().as_uri())
-    if done.missed:
+            reproduce_command.print_tables(done)
+            met, page = not done.missed, done.page
+    if open_it and page is not None:
+        typer.launch(page.resolve().as_uri())
+    if not met:
         raise typer.Exit(FAILED)
 
 
@@ -451,9 +421,9 @@ def stages(
     ] = None,
 ) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
-    from auvid.pipeline.commands import list as listings
+    from auvid.pipeline.commands.list import print_stages
 
-    listings.print_stages(name)
+    print_stages(name)
 
 
 @app.command(epilog="Example: auvid models linear")
@@ -463,17 +433,17 @@ def models(
     ] = None,
 ) -> None:
     """List the viscous force models, from their declarations."""
-    from auvid.pipeline.commands import list as listings
+    from auvid.pipeline.commands.list import print_models
 
-    listings.print_models(name)
+    print_models(name)
 
 
 @app.command(epilog="Example: auvid vehicles")
 def vehicles() -> None:
     """List the vehicles of this workspace and those that come with auvid."""
-    from auvid.pipeline.commands import list as listings
+    from auvid.pipeline.commands.list import print_vehicles
 
-    listings.print_vehicles()
+    print_vehicles()
 
 
 @app.command(epilog="Example: auvid coefficients hauv --set as_printed")
@@ -507,9 +477,9 @@ def coefficients(
     """Print what strip theory gives for a vehicle's geometry, beside what is published,
     with formula and source.
     """
-    from auvid.pipeline.commands import coefficients as command
+    from auvid.pipeline.commands.coefficients import print_coefficients
 
-    command.print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
+    print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
 
 
 @app.command(epilog="Example: auvid new ~/campaigns_2026")
@@ -519,9 +489,9 @@ def new(
     ],
 ) -> None:
     """Make a workspace with a small example campaign that runs."""
-    from auvid.pipeline.commands.new import new_command as scaffold
+    from auvid.pipeline.commands.new.new_command import make_workspace
 
-    scaffold.make_workspace(folder)
+    make_workspace(folder)
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
 
 
@@ -530,9 +500,9 @@ def code() -> None:
     """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC
     depends.
     """
-    from auvid.pipeline.commands import open_run as session
+    from auvid.pipeline.commands.open_run import write_codes
 
-    session.write_codes()
+    write_codes()
 
 
 def main() -> None:
@@ -549,6 +519,15 @@ def main() -> None:
         sys.exit(FAILED)
     except Exception as crash:
         sys.exit(_say(_internal(crash), FAILED))
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """End the command with its own exit code on Ctrl-C."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
 
 
 def _internal(crash: Exception) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import RenderableType
 
 ESCAPES = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|\x1b.")
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -28,20 +28,27 @@ def plain_lines(text: object) -> str:
     return "\n".join(plain(line) for line in str(text).split("\n"))
 
 
-def console() -> Console:
-    """Return standard output as a rich console; as wide as the text in a pipe."""
+def show(*parts: RenderableType) -> None:
+    """Print texts and tables of rich; as wide as the text where output is a pipe."""
     from rich.console import Console
 
     width = None if sys.stdout.isatty() else PIPE_WIDTH
-    return Console(highlight=False, markup=False, emoji=False, width=width)
+    output = Console(highlight=False, markup=False, emoji=False, width=width)
+    with output.capture() as captured:
+        for part in parts:
+            output.print(part)
+    print("\n".join(line.rstrip() for line in captured.get().splitlines()))
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[object]], *, title: str = "") -> None:
+def table(
+    columns: Sequence[str], rows: Sequence[Sequence[object]], *, title: str = "", indent: int = 0
+) -> None:
     """Print rows under the names of their columns; None is printed as "-".
 
     Columns of numbers are aligned right. On a terminal that is too narrow, cells fold;
     nothing is cut. Without rows, nothing is printed.
     """
+    from rich.padding import Padding
     from rich.table import Table
     from rich.text import Text
 
@@ -54,12 +61,8 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], *, title: st
         grid.add_column(Text(name), justify="right" if numbers else "left", overflow="fold")
     for row in cells:
         grid.add_row(*map(Text, row))
-    output = console()
-    if title:
-        output.print(Text(plain(title), style="bold"))
-    with output.capture() as captured:
-        output.print(grid)
-    print("\n".join(line.rstrip() for line in captured.get().splitlines()))
+    heading = [Text(plain(title), style="bold")] if title else []
+    show(*(Padding(part, (0, 0, 0, indent)) for part in (*heading, grid)))
 
 
 def path_from_here(path: Path) -> str:

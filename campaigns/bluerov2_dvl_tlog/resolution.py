@@ -26,8 +26,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from auvid.data_schemas.tables import column
-from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.graph import select
 
 HERE = Path(__file__).resolve().parent
 CAMPAIGNS = HERE.parent
@@ -64,8 +65,8 @@ def rounded(table: pa.Table, fields: Mapping[str, float], time_us: int) -> pa.Ta
 def errors(workspace: Path, name: str) -> Errors:
     """J of all axes by use of the legs and model, after a run up to validation."""
     with contextlib.chdir(workspace):
-        run = session.open_run(name)
-        run.execute(session.select(run.graph, until="validate"), Serial())
+        run = open_run(name)
+        run.execute(select(run.graph, until="validate"), Serial())
     table = (
         pq.ParquetFile(workspace / "runs" / name / "validate" / "error_table.parquet")
         .read()

@@ -8,7 +8,7 @@ stage that gives the same result again makes nothing after it stale.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,6 @@ from typing import Any
 from auvid.data_schemas.errors import DataError, PipelineError, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import Campaign
-from auvid.pipeline.commands.history import run_history as history
 from auvid.pipeline.execution.engines import Engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress, Silent
@@ -28,8 +27,8 @@ from auvid.pipeline.execution.task_inputs import (
     Many,
     Source,
     Value,
+    log_files,
     log_source,
-    simulated_log,
 )
 from auvid.pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
 from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
@@ -94,9 +93,11 @@ class Run:
         progress: Progress | None = None,
         *,
         force: bool = False,
+        after: Callable[[Run], None] | None = None,
     ) -> int:
         """Bring these stages up to date and return how many items had to run.
 
+        `after` is called with the folder still locked, where any item had to run.
         Raises `StageFault` (all faults of a stage together), or `InternalFault`.
         """
         with locked(self.folder):
@@ -104,8 +105,8 @@ class Run:
                 count = sum(
                     self._stage(stage, engine, progress or Silent(), force) for stage in stages
                 )
-                if count and any(stage.name == "report" for stage in stages):
-                    history.remember(self)
+                if count and after is not None:
+                    after(self)
                 return count
             finally:
                 engine.close()
@@ -264,13 +265,18 @@ class Run:
         return self._produced(stage, feed, feed.producers[0], place)
 
     def _log(self, log: str) -> Log:
-        """The source of a log: the files of the manifest, or what the twin wrote."""
-        if self.campaign.twin is None:
-            return log_source(self.campaign, log, self.hashes)
-        producer = self.graph.producers(SIMULATED_LOG)[0]
-        self._items(producer.stage)
-        files = {str(key): artefact for key, artefact in self.artefacts_of(producer, WHOLE).items()}
-        return simulated_log(self.campaign.logs[log], self.campaign.twin, files)
+        """Return the source of a log: files of the manifest, or what the twin wrote."""
+        simulated = Path()
+        for producer in self.graph.producers(SIMULATED_LOG):
+            self._items(producer.stage)
+            simulated = self.manifests[producer.stage.name].folder / producer.name
+        return log_source(
+            log,
+            log_files(self.campaign, log, simulated),
+            reader=self.campaign.logs[log].get("reader"),
+            hash_of=self.hashes.of,
+            named_in=self.campaign.file.path,
+        )
 
     def provenance(self) -> dict[str, Any]:
         """Where the results come from: content hashes of the logs and the vehicle, code

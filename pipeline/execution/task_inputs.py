@@ -6,17 +6,18 @@ Sources are small and picklable; they are opened by the process that runs the it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import stat
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from auvid.data_schemas.errors import DataError, LogError
-from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.data_schemas.errors import DataError, LogError, PipelineError
+from auvid.pipeline.campaigns.campaign import Campaign, LogFile
 from auvid.pipeline.store import artefacts
 from auvid.pipeline.store.atomic_files import contents, readable
-from auvid.pipeline.store.fingerprints import FileHashes, hash_value
+from auvid.pipeline.store.fingerprints import hash_value
 from auvid.stages.base import Collection, RawFile, RawLog
 from auvid.stages.simulate.csv_writer import column_maps
 
@@ -80,17 +81,15 @@ class Many:
 class LogPart:
     """One file of a raw log as it was when its hash was taken."""
 
-    name: str
-    path: Path
+    file: LogFile
     hash: str
     size: int
     changed_ns: int
-    columns: Mapping[str, Any] | None
 
 
 @dataclass(frozen=True)
 class Log:
-    """A raw log: its files must be the same after reading as they were before."""
+    """A raw log whose files must be the same after reading as before."""
 
     id: str
     reader: str | None
@@ -100,9 +99,9 @@ class Log:
     def fingerprint(self) -> dict[str, Any]:
         files = [
             {
-                "name": part.name,
+                "name": part.file.name,
                 "content": part.hash,
-                "columns": part.columns and hash_value(part.columns),
+                "columns": part.file.columns and hash_value(part.file.columns),
             }
             for part in self.parts
         ]
@@ -112,75 +111,75 @@ class Log:
         self.check_unchanged()
         what = f"file of log '{self.id}'"
         files = (
-            RawFile(part.name, contents(part.path, file=part.name, what=what), part.columns)
-            for part in self.parts
+            RawFile(file.name, contents(file.path, file=file.name, what=what), file.columns)
+            for file in (part.file for part in self.parts)
         )
         return RawLog(self.id, tuple(files), self.reader)
 
     def check_unchanged(self) -> None:
-        """Raises `LogError` if a file is not what it was when its hash was taken."""
+        """Raise `LogError` if a file is not what it was when its hash was taken."""
         for part in self.parts:
-            with readable(part.path, file=part.name, what=f"file of log '{self.id}'"):
-                status = part.path.stat()
+            with readable(part.file.path, file=part.file.name, what=f"file of log '{self.id}'"):
+                status = part.file.path.stat()
             if (status.st_size, status.st_mtime_ns) != (part.size, part.changed_ns):
-                remedy = "Wait until the copy or download has finished, and run again."
                 raise LogError(
                     f"the file of log '{self.id}' changed while it was read",
-                    file=part.name,
-                    remedy=remedy,
+                    file=part.file.name,
+                    remedy="Wait until the copy or download has finished, and run again.",
                 )
 
 
-def log_source(campaign: Campaign, log: str, hashes: FileHashes) -> Log:
-    """The source of a log. Errors of missing or unreadable files name the manifest and
-    the log.
+def log_files(campaign: Campaign, log: str, simulated: Path) -> tuple[LogFile, ...]:
+    """Return the files of a log; those of a twin lie in the folder `simulated`.
+
+    Raises `PipelineError` for files that are missing or outside the campaign, and where
+    the twin has not been simulated or did not reach the leg of this log.
     """
-    parts = []
-    for file in campaign.log_files(log):
-        with readable(file.path, file=campaign.file.path, what=f"file of log '{log}'"):
-            status = file.path.stat()
-            parts.append(
-                LogPart(
-                    file.name,
-                    file.path,
-                    hashes.of(file.path),
-                    status.st_size,
-                    status.st_mtime_ns,
-                    file.columns,
-                )
-            )
-    return Log(log, campaign.logs[log].get("reader"), tuple(parts))
-
-
-def simulated_log(
-    entry: Mapping[str, Any], twin: Mapping[str, Any], files: Mapping[str, Artefact]
-) -> Log:
-    """The source of a log that the stage simulate wrote: `entry` of the manifest,
-    `files` by name.
-
-    Raises `DataError` where the twin did not reach the leg of this log.
-    """
-    maps = column_maps(accelerometer=twin["accelerometer"])
-    parts = []
-    for item in entry.get("files") or [entry]:
-        name = item["file"]
-        if name not in files:
-            remedy = "The report of stage simulate says when and why the flight stopped."
-            raise DataError(
-                f"the twin did not reach leg '{entry['id']}', so there is no log of it",
-                value=name,
-                remedy=remedy,
-            )
-        status = files[name].path.stat()
-        columns = maps[Path(item["columns"]).stem] if "columns" in item else None
-        parts.append(
-            LogPart(
-                name,
-                files[name].path,
-                files[name].hash,
-                status.st_size,
-                status.st_mtime_ns,
-                columns,
-            )
+    if campaign.twin is None:
+        return campaign.log_files(log)
+    if not simulated.is_dir():
+        raise PipelineError(
+            "the logs of this twin have not been simulated",
+            file=campaign.file.path,
+            remedy=f"auvid run {campaign.name} --only simulate",
         )
-    return Log(entry["id"], None, tuple(parts))
+    maps = column_maps(accelerometer=campaign.twin["accelerometer"])
+    entry = campaign.logs[log]
+    files = []
+    for item in entry.get("files") or [entry]:
+        columns = maps[Path(item["columns"]).stem] if "columns" in item else None
+        files.append(LogFile(item["file"], simulated / item["file"], columns))
+        if not files[-1].path.is_file():
+            raise DataError(
+                f"the twin did not reach leg '{log}', so there is no log of it",
+                value=item["file"],
+                remedy="The report of stage simulate says when and why the simulation stopped.",
+            )
+    return tuple(files)
+
+
+def log_source(
+    log: str,
+    files: Sequence[LogFile],
+    *,
+    reader: str | None = None,
+    hash_of: Callable[[Path], str] | None = None,
+    named_in: Path | None = None,
+) -> Log:
+    """Return the source of a log; without `hash_of` its fingerprint is not valid.
+
+    Faults of files name the manifest `named_in`, or the file itself.
+    """
+    parts = []
+    for file in files:
+        with readable(file.path, file=named_in or file.path, what=f"file of log '{log}'"):
+            status = file.path.stat()
+            if not stat.S_ISREG(status.st_mode):
+                raise LogError(
+                    "the log is no regular file",
+                    file=file.path,
+                    remedy="Copy what it delivers into a file first.",
+                )
+            content = hash_of(file.path) if hash_of is not None else ""
+        parts.append(LogPart(file, content, status.st_size, status.st_mtime_ns))
+    return Log(log, reader, tuple(parts))

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.documents import check_document
 from auvid.pipeline import cli
-from auvid.pipeline.commands import printed_values as comparison
-from auvid.pipeline.commands.run_summary import comparison_rows
+from auvid.pipeline.commands.reproduce import printed_values as comparison
+from auvid.pipeline.commands.run.run_summary import comparison_rows
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("decay_empty", "decay_surge", "decay_surge_check", "swing_tray", "swing_x")

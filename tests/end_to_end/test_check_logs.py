@@ -21,7 +21,10 @@ from auvid.data_schemas.checks import checks, documentation
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli, terminal
-from auvid.pipeline.commands.check import check_command as checking
+from auvid.pipeline.commands.check.check_command import check
+from auvid.pipeline.commands.check.clock_alignment import align_clocks
+from auvid.pipeline.commands.check.log_page import LogPage, log_pages
+from auvid.pipeline.store import atomic_files
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
 
@@ -240,9 +243,7 @@ def test_findings_of_every_licensed_log(
     row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "health.json"
-    code = checking.check(
-        [str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target)
-    )
+    code = check([str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target))
     (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
     check_document(page["health"], "health")
     found = {item["id"]: item for item in page["health"]["findings"]}
@@ -262,7 +263,7 @@ def test_the_page_of_the_dive(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "110")
-    assert checking.check([str(DIVE)]) == 0
+    assert check([str(DIVE)]) == 0
     shown = capsys.readouterr().out
     lines = shown.splitlines()
     assert len(lines) <= 45, "one screen"
@@ -276,7 +277,7 @@ def test_on_a_narrow_screen_numbers_stay_whole(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    checking.check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
+    check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
     shown = capsys.readouterr().out
     assert "…" not in shown
     assert re.search(r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+ +2 +[\d.]+ +0\.76", shown)
@@ -289,7 +290,7 @@ def test_a_campaign_with_its_legs_and_vehicle(
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
     target = tmp_path / "health.json"
-    assert checking.check(["bluerov2_dvl"], json_file=str(target)) == 0
+    assert check(["bluerov2_dvl"], json_file=str(target)) == 0
     (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
     train, validate = page["legs"]
     assert (train["id"], train["start_s"], train["end_s"], train["inside"]) == (
@@ -312,7 +313,7 @@ def test_a_twin_that_has_not_flown_is_sent_to_its_stage(
     shutil.copytree(ROOT / "campaigns" / "vt690_twin", tmp_path / "campaigns" / "vt690_twin")
     shutil.copy(ROOT / "params.yaml", tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert checking.check(["vt690_twin"]) == 1
+    assert check(["vt690_twin"]) == 1
     assert "auvid run vt690_twin --only simulate" in " ".join(capsys.readouterr().out.split())
 
 
@@ -322,9 +323,7 @@ def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
     (tmp_path / "damaged.BIN").write_bytes(whole[:200_000] + bytes(700) + whole[200_500:])
     target = tmp_path / "health.json"
     assert (
-        checking.check(
-            [str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target)
-        )
+        check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target))
         == 3
     )
     cut, damaged = (
@@ -341,7 +340,7 @@ def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
 def test_html_is_one_file_with_everything_escaped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = checking.ingest.run
+    original = ingest.run
 
     def hostile(inputs: Any, params: Any) -> Any:
         outputs = original(inputs, params)
@@ -353,9 +352,9 @@ def test_html_is_one_file_with_everything_escaped(
         )
         return outputs
 
-    monkeypatch.setattr(checking.ingest, "run", hostile)
+    monkeypatch.setattr(ingest, "run", hostile)
     target = tmp_path / "page.html"
-    checking.check([str(SMALL)], html_file=target)
+    check([str(SMALL)], html_file=target)
     page = target.read_text(encoding="utf-8")
     assert "<script>" not in page
     assert "<img" not in page
@@ -371,7 +370,7 @@ def test_html_is_one_file_with_everything_escaped(
 
 
 def test_json_on_standard_output_is_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    checking.check([str(SMALL)], json_file="-")
+    check([str(SMALL)], json_file="-")
     assert json.loads(capsys.readouterr().out)["logs"][0]["health"]["log"] == "small"
 
 
@@ -423,8 +422,8 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: Any, **__: Any) -> Any:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(checking.np, "fromfile", refuse)
-    page = checking.pages_of(str(SMALL), None)[0]
+    monkeypatch.setattr(atomic_files.np, "fromfile", refuse)
+    page = log_pages(str(SMALL), None)[0]
     assert page.refused is not None
     assert "no permission" in page.refused
 
@@ -434,21 +433,21 @@ def test_a_file_that_grows_while_it_is_read(
 ) -> None:
     log = tmp_path / "growing.BIN"
     log.write_bytes(SMALL.read_bytes())
-    original = checking.ingest.run
+    original = ingest.run
 
     def growing(inputs: Any, params: Any) -> Any:
         with log.open("ab") as file:
             file.write(b"more")
         return original(inputs, params)
 
-    monkeypatch.setattr(checking.ingest, "run", growing)
-    page = checking.pages_of(str(log), None)[0]
+    monkeypatch.setattr(ingest, "run", growing)
+    page = log_pages(str(log), None)[0]
     assert page.refused is not None
     assert "changed while it was read" in page.refused
 
 
 def test_a_device_is_no_log() -> None:
-    page = checking.pages_of("/dev/null", None)[0]
+    page = log_pages("/dev/null", None)[0]
     assert page.refused is not None
     assert "no regular file" in page.refused
 
@@ -456,12 +455,12 @@ def test_a_device_is_no_log() -> None:
 def test_wrong_calls_are_errors_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     with pytest.raises(PipelineError, match="no such campaign"):
-        checking.check(["bluerov2_dvk"])
+        check(["bluerov2_dvk"])
     with pytest.raises(PipelineError, match="two logs"):
-        checking.check([str(SMALL)], align=True, json_file="-")
+        check([str(SMALL)], align=True, json_file="-")
     (tmp_path / "map.yaml").write_text("times: 3\n")
     with pytest.raises(PipelineError, match="times"):
-        checking.check([str(SMALL)], columns=tmp_path / "map.yaml")
+        check([str(SMALL)], columns=tmp_path / "map.yaml")
 
 
 SHIFT_S = 37.25
@@ -482,7 +481,7 @@ def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFi
     moved = tmp_path / "imu.csv"
     np.savetxt(moved, cells, delimiter=",", header=head, comments="", fmt="%.9g")
     target = tmp_path / "health.json"
-    checking.check(
+    check(
         [str(DIVE), str(moved)],
         columns=source / "columns" / "imu.yaml",
         align=True,
@@ -506,11 +505,11 @@ def test_clocks_of_the_autopilot_log_and_the_telemetry_of_one_dive(
     depth, microseconds for the angular rate.
     """
     tlog = ROOT / "campaigns" / "bluerov2_dvl_tlog" / "logs" / "dive.tlog"
-    pages = [checking.pages_of(str(path), None)[0] for path in (DIVE, tlog)]
-    found = checking.alignment(*pages)
+    pages = [log_pages(str(path), None)[0] for path in (DIVE, tlog)]
+    found = align_clocks(*pages)
     assert (found.first, found.second, found.signal) == (str(DIVE), str(tlog), "angular rate")
     assert abs(found.offset.offset_s) < 3 * found.offset.std_s < 1e-3
-    by_depth = checking.alignment(
+    by_depth = align_clocks(
         *(
             replace(page, outputs=replace(page.outputs, imu=None))
             for page in pages
@@ -539,16 +538,16 @@ def test_a_common_trend_is_no_alignment() -> None:
             name, (RawFile(f"{name}.csv", np.frombuffer(text.encode(), np.uint8), DEPTH_MAP),)
         )
         made = ingest.run(ingest.Inputs(log), ingest.Params())
-        pages.append(checking.Page(name, made.health, outputs=made))
+        pages.append(LogPage(name, made.health, outputs=made))
     with pytest.raises(
         PipelineError, match=r"cannot be aligned.*correlation 0.[89].*standard deviation"
     ):
-        checking.alignment(*pages)
+        align_clocks(*pages)
 
 
 def test_two_dives_cannot_be_aligned(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(PipelineError, match="cannot be aligned"):
-        checking.check([str(DIVE), str(SMALL)], align=True)
+        check([str(DIVE), str(SMALL)], align=True)
     assert "BARO[1]" in capsys.readouterr().out  # the pages are shown all the same
 
 

@@ -24,7 +24,7 @@ from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.pipeline import cli
-from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.open_run import open_run
 from auvid.stages import simulate
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns
 from auvid.stages.simulate.flights import refit
@@ -290,4 +290,4 @@ def test_manifests_of_twins_are_refused_in_words(
     (folder / "plan.yaml").write_text(yaml.safe_dump(plan("short")), encoding="utf-8")
     (folder / "campaign.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
     with pytest.raises(Exception, match=words):
-        session.open_run(str(folder))
+        open_run(str(folder))

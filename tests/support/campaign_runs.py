@@ -15,8 +15,9 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid.pipeline import cli
-from auvid.pipeline.commands import open_run
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.graph import select
 
 ROOT = Path(__file__).parents[2]
 LAST_STAGE = {
@@ -48,8 +49,8 @@ def run_campaign(workspace: Path, name: str, until: str | None) -> int:
     """Run a campaign of a workspace in this process; return how many items ran."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(workspace)
-        run = open_run.open_run(name)
-        return run.execute(open_run.select(run.graph, until=until), Serial())
+        run = open_run(name)
+        return run.execute(select(run.graph, until=until), Serial())
 
 
 def auvid(*words: str, folder: Path) -> str:

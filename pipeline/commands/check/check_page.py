@@ -6,68 +6,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jinja2
-from rich.console import Console, Group
-from rich.padding import Padding
-from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from auvid.hydro.arrays import VELOCITIES
-from auvid.pipeline.terminal import plain, plain_lines
+from auvid.pipeline.commands.check.clock_alignment import ClockAlignment
+from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.pipeline.terminal import plain, plain_lines, show, table
 from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
-
-if TYPE_CHECKING:
-    from auvid.pipeline.commands.check.check_command import Alignment, Page
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
 
 
-def show(pages: Sequence[Page]) -> None:
+def print_pages(pages: Sequence[LogPage]) -> None:
     """Print the pages to standard output."""
-    console = Console(highlight=False, soft_wrap=False)
     for page in pages:
-        console.print(_page(page))
-
-
-def show_alignment(found: Alignment) -> None:
-    """Print the offset between two clocks."""
-    Console(highlight=False).print(Text(alignment_text(found)))
-
-
-def alignment_text(found: Alignment) -> str:
-    """The offset between two clocks in one sentence."""
-    offset = found.offset
-    digits = 4 if offset.std_s >= 1e-4 else 6
-    seconds = round(offset.offset_s, digits) + 0.0  # no minus before a zero
-    spread = max(offset.std_s, 10.0**-digits)  # not known better than it is printed
-    return (
-        f"clock of {plain(found.second)} {seconds:+.{digits}f} s = clock of {plain(found.first)}"
-        f" (standard deviation {spread:.{digits}f} s; {found.signal}, correlation"
-        f" {offset.correlation:.2f} over {offset.overlap_s:.0f} s)"
-    )
-
-
-def _page(page: Page) -> Group:
-    title = Rule(Text(plain(page.name), style="bold"), align="left", style="dim")
-    if page.health is None:
-        return Group(
-            title, Text.assemble(("✗ refused ", "bold red"), plain_lines(page.refused)), Text()
-        )
-    health = page.health
-    return Group(
-        title,
-        _header(health),
-        Padding(_streams(health["streams"]), (1, 0)),
-        *_findings(health["findings"]),
-        Text(),
-        *_uses(health),
-        *_legs(page.legs),
-        Text(),
-    )
+        name = plain(page.name)
+        show(Text.assemble((name, "bold"), (f" {'─' * max(3, 79 - len(name))}", "dim")))
+        if page.health is None:
+            show(Text.assemble(("✗ refused ", "bold red"), plain_lines(page.refused)))
+        else:
+            show(_header(page.health), "")
+            _print_streams(page.health["streams"])
+            show("", *_findings(page.health["findings"]), "", *_uses(page.health))
+            _print_legs(page.legs)
+        print()
 
 
 def _header(health: Mapping[str, Any]) -> Text:
@@ -77,47 +43,25 @@ def _header(health: Mapping[str, Any]) -> Text:
     return Text.assemble(vehicle, "   ", about, (health["status"], STATUS[health["status"]]))
 
 
-def _streams(streams: Mapping[str, Mapping[str, Any]]) -> Table:
+def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
     rejected = any(item["rejected"] for item in streams.values())
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in (
-        "stream",
-        "source",
-        "samples",
-        "Hz",
-        "jitter ms",
-        "gap s",
-        *(["rejected"] if rejected else []),
-        "also there",
-    ):
-        text = name in (
-            "source",
-            "also there",
-        )  # numbers stay whole on a narrow screen, texts go on in the next line
-        table.add_column(
-            name,
-            justify="left" if text or name == "stream" else "right",
-            no_wrap=not text,
-            overflow="fold",
-        )
+    columns = ("stream", "source", "samples", "Hz", "jitter ms", "gap s")
+    rows = []
     for name, item in streams.items():
-        others = [*item["others"], *(f"({source})" for source in item["refused"])]
-        table.add_row(
-            name,
-            plain(item["source"]),
-            str(item["rows"]),
-            "" if item["rate_hz"] is None else f"{item['rate_hz']:.3g}",
-            "" if item["jitter_s"] is None else _short(item["jitter_s"] * 1e3),
-            "" if item["rate_hz"] is None else f"{item['longest_gap_s']:.3g}",
-            *([str(item["rejected"] or "")] if rejected else []),
-            plain(", ".join(others)),
+        # Jitter has three digits, none beyond the microseconds of the clock.
+        rows.append(
+            (
+                name,
+                item["source"],
+                item["rows"],
+                "" if item["rate_hz"] is None else f"{item['rate_hz']:.3g}",
+                "" if item["jitter_s"] is None else f"{round(item['jitter_s'] * 1e3, 3):.3g}",
+                "" if item["rate_hz"] is None else f"{item['longest_gap_s']:.3g}",
+                *([item["rejected"] or ""] if rejected else []),
+                ", ".join([*item["others"], *(f"({source})" for source in item["refused"])]),
+            )
         )
-    return table
-
-
-def _short(milliseconds: float) -> str:
-    """Three digits, none beyond the microseconds of the clock."""
-    return f"{round(milliseconds, 3):.3g}"
+    table((*columns, *(["rejected"] if rejected else []), "also there"), rows)
 
 
 def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
@@ -162,8 +106,7 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
             plain("; ".join(said) + (f"; and so not {follows}" if follows else "")),
         )
     parts: list[Any] = [("motion RMS: ", "dim")]
-    for axis in VELOCITIES:
-        item = health["excitation"][axis]
+    for axis, item in health["excitation"].items():
         value = "-" if item["rms"] is None else f"{item['rms']:.3g}"
         parts += [
             f"{axis} ",
@@ -184,30 +127,25 @@ def _together(names: Sequence[str], *, short: bool = False) -> str:
     )
 
 
-def _legs(legs: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
-    if not legs:
-        return
-    table = Table(
-        box=None,
-        pad_edge=False,
-        header_style="dim",
-        title="legs",
-        title_justify="left",
-        title_style="dim",
-    )
-    for name in ("leg", "use", "from s", "to s", "covered s", "outputs active", "moves in"):
-        table.add_column(name)
-    for leg in legs:
-        active = "" if leg["active_share"] is None else f"{100 * leg['active_share']:.0f} %"
-        moves = ", ".join(leg["excited"]) if leg["inside"] else "outside the log"
-        span = [f"{leg[key]:.1f}" for key in ("start_s", "end_s", "covered_s")]
-        table.add_row(plain(leg["id"]), plain(leg["use"] or ""), *span, active, moves)
-    yield Text()
-    yield table
+def _print_legs(legs: Sequence[Mapping[str, Any]]) -> None:
+    if legs:
+        print()
+    rows = [
+        (
+            leg["id"],
+            leg["use"] or "",
+            *(f"{leg[key]:.1f}" for key in ("start_s", "end_s", "covered_s")),
+            "" if leg["active_share"] is None else f"{100 * leg['active_share']:.0f} %",
+            ", ".join(leg["excited"]) if leg["inside"] else "outside the log",
+        )
+        for leg in legs
+    ]
+    columns = ("leg", "use", "from s", "to s", "covered s", "outputs active", "moves in")
+    table(columns, rows, title="legs")
 
 
-def html(pages: Sequence[Page], aligned: Alignment | None = None) -> str:
-    """The pages as one self-contained HTML file."""
+def html(pages: Sequence[LogPage], alignment: ClockAlignment | None = None) -> str:
+    """Return the pages as one self-contained HTML file."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -215,5 +153,5 @@ def html(pages: Sequence[Page], aligned: Alignment | None = None) -> str:
     environment.filters["plain_lines"] = plain_lines
     source = (resources.files(__package__) / "check_page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source).render(
-        pages=pages, axes=VELOCITIES, alignment=aligned and alignment_text(aligned)
+        pages=pages, alignment=alignment and alignment.text
     )

@@ -15,13 +15,12 @@ from typing import Any
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.diff.diff_operands import Loaded, common, load
 from auvid.pipeline.commands.inspect import inspect_command as inspection
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.terminal import plain
+from auvid.pipeline.terminal import path_from_here, plain
 from auvid.stages.report.difference.signals import (
     FigureChange,
     Pair,
@@ -274,7 +273,7 @@ def _draw(
         content = record_difference(one, two, found, words, preview=path is picture)
         write_atomically(path, content if path is save else inspection.photograph(content))
         if not quiet:
-            print(f"written: {session.shown(path.resolve())}")
+            print(f"written: {path_from_here(path.resolve())}")
 
 
 def _markdown(changed: Difference) -> str:

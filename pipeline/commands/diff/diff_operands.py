@@ -13,8 +13,8 @@ from typing import Any
 import yaml
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.history import run_history as history
+from auvid.pipeline.commands.open_run import open_run, show_progress
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.execution import engines
@@ -58,7 +58,7 @@ def load(word: str) -> Loaded:
             Loaded(Side(what), tables, path, partial=True) if tables else _from_folder(what, path)
         )
     else:
-        run = session.open_run(what)
+        run = open_run(what)
         variant = VARIANT.fullmatch(narrow)
         if variant is not None:
             return _from_folder(word, _variant(run, *variant.groups()))
@@ -200,7 +200,7 @@ def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
     )
     other = Run(run.campaign, run.graph, {**run.params, stage_name: params}, folder)
     chosen = [item for item in run.graph.stages if item.name != "report"]
-    with session.progress() as progress:
+    with show_progress() as progress:
         other.execute(chosen, engines.make_engine(None, None), progress)
     return folder
 

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from auvid.data_schemas.errors import DataError
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.history.run_history import Entry, best, changes, entry_of, judged, read
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
@@ -31,7 +31,7 @@ ORDER = 2
 
 def show(campaign: str, *, number: int | None, as_json: bool) -> None:
     """Print the list of runs, or one in full."""
-    run = session.open_run(campaign)
+    run = open_run(campaign)
     entries = read(run.folder) if number is None else [entry_of(run, number)]
     if as_json:
         print(json.dumps([asdict(entry) for entry in entries], indent=1, ensure_ascii=False))

@@ -56,7 +56,7 @@ class Entry:
         }
 
 
-def remember(run: Run) -> None:
+def add_entry(run: Run) -> None:
     """Write the entry of a run that has just been finished; nothing where it gave
     neither tables nor figures, or the same as the last.
     """

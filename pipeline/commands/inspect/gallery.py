@@ -9,9 +9,9 @@ from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, UsageError, nearest
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.inspect import inspect_command as inspection
-from auvid.pipeline.execution import engines
+from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.store.atomic_files import write_atomically
 
 FOLDER = Path("docs/gallery")
@@ -84,9 +84,8 @@ def main(names: Sequence[str]) -> None:
             )
     for name in names or cases:
         case = cases[name]
-        run = session.open_run(str(case["target"]))
-        with session.progress() as progress:
-            run.execute(run.graph.stages, engines.make_engine(None, None), progress)
+        run = open_run(str(case["target"]))
+        execute(run, run.graph.stages)
         subject = inspection.find(
             str(case["target"]), log=case.get("log"), tab=str(case.get("tab") or "")
         )

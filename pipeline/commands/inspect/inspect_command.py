@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auvid.data_schemas.errors import CampaignError, LogError, PipelineError, UsageError, nearest
-from auvid.pipeline.commands import open_run as session
-from auvid.pipeline.commands.check import check_command as check
+from auvid.pipeline.commands.check.log_page import LogPage, log_pages, names_campaign
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.terminal import plain
+from auvid.pipeline.terminal import path_from_here, plain
 
 RECORDING = ".rrd"
 MEMORY_PER_BYTE = 6.0
@@ -62,17 +62,17 @@ def inspect(
         wants(save, RECORDING, "--save")
         content = subject.content()
         write_atomically(save, content)
-        print(f"{session.shown(save.resolve())}  {len(content) / 1e6:.1f} MB")
+        print(f"{path_from_here(save.resolve())}  {len(content) / 1e6:.1f} MB")
     if picture is not None:
         wants(picture, ".png", "--screenshot")
         content = photograph(subject.preview())
         write_atomically(picture, content)
-        print(f"{session.shown(picture.resolve())}  {len(content) / 1e3:.0f} kB")
+        print(f"{path_from_here(picture.resolve())}  {len(content) / 1e3:.0f} kB")
     if save is not None or picture is not None:
         return
     viewer.program()
     path = subject.file or _kept(subject)
-    print(f"{plain(subject.name)}: {session.shown(path)}")
+    print(f"{plain(subject.name)}: {path_from_here(path)}")
     if web:
         viewer.serve(path)
     else:
@@ -91,11 +91,11 @@ def find(
             raise PipelineError("the recording is not there", value=str(path))
         viewer.verify(path)
         return Subject(path.name, path.read_bytes, path.read_bytes, path)
-    if log is None and check.names_campaign(target):
-        return campaign_subject(session.open_run(target), tab)
-    if not check.names_campaign(target):
+    if log is None and names_campaign(target):
+        return campaign_subject(open_run(target), tab)
+    if not names_campaign(target):
         _fits(path)
-    return log_subject(_page(check.pages_of(target, columns), log, target), tab)
+    return log_subject(_page(log_pages(target, columns), log, target), tab)
 
 
 def campaign_subject(run: Run, tab: str = "") -> Subject:
@@ -126,7 +126,7 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
     return Subject(run.campaign.name, artefact.path.read_bytes, lambda: draw(True), artefact.path)
 
 
-def log_subject(page: check.Page, tab: str = "") -> Subject:
+def log_subject(page: LogPage, tab: str = "") -> Subject:
     """The recording of one raw log. Raises `LogError` where the log was refused."""
     if page.outputs is None or page.health is None:
         raise LogError(plain(page.refused))
@@ -137,7 +137,7 @@ def log_subject(page: check.Page, tab: str = "") -> Subject:
 
         return record_log(
             page.name,
-            check.tables_of(outputs),
+            page.streams,
             outputs.log_info,
             health,
             page.legs,
@@ -156,7 +156,7 @@ def photograph(content: bytes) -> bytes:
         return viewer.picture(path)
 
 
-def _page(pages: list[check.Page], log: str | None, target: str) -> check.Page:
+def _page(pages: list[LogPage], log: str | None, target: str) -> LogPage:
     if log is None:
         return pages[0]
     found = {page.name.rpartition(": ")[2]: page for page in pages}

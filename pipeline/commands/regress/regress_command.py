@@ -16,13 +16,14 @@ from typing import Any
 
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.pipeline.campaigns.workspace import workspace_of
-from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import changelog
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.graph import WHOLE, select
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
+from auvid.pipeline.terminal import path_from_here
 from auvid.stages import STAGES
 
 DEFAULT_TOLERANCES = "default_tolerances.yaml"
@@ -47,7 +48,7 @@ def open_setting(campaign: str, baseline: Path | None) -> Setting:
     in the campaign's folder. Raises `PipelineError` where the campaign has no error
     table, has not been run, or its results are not up to date.
     """
-    run = session.open_run(campaign)
+    run = open_run(campaign)
     root = workspace_of(campaign).root
     folder = (
         baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
@@ -76,7 +77,7 @@ def error_tables(run: Run) -> Tables:
             value=run.campaign.document["kind"],
         )
     remedy = f"auvid run {run.campaign.name}"
-    for stage in session.select(run.graph, until=producers[0].stage.name):
+    for stage in select(run.graph, until=producers[0].stage.name):
         for place in run.places(stage.maps_over):
             if place.item not in run.manifests[stage.name].records:
                 raise DataError(
@@ -102,7 +103,7 @@ def check(setting: Setting, *, as_json: bool) -> bool:
         setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables)
     )
     held, departures = golden.compare(old, setting.tables, tolerances)
-    where = session.shown(setting.folder.resolve())
+    where = path_from_here(setting.folder.resolve())
     if as_json:
         print(json.dumps(_document(setting, held, departures), indent=1, ensure_ascii=False))
     elif not departures:
@@ -236,7 +237,7 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
             setting.changelog, stage, f"{words} ({note})"
         )
         write_together(changed)
-    paths = [session.shown(path.resolve()) for path in changed]
+    paths = [path_from_here(path.resolve()) for path in changed]
     if as_json:
         print(
             json.dumps(

@@ -16,7 +16,6 @@ from typing import Any
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import SIMULATE, Campaign, inside
 from auvid.pipeline.campaigns.twin import load_twin
-from auvid.pipeline.commands import open_run as session
 from auvid.pipeline.commands.reproduce.variants import (
     FLIGHT,
     PAGE,
@@ -37,6 +36,7 @@ from auvid.pipeline.store.artefacts import load
 from auvid.pipeline.store.atomic_files import prune
 from auvid.pipeline.store.fingerprints import FileHashes, hash_value, stage_code
 from auvid.pipeline.store.manifest import Manifest
+from auvid.pipeline.terminal import path_from_here
 from auvid.stages import reproduce as reproduction
 from auvid.stages.base import make_params, ports
 
@@ -314,7 +314,7 @@ def print_tables(done: Reproduced) -> None:
                 f"  {row['plan']}/{row['variant']}: {row['asked']}: {row['least']:.3g} to"
                 f" {row['most']:.3g}, {reason}"
             )
-    print(f"\npage: {session.shown(done.page)}")
+    print(f"\npage: {path_from_here(done.page)}")
 
 
 def _cell(value: float | None) -> str:

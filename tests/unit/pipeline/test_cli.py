@@ -19,8 +19,10 @@ from typer.testing import CliRunner
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
+from auvid.pipeline.commands.open_run import show_progress
+from auvid.pipeline.commands.run import run_command, run_summary
 from auvid.stages import STAGES
 from auvid.stages.base import ports
 from tests.support import toy_stages
@@ -58,8 +60,8 @@ def toy_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_campaign(tmp_path / "campaigns" / "toy")
     (tmp_path / "vehicles").mkdir()
     (tmp_path / "vehicles" / "toy.yaml").write_text(toy_stages.VEHICLES["toy"].read_text())
-    monkeypatch.setattr(session, "STAGES", toy_stages.STAGES)
-    monkeypatch.setattr(session, "KINDS", toy_stages.KINDS)
+    monkeypatch.setattr(open_run, "STAGES", toy_stages.STAGES)
+    monkeypatch.setattr(open_run, "KINDS", toy_stages.KINDS)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -180,7 +182,7 @@ def test_interrupt_says_so(
         replace(toy_stages.STAGES[2], run=interrupt),
         toy_stages.STAGES[3],
     )
-    monkeypatch.setattr(session, "STAGES", stages)
+    monkeypatch.setattr(open_run, "STAGES", stages)
     code, _, err = auvid(monkeypatch, capsys, "run", "toy")
     assert (code, err.splitlines()[-1]) == (130, "interrupted: what was finished is kept")
 
@@ -189,7 +191,8 @@ def test_losses_are_named_and_3_when_strict(
     toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert auvid(monkeypatch, capsys, "run", "toy", "--strict")[0] == 0
-    monkeypatch.setattr(session, "losses", lambda run: ["log 'a': 3 rejected (depth: NaN)"])
+    for module in (run_command, run_summary):
+        monkeypatch.setattr(module, "losses", lambda run: ["log 'a': 3 rejected (depth: NaN)"])
     code, out, _ = auvid(monkeypatch, capsys, "run", "toy", "--strict")
     assert code == 3
     assert "lost (1):\n  log 'a': 3 rejected (depth: NaN)" in out
@@ -250,10 +253,10 @@ def test_new_refuses_to_overwrite(
 def test_bars_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     from auvid.pipeline.execution.progress import Bars, Lines
 
-    with session.progress() as plain:
+    with show_progress() as plain:
         assert isinstance(plain, Lines)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with session.progress() as bars:
+    with show_progress() as bars:
         assert isinstance(bars, Bars)
         bars.stage("decode", todo=1, total=2, level="log")
         bars.item("a")

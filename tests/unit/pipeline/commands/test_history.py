@@ -53,7 +53,7 @@ class Stub:
 
 def keep(folder: Path, entry: Entry, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(history, "_entry", lambda run, number: replace(entry, number=number))
-    history.remember(Stub(folder))  # type: ignore[arg-type]
+    history.add_entry(Stub(folder))  # type: ignore[arg-type]
 
 
 def test_run_is_remembered_once_and_again_when_something_changed(

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.pipeline.commands.run_summary import warnings
+from auvid.pipeline.commands.run.run_summary import warnings
 from auvid.pipeline.execution import runner
 from auvid.pipeline.execution.engines import Processes, Serial, make_engine
 from auvid.pipeline.execution.lock import FILE as LOCK

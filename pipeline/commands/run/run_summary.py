@@ -1,39 +1,93 @@
-"""What a user sees when a run is over: where the results are, the errors in short, what
-was lost, and the warnings.
-"""
+"""What a user sees when a run is over: errors, losses, warnings and result files."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.graph import WHOLE, AnyStage
+from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.page.campaign_sections import shared_data
 
-PLACES = {
+RESULTS = {
     "report_html": "report",
     "error_table": "error table",
     "tables_text": "tables as text",
     "model_card": "models",
     "recording": "recording",
 }
-SHOWN = 20
+MAX_LINES = 20
 
 
-def places(run: Run) -> dict[str, Path]:
-    """Where the results of the campaign are: what they are -> file, or folder for
-    several.
-    """
-    found: dict[str, Path] = {}
-    for schema_name, words in PLACES.items():
+def print_summary(run: Run) -> None:
+    """Print warnings, losses, the errors in short, and where the results are."""
+    for title, lines in (("lost", losses(run)), ("warnings", warnings(run))):
+        if lines:
+            print(f"\n{title} ({len(lines)}):")
+            print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
+    models = [(model, rank, *map(_ratio, ratios)) for model, rank, *ratios in error_rows(run)]
+    if models:
+        print()
+    table(("model", "rank", "training", "validation"), models, title="J/J0 (1 explains nothing)")
+    errors = [
+        (quantity, "  ".join(f"{axis} {value:.2g}" for axis, value in parts), unit)
+        for quantity, unit, parts in truth_rows(run)
+    ]
+    if errors:
+        print()
+    title = "estimate against truth (RMS error over all legs)"
+    table(("quantity", "by axis", "unit"), errors, title=title)
+    checks = bounds(run)
+    if checks:
+        print(f"\nbounds: {sum(row['met'] for row in checks)} of {len(checks)} met")
+    table(
+        ("figure", "value", "at most", ""),
+        [
+            (
+                row["figure"],
+                f"{row['value']:.3g}",
+                f"{row['bound']:.3g}",
+                "" if row["met"] else "MISSED",
+            )
+            for row in checks
+        ],
+    )
+    met = [row["met"] for row in comparison_rows(run) if row["met"] is not None]
+    if met:
+        print(
+            f"\nprinted values: {sum(met)} of {len(met)} bounds met (auvid reproduce"
+            f" {run.campaign.name} prints them)"
+        )
+    files = result_files(run)
+    if files:
+        print()
+    for name, path in files.items():
+        print(f"{name + ':':<16}{path_from_here(path)}")
+
+
+def _ratio(value: float | None) -> str | None:
+    return None if value is None else f"{value:.3f}"
+
+
+def bound_missed(run: Run, stages: Sequence[AnyStage]) -> bool:
+    """Return whether a bound of the campaign is missed by stages that were run."""
+    names = {stage.name for stage in stages}
+    checked = any(port.stage.name in names for port in run.graph.producers("trust_checks"))
+    return checked and not all(row["met"] for row in bounds(run))
+
+
+def result_files(run: Run) -> dict[str, Path]:
+    """Return where the results are: what they are -> file, or folder of several."""
+    files: dict[str, Path] = {}
+    for schema_name, name in RESULTS.items():
         for port in run.graph.producers(schema_name):
             artefacts = list(run.artefacts_of(port, WHOLE).values())
             if artefacts:
-                found[words] = artefacts[0].path if not port.many else artefacts[0].path.parent
-    return found
+                files[name] = artefacts[0].path.parent if port.many else artefacts[0].path
+    return files
 
 
 def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
@@ -56,8 +110,8 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
     legs; the models have their own table.
     """
     found: dict[tuple[str, str], list[tuple[str, float]]] = {}
-    for table in _of_schema(run, "truth_errors"):
-        for row in table.to_pylist():
+    for rows in _of_schema(run, "truth_errors"):
+        for row in rows.to_pylist():
             if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
                 found.setdefault((row["quantity"], row["unit"]), []).append(
                     (row["axis"], row["rms_error"])
@@ -95,10 +149,10 @@ def losses(run: Run) -> list[str]:
             found.append(
                 f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost"
             )
-    for log, table in _per_item(run, "dropped"):
+    for log, dropped in _per_item(run, "dropped"):
         counts: Counter[str] = Counter()
         for row in (
-            row for row in table.to_pylist() if row.get("bytes") is None
+            row for row in dropped.to_pylist() if row.get("bytes") is None
         ):  # bytes are in the line above
             counts[f"{row['stream']}: {row['reason']}"] += row["count"]
         found += [
@@ -139,7 +193,11 @@ def warnings(run: Run) -> list[str]:
 
 def shortened(lines: list[str]) -> list[str]:
     """The first twenty lines and the count of the rest."""
-    return lines if len(lines) <= SHOWN else [*lines[:SHOWN], f"... and {len(lines) - SHOWN} more"]
+    return (
+        lines
+        if len(lines) <= MAX_LINES
+        else [*lines[:MAX_LINES], f"... and {len(lines) - MAX_LINES} more"]
+    )
 
 
 def _of_schema(run: Run, schema_name: str) -> Iterator[Any]:

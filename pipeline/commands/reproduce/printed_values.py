@@ -4,10 +4,11 @@ beside them, on the terminal.
 
 from __future__ import annotations
 
-from auvid.pipeline.commands import open_run as session
+from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.reproduce.variants import FILE
-from auvid.pipeline.commands.run_summary import comparison_rows
+from auvid.pipeline.commands.run.run_summary import comparison_rows, result_files
 from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.terminal import path_from_here
 
 PUBLISHED = "published_values"
 LIMITS = (("least", ">="), ("most", "<="))
@@ -17,7 +18,7 @@ def open_comparison(name: str) -> Run | None:
     """The run of a campaign that names printed values and has no document of variants;
     None for any other.
     """
-    run = session.open_run(name)
+    run = open_run(name)
     if PUBLISHED not in run.campaign.documents or (run.campaign.folder / FILE).is_file():
         return None
     return run
@@ -56,9 +57,9 @@ def print_comparison(run: Run) -> bool:
     asked_of = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked_of if not row["met"]]
     print(f"\nbounds: {len(asked_of) - len(missed)} of {len(asked_of)} met")
-    page = session.places(run).get("report")
+    page = result_files(run).get("report")
     if page is not None:
-        print(f"page: {session.shown(page)}")
+        print(f"page: {path_from_here(page)}")
     return not missed
 
 

@@ -11,8 +11,14 @@ import pytest
 
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.campaigns.campaign import load_campaign
-from auvid.pipeline.commands.open_run import print_summary
-from auvid.pipeline.commands.run_summary import error_rows, losses, places, shortened, warnings
+from auvid.pipeline.commands.run.run_summary import (
+    error_rows,
+    losses,
+    print_summary,
+    result_files,
+    shortened,
+    warnings,
+)
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import Graph
 from auvid.pipeline.store.artefacts import encode
@@ -120,11 +126,11 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
         ),
     )
     assert error_rows(run) == [("fossen", 12, 0.5, None)]
-    assert places(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
+    assert result_files(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
     print_summary(run)
-    said = capsys.readouterr().out
-    assert "fossen              12       0.500           -" in said
-    assert f"error table:    {run.folder}/validate/error_table.parquet" in said
+    out = capsys.readouterr().out
+    assert "model   rank  training  validation\nfossen    12     0.500           -\n" in out
+    assert f"error table:    {run.folder}/validate/error_table.parquet" in out
 
 
 def test_long_lists_are_cut_with_the_count() -> None:

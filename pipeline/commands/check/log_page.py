@@ -1,0 +1,113 @@
+"""The health of one log, as the commands `check` and `inspect` use it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.campaigns.campaign import Campaign, LogFile, load_campaign
+from auvid.pipeline.campaigns.workspace import workspace_of
+from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.execution.task_inputs import log_files, log_source
+from auvid.stages import KINDS, ingest
+from auvid.stages.base import Document
+from auvid.stages.ingest.health.finding import Recorded
+from auvid.stages.ingest.health.usability import legs
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """The health of one log and the legs in it, or the reason of its refusal."""
+
+    name: str
+    health: Mapping[str, Any] | None = None
+    refused: str | None = None
+    legs: tuple[Mapping[str, Any], ...] = ()
+    outputs: ingest.Outputs | None = field(default=None, repr=False)
+
+    @property
+    def losses(self) -> bool:
+        """Whether bytes were lost or an error was found."""
+        return self.health is not None and (
+            self.health["status"] != "complete"
+            or any(item["severity"] == "error" for item in self.health["findings"])
+        )
+
+    @property
+    def streams(self) -> dict[str, Any]:
+        """The tables of the log by name of stream."""
+        names = () if self.health is None else self.health["streams"]
+        return {name: getattr(self.outputs, name) for name in names}
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The page as JSON."""
+        if self.health is None:
+            return {"name": self.name, "refused": self.refused}
+        legs = {"legs": list(self.legs)} if self.legs else {}
+        return {"name": self.name, "health": self.health, **legs}
+
+
+def names_campaign(target: str) -> bool:
+    """Return whether a target is a campaign (name, folder, manifest) and not a file."""
+    path = Path(target).expanduser()
+    return (
+        path.name == "campaign.yaml"
+        or (path / "campaign.yaml").is_file()
+        or not (path.exists() or path.suffix or os.sep in target)
+    )
+
+
+def log_pages(target: str, columns: Path | None) -> list[LogPage]:
+    """Return the page of a log file, or of every log of a campaign."""
+    if not names_campaign(target):
+        path, mapping = Path(target).expanduser(), None
+        if columns is not None:
+            file = load_yaml(columns, what="column map")
+            file.check("column_map")
+            mapping = file.value
+        return [_page(str(path), path.stem, (LogFile(path.name, path, mapping),))]
+    workspace = workspace_of(target)
+    campaign = load_campaign(
+        workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()
+    )
+    simulated = workspace.runs / campaign.name / "simulate" / "logs"
+    pages = []
+    for log in campaign.logs:
+        name = f"{campaign.name}: {log}"
+        try:
+            files = log_files(campaign, log, simulated)
+        except PipelineError as fault:
+            pages.append(LogPage(name, refused=str(fault)))
+        else:
+            pages.append(_page(name, log, files, campaign))
+    return pages
+
+
+def _page(
+    name: str, log: str, files: Sequence[LogFile], campaign: Campaign | None = None
+) -> LogPage:
+    """Decode one log and check it; a log that cannot be read is a page that says why."""
+    leg_entries: list[Document] = []
+    reader = view = vehicle = None
+    if campaign is not None:
+        reader, view = campaign.logs[log].get("reader"), campaign.seen_by(log)
+        vehicle = campaign.vehicle
+        leg_entries = [leg for leg in campaign.legs.values() if leg["log"] == log]
+    try:
+        source = log_source(log, files, reader=reader)
+        outputs = ingest.run(
+            ingest.Inputs(source.load(), view, vehicle), ingest.Params(max_dropped_share=1.0)
+        )
+        source.check_unchanged()
+    except PipelineError as fault:
+        return LogPage(name, refused=str(fault))
+    check_document(outputs.health, "health")
+    page = LogPage(name, outputs.health, outputs=outputs)
+    recorded = Recorded(page.streams, outputs.log_info, outputs.dropped, vehicle)
+    return LogPage(name, outputs.health, legs=tuple(legs(recorded, leg_entries)), outputs=outputs)

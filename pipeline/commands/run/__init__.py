@@ -1,0 +1,1 @@
+"""`auvid run` and `auvid report`."""
