@@ -151,7 +151,9 @@ def test_what_is_assumed_is_said(runs: dict[str, Path]) -> None:
         for block in document(runs, "synthesise/section.json")["blocks"]
         if block["kind"] == "table"
     ]
-    assert any(f"{len(assumed)} assumed figures of the vehicle as exact" in note for note in notes)
+    assert any(
+        f"{len(assumed)} assumed figures of the vehicle count as exact" in note for note in notes
+    )
 
 
 def test_battery_is_used_and_directions_have_a_source(runs: dict[str, Path]) -> None:

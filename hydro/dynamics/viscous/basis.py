@@ -176,23 +176,25 @@ def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
         name: np.ascontiguousarray(nu[index]) for index, name in enumerate(VELOCITIES)
     }
 
-    def factor(name: str) -> Array:
-        if name not in rows:
-            rows[name] = compute(name)
-        return rows[name]
-
     def compute(name: str) -> Array:
         if name in MODULI:
             return np.abs(rows[name.strip("|")])
-        if name == "V":
-            return np.hypot(rows["v"], rows["w"])
-        if name in ("Vv", "Vw"):
-            return np.asarray(factor("V") * np.sign(rows[name[1]]))
+        if name in ("V", "Vv", "Vw"):
+            # Not through `factor`: two functions that hold each other keep their arrays
+            # until the garbage collector runs.
+            if "V" not in rows:
+                rows["V"] = np.hypot(rows["v"], rows["w"])
+            return rows["V"] if name == "V" else np.asarray(rows["V"] * np.sign(rows[name[1]]))
         if ratio is None:
             raise DataError(
                 "a basis term needs the propulsion ratio u_c(n)/U, but there is no propeller speed",
                 remedy="Leave the terms with (eta-1) out, or give the log's propeller speed.",
             )
         return np.asarray(ratio, dtype=np.float64) - 1.0
+
+    def factor(name: str) -> Array:
+        if name not in rows:
+            rows[name] = compute(name)
+        return rows[name]
 
     return factor

@@ -72,6 +72,10 @@ class RegressorErrors:
             moment += count / len(velocity[chosen]) * (rows.T @ rows)
         return RegressorErrors(self.terms, moment)
 
+    def merge(self, other: RegressorErrors) -> RegressorErrors:
+        """Return the sum over the samples of both; the terms must agree."""
+        return RegressorErrors(self.terms, self.moment + other.moment)
+
 
 def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
     """Expected error (k,) of `fit.solution` in the order of its terms; 0 for terms that

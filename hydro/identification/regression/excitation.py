@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +41,8 @@ class VelocityExcitation:
     """
 
     name: str
+    n: int
+    mean: float
     rms: float
     std: float
     low: float
@@ -57,6 +59,22 @@ class VelocityExcitation:
     def changes_sign(self) -> bool:
         """Whether it went beyond the threshold in both directions."""
         return self.low <= -self.threshold and self.high >= self.threshold
+
+    def merge(self, other: VelocityExcitation) -> VelocityExcitation:
+        """Return the excitation over the samples of both."""
+        n = self.n + other.n
+        a, b = self.n / n, other.n / n
+        between = a * b * (self.mean - other.mean) ** 2
+        return replace(
+            self,
+            n=n,
+            mean=a * self.mean + b * other.mean,
+            rms=math.sqrt(a * self.rms**2 + b * other.rms**2),
+            std=math.sqrt(a * self.std**2 + b * other.std**2 + between),
+            low=min(self.low, other.low),
+            high=max(self.high, other.high),
+            share_beyond=a * self.share_beyond + b * other.share_beyond,
+        )
 
 
 def axis_excitation(
@@ -77,6 +95,8 @@ def axis_excitation(
     return {
         name: VelocityExcitation(
             name=name,
+            n=len(column),
+            mean=float(np.mean(column)),
             rms=float(np.sqrt(np.mean(column**2))),
             std=float(np.std(column)),
             low=float(column.min()),

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,16 +127,15 @@ class TriangularFactor:
 
 
 def merge_all(factors: Iterable[TriangularFactor]) -> TriangularFactor:
-    """Merge factors in the order given (legs, processes, all folds but one);
-    `DataError` for none.
+    """Merge factors one at a time, in the order given; `DataError` for none.
+
+    So legs, processes, or all folds but one are combined in constant memory.
     """
-    parts = list(factors)
-    if not parts:
+    parts = iter(factors)
+    first = next(parts, None)
+    if first is None:
         raise DataError("no training data: there is no factor to merge")
-    total = parts[0]
-    for part in parts[1:]:
-        total = total.merge(part)
-    return total
+    return reduce(TriangularFactor.merge, parts, first)
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def judge_with_motion(
     coefficients are not (those of the rank included).
 
     covariance (k, k): of the solution, in the order of `fit.terms`, best from
-    `hac_fit_covariance`. Inseparability is mutual: a term is inseparable only from
+    `CoefficientScores`. Inseparability is mutual: a term is inseparable only from
     terms that are themselves not told from zero or not from it; otherwise it is weak.
     Dependent columns that rest on nothing but unexcited motion are not excited, and so
     are their combinations.

@@ -8,7 +8,8 @@ West 1987 (estimator), Andrews 1991 (choice of lags).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,29 +118,31 @@ def stationary_covariance(
     return _sandwich(inverse, middle, n)
 
 
-def hac_standard_errors(
-    fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None
-) -> Array:
-    """Standard errors (k,) of `fit.coefficients` in their order, from one more pass
-    over the data.
+@dataclass(frozen=True)
+class CoefficientScores:
+    """Long-run moment S (k, k) of the scores x_t e_t of a fit, over `n` samples so far.
 
-    segments: for each unbroken segment the basis rows of the fit's terms (k, n) without
-    the constant, and the axis's measured force (n,). nan where the data determine no
-    single number. Raises `DataError` when rows and terms do not agree.
+    Segments are added one at a time; correlation across segments counts as none.
+    lags None: `automatic_lags` of each segment.
     """
-    return np.sqrt(np.diag(hac_fit_covariance(fit, segments, lags=lags)))
 
+    fit: AxisFit
+    lags: int | None
+    middle: Array
+    n: int = 0
 
-def hac_fit_covariance(
-    fit: AxisFit, segments: Iterable[tuple[ArrayLike, ArrayLike]], *, lags: int | None = None
-) -> Array:
-    """Covariance (k, k) in the order of `fit.terms`, nan rows where nothing is
-    determined. Arguments as `hac_standard_errors`.
-    """
-    kept = list(fit.independent)
-    scale = fit.column_norms[kept]
-    middle, n = np.zeros((len(kept), len(kept))), 0
-    for rows, force in segments:
+    @classmethod
+    def empty(cls, fit: AxisFit, *, lags: int | None = None) -> CoefficientScores:
+        """Return the moment over no samples."""
+        return cls(fit, lags, np.zeros((len(fit.independent),) * 2))
+
+    def update(self, rows: ArrayLike, force: ArrayLike) -> CoefficientScores:
+        """Return the moment with one more unbroken segment.
+
+        rows: basis rows (k, n) of the fit's terms without the constant; force: the
+        axis's measured force (n,). Raises `DataError` when rows and terms disagree.
+        """
+        fit, kept = self.fit, list(self.fit.independent)
         design = np.asarray(rows, dtype=np.float64)
         target = np.asarray(force, dtype=np.float64)
         if fit.terms and fit.terms[-1] == CONSTANT:
@@ -149,13 +152,24 @@ def hac_fit_covariance(
                 "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
             )
         residual = target - design[kept].T @ fit.solution[kept]
-        scores = (design[kept] / scale[:, None] * residual).T
-        middle += long_run_moment(scores, lags=automatic_lags(scores) if lags is None else lags)
-        n += len(target)
-    covariance = np.full((len(fit.terms), len(fit.terms)), np.nan)
-    inverse = cho_solve((fit.scaled_triangle, False), np.eye(len(kept)))
-    covariance[np.ix_(kept, kept)] = _sandwich(inverse, middle, n) / np.outer(scale, scale)
-    return covariance
+        scores = (design[kept] / fit.column_norms[kept][:, None] * residual).T
+        lags = automatic_lags(scores) if self.lags is None else self.lags
+        middle = self.middle + long_run_moment(scores, lags=lags)
+        return CoefficientScores(fit, self.lags, middle, self.n + len(target))
+
+    def covariance(self) -> Array:
+        """Return the covariance (k, k) in the order of `fit.terms`.
+
+        Rows of nan where the data determine no single number.
+        """
+        fit, kept = self.fit, list(self.fit.independent)
+        scale = fit.column_norms[kept]
+        inverse = cho_solve((fit.scaled_triangle, False), np.eye(len(kept)))
+        covariance = np.full((len(fit.terms), len(fit.terms)), np.nan)
+        covariance[np.ix_(kept, kept)] = _sandwich(inverse, self.middle, self.n) / np.outer(
+            scale, scale
+        )
+        return covariance
 
 
 def _sandwich(inverse: Array, middle: Array, n: int) -> Array:

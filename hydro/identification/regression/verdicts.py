@@ -72,7 +72,7 @@ def judge(
     """The verdict on every term of a fit, by term.
 
     floors: RMS from which on a term counts as excited (term -> SI value; missing: 0).
-    standard_errors (k,): in the order of `fit.terms`, best from `hac_standard_errors`;
+    standard_errors (k,): in the order of `fit.terms`, best from `CoefficientScores`;
     None takes the white ones. Raises `DataError` when their number is wrong.
     """
     errors = (

@@ -242,6 +242,21 @@ def test_voltage_scales_the_thrust_and_its_absence_is_told(motion: Motion) -> No
         assert "16 V" in warnings(found)[0]
 
 
+def test_thrust_follows_the_voltage_over_time(motion: Motion) -> None:
+    """A battery that sags from 16 to 12 V along the segment, its commands the same: each
+    sample of the thrust is scaled by its own voltage.
+    """
+    pwm, voltage = pulses(motion), np.linspace(16.0, 12.0, motion.t_s.size)
+    sagging, nominal = (
+        forces(
+            run(motion, rov_table(motion, pwm, voltage=v), "bluerov2_heavy").residual, "thrusters"
+        )
+        for v in (voltage, np.full_like(voltage, 16.0))
+    )
+    factor = (voltage / 16.0) ** 1.1
+    np.testing.assert_allclose(sagging, factor[:, None] * nominal, rtol=1e-12, atol=1e-12)
+
+
 def test_partly_missing_voltage_is_counted_and_the_nearest_stands_in(motion: Motion) -> None:
     """The battery reports once a second and so often later than the leg begins: that
     must not change the scale of the thrust.

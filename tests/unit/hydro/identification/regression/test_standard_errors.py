@@ -4,16 +4,23 @@ coverage on a known truth.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import (
+    AxisFit,
+    TriangularFactor,
+    solve_axis,
+)
 from auvid.hydro.identification.regression.standard_errors import (
+    CoefficientScores,
     automatic_lags,
     hac_covariance,
-    hac_standard_errors,
     long_run_moment,
 )
 
@@ -60,6 +67,16 @@ def test_lags_follow_the_colour() -> None:
     assert automatic_lags(coloured) == pytest.approx(226, rel=0.1)
     assert automatic_lags(np.ones((100, 1))) == 0
     assert automatic_lags(white[:5]) == 0
+
+
+def hac_standard_errors(
+    fit: AxisFit, segments: Iterable[tuple[Array, Array]], *, lags: int | None = None
+) -> Array:
+    """Return the standard errors (k,) of a fit, from its segments one at a time."""
+    scores = CoefficientScores.empty(fit, lags=lags)
+    for rows, force in segments:
+        scores = scores.update(rows, force)
+    return np.sqrt(np.diag(scores.covariance()))
 
 
 def test_coloured_errors_cover_the_truth_where_white_ones_do_not() -> None:

@@ -1,0 +1,168 @@
+"""The model card: coefficients, verdicts and errors of one model, axis by axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import coefficient_unit
+from auvid.hydro.dynamics.viscous.models import Coefficients, ViscousModel
+from auvid.hydro.identification.regression.attenuation import attenuation, widened
+from auvid.hydro.identification.regression.excitation import VelocityExcitation
+from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+from auvid.hydro.identification.regression.prior import posterior
+from auvid.hydro.identification.regression.separability import judge_with_motion
+from auvid.hydro.identification.regression.verdicts import INSEPARABLE, NOT_EXCITED
+from auvid.stages.columns import AXIS_UNITS
+from auvid.stages.synthesise.training import TrainingData
+
+VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior means of some coefficients, with a standard deviation relative to each."""
+
+    source: str
+    relative_sd: float
+    means: Coefficients
+
+
+def model_card(
+    model: ViscousModel,
+    *,
+    declared: ViscousModel,
+    data: TrainingData,
+    fits: Mapping[str, tuple[AxisFit, Array]],
+    vehicle: Vehicle,
+    prior: Prior,
+    trim: bool,
+) -> dict[str, Any]:
+    """Return the card of a model from its fits and their covariances, by axis.
+
+    `declared`: the model before its propeller terms were left out.
+    """
+    axes, solution, used, rank = {}, {}, {}, 0
+    for axis, (fit, coloured) in fits.items():
+        covariance = coloured
+        if data.errors is not None:
+            covariance = widened(coloured, attenuation(fit, data.errors))
+        means = {
+            term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
+        }
+        after, wide = posterior(
+            data.factor, fit, covariance, means, relative_sd=prior.relative_sd, trim=trim
+        )
+        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion)
+        solution[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
+        if means:
+            used[axis] = means
+        rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
+    card = {
+        "name": model.name,
+        "title": model.title,
+        "vehicle": vehicle.name,
+        "source": model.source,
+        "n_bar": model.n_bar,
+        "n_bar_declared": declared.n_bar,
+        "rank": rank,
+        "samples": data.factor.n_samples,
+        "trim": trim,
+        "velocity_errors": data.errors is not None,
+        "assumed": list(vehicle.assumed),
+        "axes": axes,
+        "not_applicable": [
+            f"{axis} {term}"
+            for axis, terms in declared.terms.items()
+            for term in terms
+            if term not in model.terms.get(axis, ())
+        ],
+        "conditions": {
+            name: {"rms": item.rms, "low": item.low, "high": item.high}
+            for name, item in data.motion.items()
+        },
+        "solution": solution,
+    }
+    if used:
+        card["prior"] = {"source": prior.source, "relative_sd": prior.relative_sd, "means": used}
+    return card
+
+
+def _axis_entry(
+    fit: AxisFit,
+    covariance: Array,
+    after: AxisFit,
+    wide: Array,
+    motion: Mapping[str, VelocityExcitation],
+) -> dict[str, Any]:
+    """Return what the data say of every term of one axis.
+
+    Verdicts are of `fit` with `covariance`; numbers and errors are those with the
+    prior, `after` with `wide`.
+    """
+    verdicts, determined = judge_with_motion(fit, motion, covariance=covariance)
+    errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
+    summed = {term for item in determined for term in item.weights}
+    terms = []
+    for index, term in enumerate(fit.terms):
+        verdict = verdicts[term]
+        has_number = (
+            verdict.status != NOT_EXCITED
+            and term not in summed
+            and bool(np.isfinite(fit.coefficients[index]))
+        )
+        entry: dict[str, Any] = {
+            "term": term,
+            "unit": coefficient_unit(fit.axis, term),
+            "value": float(after.solution[index]) if has_number else None,
+            "standard_error": _finite(errors[index]) if has_number else None,
+            "verdict": verdict.status,
+        }
+        if verdict.status == INSEPARABLE:
+            entry["inseparable_from"] = list(verdict.partners)
+        terms.append(entry)
+    return {
+        "unit": AXIS_UNITS[fit.axis],
+        "samples": fit.n_samples,
+        "rank": fit.rank,
+        "condition": _finite(fit.condition),
+        "j0": fit.j0,
+        "j": after.rms,
+        "excitation": excitation_word(motion[VELOCITY_OF_AXIS[fit.axis]]),
+        "terms": terms,
+        "combinations": [
+            {
+                "weights": dict(item.weights),
+                "value": item.value,
+                "standard_error": _finite(item.standard_error),
+                "reading": str(item),
+            }
+            for item in determined
+        ],
+        "covariance": _covariance_entry(fit.terms, wide),
+    }
+
+
+def _covariance_entry(terms: Sequence[str], covariance: Array) -> dict[str, Any]:
+    """Return the lower triangle over the terms that carry a number in `solution`."""
+    kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
+    return {
+        "terms": [terms[i] for i in kept],
+        "lower": [[float(covariance[i, j]) for j in kept if j <= i] for i in kept],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def excitation_word(motion: VelocityExcitation) -> str:
+    """Return how much a velocity is excited: not excited, weak, excited."""
+    if not motion.excited:
+        return "not excited"
+    return "excited" if motion.std >= motion.threshold else "weak"

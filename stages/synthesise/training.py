@@ -1,0 +1,119 @@
+"""The training legs, one at a time: what synthesis keeps of each, and its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.regression.attenuation import RegressorErrors
+from auvid.hydro.identification.regression.excitation import VelocityExcitation, axis_excitation
+from auvid.hydro.identification.regression.least_squares import (
+    CONSTANT,
+    AxisFit,
+    TriangularFactor,
+)
+from auvid.hydro.identification.regression.standard_errors import CoefficientScores
+from auvid.stages.columns import VELOCITY, VELOCITY_SD, forces
+
+HAC_BLOCK_SAMPLES = 32_768
+"""The coloured standard errors take correlation within so many samples into account (11
+minutes at 50 Hz): it bounds their memory.
+"""
+ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
+Fits = Mapping[tuple[str, str], AxisFit]
+"""Least-squares fits by model and axis."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One training segment: nu and its standard deviations (n, 6), eta_ratio (n,),
+    tau_bar (n, 6); None where unknown.
+    """
+
+    nu: Array
+    sd: Array | None
+    ratio: Array | None
+    force: Array
+
+    @classmethod
+    def of(cls, residual: pa.Table, *, with_ratio: bool) -> Samples:
+        """Return the samples of a residual table."""
+        return cls(
+            matrix(residual, VELOCITY),
+            matrix(residual, VELOCITY_SD) if has_columns(residual, VELOCITY_SD) else None,
+            column(residual, "eta_ratio") if with_ratio else None,
+            forces(residual, "tau_bar"),
+        )
+
+    def blocks(self, size: int, terms: Sequence[str]) -> Iterator[tuple[Array, Array]]:
+        """Return basis rows (k, m) and forces (m, 6) of `size` samples at a time."""
+        for start in range(0, len(self.force), size):
+            rows = slice(start, start + size)
+            ratio = None if self.ratio is None else self.ratio[rows]
+            yield basis_rows(self.nu[rows].T, ratio, terms), self.force[rows]
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What fits need of the training legs; merges, whatever their number, in the same
+    memory. `errors`: None where a leg has no standard deviations of its velocities.
+    """
+
+    factor: TriangularFactor
+    errors: RegressorErrors | None
+    motion: Mapping[str, VelocityExcitation]
+
+    @classmethod
+    def of(cls, leg: Samples, terms: Sequence[str]) -> TrainingData:
+        """Return the data of one leg."""
+        factor = TriangularFactor.empty(terms)
+        for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
+            factor = factor.update(rows, force)
+        errors = None
+        if leg.sd is not None:
+            errors = RegressorErrors.empty(terms).update(leg.nu, leg.sd, ratio=leg.ratio)
+        return cls(factor, errors, axis_excitation(leg.nu, eta_ratio=leg.ratio))
+
+    def merge(self, other: TrainingData) -> TrainingData:
+        """Return the data of both."""
+        errors = None
+        if self.errors is not None and other.errors is not None:
+            errors = self.errors.merge(other.errors)
+        motion = {name: item.merge(other.motion[name]) for name, item in self.motion.items()}
+        return TrainingData(self.factor.merge(other.factor), errors, motion)
+
+
+def coloured_covariances(
+    fits: Fits, legs: Iterable[Samples], terms: Sequence[str], *, lags: int | None
+) -> dict[tuple[str, str], Array]:
+    """Return the covariance (k, k) of every fit, with autocorrelated residuals allowed for.
+
+    One more pass over the legs. nan where there are no more samples than coefficients.
+    """
+    row_of = {term: row for row, term in enumerate(terms)}
+    scores = {
+        key: CoefficientScores.empty(fit, lags=lags)
+        for key, fit in fits.items()
+        if fit.n_samples > len(fit.independent)
+    }
+    for leg in legs:
+        for rows, force in leg.blocks(HAC_BLOCK_SAMPLES, terms):
+            for (model, axis), score in scores.items():
+                own = [row_of[term] for term in score.fit.terms if term != CONSTANT]
+                scores[model, axis] = score.update(rows[own], force[:, AXES.index(axis)])
+    return {
+        key: (
+            scores[key].covariance()
+            if key in scores
+            else np.full((len(fit.terms), len(fit.terms)), np.nan)
+        )
+        for key, fit in fits.items()
+    }
