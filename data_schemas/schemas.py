@@ -66,17 +66,10 @@ def schema_names() -> tuple[str, ...]:
 
 @cache
 def _schema_files() -> dict[str, Traversable]:
-    """Name of a schema -> its file; the rooms of this folder hold them, and `formats`
-    other tables.
-    """
-    rooms = (
-        room
-        for room in resources.files(__package__).iterdir()
-        if room.is_dir() and room.name != "formats"
-    )
+    """Return name of a schema -> its file, from the rooms of `artefacts`."""
     return {
-        entry.name[:-5]: entry
-        for room in rooms
+        entry.name.removesuffix(".yaml"): entry
+        for room in (resources.files(__package__) / "artefacts").iterdir()
         for entry in room.iterdir()
         if entry.name.endswith(".yaml")
     }

@@ -471,7 +471,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON schema of a document, for editors; without a name, list them."""
-    from auvid.pipeline.commands.schema import print_schema
+    from auvid.pipeline.commands.list import print_schema
 
     print_schema(name)
 

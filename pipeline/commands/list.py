@@ -1,13 +1,16 @@
-"""`auvid stages`, `auvid models`, `auvid vehicles`: what there is, from declarations."""
+"""`auvid stages`, `models`, `vehicles` and `schema`: what there is, from declarations."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import PipelineError, nearest
+from auvid.data_schemas.documents import MODELS as DOCUMENT_MODELS
+from auvid.data_schemas.documents import model_of
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.dynamics.viscous.models import MODELS, model_named
@@ -25,6 +28,8 @@ PORT_MEANINGS = {
     "provenance": "hashes, parameters, versions",
 }
 """Ports whose content has no schema of its own."""
+WRITTEN = "documents."
+"""Models of this room are those of documents that users write."""
 
 
 def print_stages(name: str | None = None) -> None:
@@ -96,3 +101,17 @@ def print_vehicles() -> None:
         title = document.get("title", "") if isinstance(document, Mapping) else ""
         rows.append((name, title, path))
     table(("name", "title", "file"), rows)
+
+
+def print_schema(name: str | None) -> None:
+    """Print the JSON schema of a document, or the names of those that users write."""
+    written = [name for name, place in DOCUMENT_MODELS.items() if place.startswith(WRITTEN)]
+    if name is None:
+        rows = [[name, (model_of(name).__doc__ or "").partition(".")[0]] for name in written]
+        table(("document", "what it is"), rows)
+        return
+    if name not in DOCUMENT_MODELS:
+        raise UsageError(
+            "no such document", value=name, allowed=written, remedy=nearest(name, DOCUMENT_MODELS)
+        )
+    print(json.dumps(model_of(name).model_json_schema(), indent=2, ensure_ascii=False))
