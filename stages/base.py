@@ -1,14 +1,14 @@
-"""The stage interface: a stage is a value with a name, typed inputs, parameters and
-outputs, and a pure `run`.
+"""The stage interface: a name, typed inputs, parameters and outputs, a pure `run`.
 
 What flows between stages is named by schema: the input port of a schema is fed by the
 one stage that outputs it. What a stage maps over is declared. Work items and what a
 port then delivers:
 
-    log       one log of the campaign                       (ingest)
-    leg       one leg of the manifest                       (rlse; resample, which yields segments: the parts between gaps)
-    segment   one part of a leg                             (fuse, residual)
-    campaign  the whole campaign, once                      (synthesise, validate, pipendulum, control, report)
+    log       one log of the campaign (ingest)
+    leg       one leg of the manifest (rlse, resample)
+    segment   one part of a leg, between gaps; made by resample (fuse, residual)
+    campaign  the whole campaign, once (synthesise, validate, pipendulum, control,
+              report)
 
 A port delivers the artefact of the same item, or of the log or leg that the item
 belongs to, or of the campaign. A campaign stage gets a `Collection` over all items
@@ -40,8 +40,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Stage(Generic[I, P, O]):
-    """One stage of the chain. `run` is pure: no file, clock, network or global state;
-    seeds are parameters.
+    """One stage of the chain.
+
+    `run` is pure: no file, clock, network or global state; seeds are parameters.
     """
 
     name: str
@@ -63,8 +64,9 @@ class Stage(Generic[I, P, O]):
 
 @dataclass(frozen=True)
 class RawFile:
-    """One file of a log: its name, its bytes (memory-mapped by the runner, read-only),
-    its column map if it has one.
+    """One file of a log: name, bytes, and its column map if it has one.
+
+    The runner maps the bytes into memory, read-only.
     """
 
     name: str
@@ -74,8 +76,9 @@ class RawFile:
 
 @dataclass(frozen=True)
 class RawLog:
-    """A log as the campaign names it: its id, its files (memory-mapped), and the reader
-    if the manifest forces one.
+    """A log as the campaign names it: its id, its files, and a forced reader.
+
+    The files are memory-mapped; `reader` is set if the manifest forces one.
     """
 
     id: str
@@ -84,9 +87,7 @@ class RawLog:
 
 
 class Collection(Mapping[str, T]):
-    """Artefacts of many items, loaded one at a time when asked for, in the order of the
-    manifest.
-    """
+    """Artefacts of many items in manifest order, loaded one at a time when needed."""
 
     def __init__(self, loaders: Mapping[str, Callable[[], T]]) -> None:
         self._loaders = dict(loaders)
@@ -102,8 +103,9 @@ class Collection(Mapping[str, T]):
 
 
 def collection(items: Mapping[str, T]) -> Collection[T]:
-    """A collection of artefacts that are in memory already (for tests and for callers
-    without a store).
+    """Return a collection of artefacts that are in memory already.
+
+    For tests and for callers without a store.
     """
     return Collection({key: partial(items.__getitem__, key) for key in items})
 
@@ -119,8 +121,9 @@ def port(schema: str, *, many: bool = False, optional: bool = False) -> Any:
 
 
 def every(schema: str) -> Any:
-    """An input port that collects the artefacts of this schema from all stages of the
-    campaign, keyed `stage/item`.
+    """Declare a port that collects a schema's artefacts from all stages.
+
+    Keys are `stage/item`.
 
     `every('table')` collects all tables, keyed `stage/item/port`.
     """
@@ -144,9 +147,7 @@ def param(
     high: float | None = None,
     allowed: tuple[Any, ...] | None = None,
 ) -> Any:
-    """A stage parameter: unit, default, bounds or allowed values, and its meaning in
-    one line.
-    """
+    """Declare a stage parameter: unit, default, bounds or choices, one-line meaning."""
     metadata = {"unit": unit, "low": low, "high": high, "allowed": allowed, "meaning": meaning}
     if isinstance(default, dict | list):
         return field(default_factory=lambda: default.copy(), metadata=metadata)
@@ -154,15 +155,17 @@ def param(
 
 
 def ports(kind: type[Any]) -> dict[str, Mapping[str, Any]]:
-    """The ports of an Inputs or Outputs class: field name -> {port, many, optional,
-    every}.
+    """Return the ports of an Inputs or Outputs class.
+
+    Field name -> {port, many, optional, every}.
     """
     return {item.name: item.metadata for item in fields(kind) if "port" in item.metadata}
 
 
 def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: object = None) -> P:
-    """Parameters of a stage from the user's values; unknown keys, wrong types and
-    values out of bounds are errors.
+    """Return the parameters of a stage from the user's values.
+
+    Unknown keys, wrong types and values out of bounds are errors.
     """
     known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
     faults: list[PipelineError] = []

@@ -1,6 +1,4 @@
-"""Hold the results of a campaign against printed tables, with the errata of their
-source applied and shown.
-"""
+"""Comparison of results with printed tables, with the errata of their source shown."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from auvid.stages.presentation import Block, figure, remark, section, table, tex
 
 @dataclass(frozen=True)
 class Inputs:
-    """The printed tables, if the manifest names them, and all results by `stage/item`."""
+    """The printed tables, if the manifest names them, and results by `stage/item`."""
 
     results: Collection[Document] = every("results")
     published: Document | None = port("published_values", optional=True)
@@ -40,8 +38,10 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All tables. Raises `CampaignError` for figures that no stage has, all together,
-    and for tables that name unknown errata.
+    """Compare all tables.
+
+    Raises `CampaignError` for figures that no stage has, all together, and for tables
+    that name unknown errata.
     """
     if inputs.published is None:
         return Outputs()
@@ -65,9 +65,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] | None:
-    """How much of what is asked is met, by table, as results; None where nothing is
-    asked.
-    """
+    """Return how many requirements are met, by table; None without requirements."""
     figures = []
     for entry in published["tables"]:
         asked = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
@@ -89,8 +87,9 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
 
 
 def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
-    """One row of schema `comparison`. Met: error, value and verdict are all as asked;
-    None where nothing is asked.
+    """Return one row of schema `comparison`.
+
+    Met: error, value and verdict are all as required; None where nothing is required.
     """
     figure = figures[row["ours"]] if "ours" in row else None
     ours = _ours(row, figure)
@@ -263,8 +262,9 @@ def _cells(row: Mapping[str, Any]) -> list[Any]:
 
 
 def _as_printed(value: float | None) -> str:
-    """Four decimals, as the theses print; tiny values by their size. Text, so that the
-    page does not round it again.
+    """Return four decimals, as the theses print; tiny values by their size.
+
+    Text, so that the page does not round it again.
     """
     if value is None:
         return ""
@@ -272,15 +272,16 @@ def _as_printed(value: float | None) -> str:
 
 
 def _percent(share: float | None) -> str:
-    """Two decimals of a percent, as the theses print, or the size of what is smaller."""
+    """Return two decimals of a percent, as the theses print; tiny values by size."""
     if share is None:
         return ""
     return f"{100.0 * share:.2f}" if share == 0.0 or abs(share) >= 1e-4 else f"{100.0 * share:.0e}"
 
 
 def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
-    """Heads and cells of the columns that tell something: not those without a cell, nor
-    what is to be found where it is the print.
+    """Return heads and cells of the columns that are not empty.
+
+    Also dropped: the required value where it is the printed one.
     """
     kept = [
         index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)

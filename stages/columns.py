@@ -1,6 +1,4 @@
-"""Column names of the state, and small helpers that several stages need to move between
-tables and arrays.
-"""
+"""Column names of the state, and helpers between tables and arrays."""
 
 from __future__ import annotations
 
@@ -47,9 +45,7 @@ AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}
 
 
 def force_columns(component: str) -> tuple[str, ...]:
-    """The six column names of a force component: `tau_bar` -> tau_bar_X_N ...
-    tau_bar_N_N_m.
-    """
+    """Return the six columns of a force: `tau_bar` -> tau_bar_X_N ... tau_bar_N_N_m."""
     return tuple(f"{component}_{axis}_{AXIS_UNITS[axis].replace(' ', '_')}" for axis in AXES)
 
 
@@ -74,8 +70,9 @@ def rms(values: Array) -> float:
 
 
 def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
-    """The leg in seconds from the start of the log. Raises `DataError` for a leg that
-    lies outside the log.
+    """Return the leg in seconds from the start of the log.
+
+    Raises `DataError` for a leg that lies outside the log.
     """
     length = (end_us - start_us) / 1e6
     start, end = leg.get("start_s"), leg.get("end_s")
@@ -93,8 +90,9 @@ def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of one stream at their own times: `t_s` (n,) in s from the start of the
-    log, `values` (n, k), all finite.
+    """Samples of one stream at their own times.
+
+    `t_s` (n,) in s from the start of the log, `values` (n, k), all finite.
     """
 
     t_s: Array

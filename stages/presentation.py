@@ -1,5 +1,4 @@
-"""Report sections as data: what a stage shows, as a document that `report` only
-arranges and renders.
+"""Report sections as documents that `report` only arranges and renders.
 
 A section is {title, order, blocks}; a block is one of the dictionaries made here. Long
 signals are thinned by minimum and maximum per bin, so that peaks stay visible.
@@ -25,7 +24,8 @@ SHOWN_POINTS = 1200
 def section(
     title: str, blocks: Sequence[Block], *, order: int, look_for: str = "", chapter: str = ""
 ) -> dict[str, Any]:
-    """A report section; sections are shown by `order`, then by stage and item.
+    """Return a report section; sections are sorted by `order`, then stage and item.
+
     `chapter`: a heading that several of a stage share.
     """
     document = {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
@@ -54,8 +54,9 @@ def table(
     *,
     note: str = "",
 ) -> Block:
-    """A sortable table; a column is a name or (name, unit); cells are text, numbers or
-    None.
+    """Return a sortable table; a column is a name or (name, unit).
+
+    Cells are text, numbers or None.
     """
     heads = [
         {"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]}
@@ -71,8 +72,10 @@ def table(
 
 
 def series(name: str, x: npt.ArrayLike, y: npt.ArrayLike, role: str) -> dict[str, Any]:
-    """One line of a plot. `role` fixes its colour everywhere: raw, fused, measured,
-    true, band, or a model's name.
+    """Return one line of a plot.
+
+    `role` fixes its colour everywhere: raw, fused, measured, true, band, or a model's
+    name.
     """
     x_kept, y_kept = thin(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
     return {"name": name, "role": role, "x": _rounded(x_kept), "y": _rounded(y_kept)}
@@ -92,7 +95,10 @@ def plot(
     group: str = "",
     look_for: str = "",
 ) -> Block:
-    """Panels above one another on a shared x-axis; plots of one `group` zoom together."""
+    """Return panels above one another on a shared x-axis.
+
+    Plots of one `group` zoom together.
+    """
     return {
         "kind": "plot",
         "title": title,
@@ -114,8 +120,9 @@ def figure(
     note: str | None = None,
     headline: bool = False,
 ) -> Figure:
-    """One row of a `results` document; no number stands where there is none or it is
-    not finite. interval: 95 %, else from the error.
+    """Return one row of a `results` document; None replaces a number not finite.
+
+    interval: 95 %, else from the error.
     """
     number = float(value) if value is not None and np.isfinite(value) else None
     spread = (
@@ -182,8 +189,9 @@ def symbol(column: str) -> str:
 
 
 def thin(x: Array, y: Array, points: int = SHOWN_POINTS) -> tuple[Array, Array]:
-    """At most `points` samples (n,), keeping the smallest and the largest of every bin
-    in time order; NaN marks a gap and stays one.
+    """Return at most `points` samples (n,) in time order, with each bin's extremes.
+
+    The smallest and the largest of every bin are kept; NaN marks a gap and stays one.
     """
     if x.size <= points:
         return x, y

@@ -134,7 +134,7 @@ class ReferenceCheck:
         }
 
     def _parts(self) -> Iterator[tuple[bool, str, str]]:
-        """Each requirement: whether it is met, the number and the requirement in words."""
+        """Return each requirement: whether it is met, the number, and its text."""
         if self.tolerance is not None:
             yield self._is_near(), *self._distance()
         unit = "" if self.unit == "1" else f" {self.unit}"

@@ -1,4 +1,4 @@
-"""The true state of a twin in place of the fused one: the chain without sensor errors."""
+"""True state of a twin in place of the fused one: the chain without sensor errors."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The truth of a twin at the times of a segment, and what it says of the biases that
-fusion found.
-"""
+"""Truth of a twin at the times of a segment, and errors of fused biases."""
 
 from __future__ import annotations
 
@@ -21,15 +19,18 @@ BIASES = {"gyro_bias_rad_s": "gyro_rad_s", "accel_bias_m_s2": "accel_m_s2"}
 
 
 def true_values(truth: pa.Table, names: Sequence[str], at: Array) -> Array:
-    """Columns of a truth table at times (n,) [s] of its log: (n, k), straight between
-    the ticks of the autopilot.
+    """Return columns of a truth table (n, k) at times (n,) [s] of its log.
+
+    Straight between the ticks of the autopilot.
     """
     return np.column_stack([np.interp(at, clock(truth), column(truth, name)) for name in names])
 
 
 def truth_of(truths: Mapping[str, pa.Table], segment: Document, at: Array) -> pa.Table:
-    """The truth of a segment's log. Raises `DataError` where there is none, or where it
-    does not cover the times (n,) [s].
+    """Return the truth of a segment's log.
+
+    Raises `DataError` where there is none, or where it does not cover the times (n,)
+    [s].
     """
     log = str(segment["log"])
     if log not in truths:
@@ -51,8 +52,9 @@ def drawn_biases(simulation: Document) -> dict[str, Mapping[str, Sequence[float]
 def bias_errors(
     fusion: Document, drawn: Mapping[str, Sequence[float]], rotation: npt.ArrayLike
 ) -> dict[str, tuple[Array, Array]]:
-    """Estimate minus truth and truth (3,) of each bias that fusion found, in body axes;
-    `rotation` takes sensor axes to body axes.
+    """Return estimate minus truth, and truth (3,), of each fused bias.
+
+    In body axes; `rotation` takes sensor axes to body axes.
 
     Keys as in `BIASES`; a bias is left out where the method found none or the twin says
     none.

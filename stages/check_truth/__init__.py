@@ -1,5 +1,4 @@
-"""The closed loop of trust: what the chain found on the legs of a twin, held against
-the truth that the twin flew.
+"""Check of the chain against the truth of a twin: results on its legs, and bounds.
 
 Velocity, rates, attitude, depth, residual force, sensor biases, and the force that each
 model predicts; and the bounds that a campaign sets for them, as report section, tables
@@ -75,8 +74,10 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `DataError` where a segment has no truth, and `CampaignError` for a bound
-    on what was not measured.
+    """Compare estimates with the truth of all legs.
+
+    Raises `DataError` where a segment has no truth, and `CampaignError` for a bound on
+    what was not measured.
     """
     errors, moved = Sums(), {}
     plots: list[Block] = []
@@ -152,8 +153,9 @@ BIAS_NAMES = dict(
 def _compared(
     truths: Mapping[str, pa.Table], segment: Document, fused: pa.Table, residual: pa.Table
 ) -> tuple[Array, Array]:
-    """True and estimated z, attitude, velocity, rates and residual force (n, 16) on the
-    clock of the fused table.
+    """Return true and estimated values (n, 16) on the clock of the fused table.
+
+    Columns: z, attitude, velocity, rates and residual force.
 
     Heading may differ by whole turns, which the truth follows.
     """

@@ -12,8 +12,9 @@ from auvid.stages.check_truth.errors import Errors
 
 @dataclass(frozen=True)
 class Bounds:
-    """Largest RMS errors allowed, over all legs, and J/J0 on validation by model; None
-    sets no bound.
+    """Largest RMS errors allowed over all legs, and J/J0 on validation by model.
+
+    None sets no bound.
     """
 
     force_error: float | None
@@ -48,7 +49,10 @@ class Check:
 
 
 def checks(bounds: Bounds, errors: Errors, error_rows: Sequence[Mapping[str, Any]]) -> list[Check]:
-    """All bounds that are set. Raises `CampaignError` for one on what was not measured."""
+    """Check all bounds that are set.
+
+    Raises `CampaignError` for one on what was not measured.
+    """
     return [*_errors(bounds, errors), *_ratios(bounds, error_rows)]
 
 

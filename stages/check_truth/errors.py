@@ -16,8 +16,9 @@ Key = tuple[str, str, str, str, str]
 
 @dataclass(frozen=True)
 class Error:
-    """Errors of one component: samples, RMS of the truth, RMS, mean and largest
-    magnitude of estimate minus truth.
+    """Errors of one component, estimate minus truth.
+
+    Samples, RMS of the truth; RMS, mean and largest magnitude of the error.
     """
 
     n: int
@@ -34,8 +35,9 @@ class Errors:
     by_key: dict[Key, Error]
 
     def whole(self, quantity: str, *, use: str = ALL) -> dict[str, Error]:
-        """Errors of a quantity over all legs of a use (all: of every leg), by axis;
-        empty where it was not measured.
+        """Return errors of a quantity over all legs of a use, by axis.
+
+        Use `all`: of every leg; empty where it was not measured.
         """
         return {
             axis: error
@@ -44,9 +46,7 @@ class Errors:
         }
 
     def total(self, quantity: str) -> float | None:
-        """RMS over the components of a quantity and all legs, None where it was not
-        measured.
-        """
+        """Return the RMS over components and legs, None where it was not measured."""
         parts = self.whole(quantity)
         return (
             float(np.sqrt(np.mean([error.rms**2 for error in parts.values()]))) if parts else None
@@ -80,8 +80,10 @@ class Errors:
 
 @dataclass
 class Sums:
-    """n, sum of error, of its square, its largest magnitude, and sum of the true
-    value's square, by key.
+    """Sums over samples, by key.
+
+    n, sum of error, of its square, its largest magnitude, and sum of the true value's
+    square.
     """
 
     sums: dict[Key, Array] = field(default_factory=dict)

@@ -1,6 +1,4 @@
-"""What the comparison with the truth shows: the report section, its plots and the views
-of the recording.
-"""
+"""Presentation of the comparison with the truth: section, plots, views."""
 
 from __future__ import annotations
 
@@ -98,8 +96,9 @@ def _ratio(error: float, size: float) -> float | None:
 def comparison_plots(
     segment: Document, t_s: Array, estimate: Array, true: Array
 ) -> Iterable[Block]:
-    """Velocity and residual force (n, 12) of a segment, estimate over truth, on the
-    log's clock.
+    """Return plots of a segment, estimate over truth, on the log's clock.
+
+    Velocity and residual force (n, 12).
     """
     t = t_s + float(segment["leg_start_s"])
     symbols = [

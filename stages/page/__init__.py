@@ -1,3 +1,1 @@
-"""The HTML page that stages share: sections, tables, plots, equations, colours and
-numbers.
-"""
+"""The HTML page that stages share: sections, tables, plots, equations, colours."""

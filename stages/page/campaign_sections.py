@@ -1,5 +1,6 @@
-"""The sections that belong to no other stage: the logs and legs of the campaign, and
-where the results come from.
+"""Sections on the campaign's logs and legs, and on where the results come from.
+
+They belong to no other stage.
 """
 
 from __future__ import annotations
@@ -80,8 +81,9 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
 
 
 def shared_data(segments: Mapping[str, Document]) -> list[str]:
-    """A sentence for each training and validation segment that cover the same stretch
-    of a log.
+    """Return a sentence for each training and validation segment that overlap.
+
+    They overlap where they cover the same stretch of a log.
     """
     found = []
     for one, first in segments.items():
@@ -108,7 +110,9 @@ def shared_data(segments: Mapping[str, Document]) -> list[str]:
 def provenance_section(
     provenance: Document, campaign: Document, cards: Mapping[str, Document]
 ) -> dict[str, Any]:
-    """Hashes of what went in, every parameter in force, assumed figures, the source of
+    """Return the section on where the results come from.
+
+    Hashes of what went in, every parameter in force, assumed figures, the source of
     each model form, and versions.
     """
     chosen = campaign.get("stages") or {}

@@ -1,5 +1,4 @@
-"""One colour per axis, role, force component and model, the same in the report and in
-the Rerun recording.
+"""One colour per axis, role, force and model, the same in report and recording.
 
 Hues are those of Okabe and Ito (2008), which stay apart for colour-blind readers; each
 is darkened for paper and lightened for a dark screen until it stands out at 3:1 (WCAG
@@ -20,8 +19,10 @@ SCREEN = "#14181f"
 
 @dataclass(frozen=True)
 class Ink:
-    """How a line is drawn: colour on paper, colour on a dark screen, dash pattern in
-    pixels (empty: solid), width in pixels.
+    """How a line is drawn.
+
+    Colour on paper, colour on a dark screen, dash pattern in pixels (empty: solid),
+    width in pixels.
     """
 
     light: str
@@ -95,13 +96,14 @@ DASHES = ("", "6 3", "2 3")
 
 
 def key(role: str) -> str:
-    """A role, axis or model name as a plain word: `Gertler-Hagen` -> `gertler_hagen`."""
+    """Return a name as a plain word: `Gertler-Hagen` -> `gertler_hagen`."""
     return re.sub(r"[^a-z0-9]+", "_", role.lower()).strip("_")
 
 
 def ink(role: str) -> Ink:
-    """The ink of a role, force component, model or axis; an unknown name gets one that
-    depends on the name alone.
+    """Return the ink of a role, force component, model or axis.
+
+    An unknown name gets one that depends on the name alone.
     """
     name = key(role)
     return _own(name) or Ink(*SPARE[zlib.crc32(name.encode()) % len(SPARE)], dash="4 2")
@@ -114,8 +116,9 @@ def _own(name: str) -> Ink | None:
 
 
 def distinct(names: Iterable[str]) -> dict[str, Ink]:
-    """A colour for each of some names of no fixed colour (flight modes), in the order
-    in which they come; few names get different ones.
+    """Return a colour for each of some names of no fixed colour (flight modes).
+
+    Colours follow the order of the names; few names get different ones.
     """
     return {
         name: Ink(*SPARE[place % len(SPARE)]) for place, name in enumerate(dict.fromkeys(names))
@@ -123,8 +126,9 @@ def distinct(names: Iterable[str]) -> dict[str, Ink]:
 
 
 def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
-    """The ink of every role of a page or of a group of lines, by `key`: names without a
-    colour of their own get different ones.
+    """Return the ink of every role of a page or of a group of lines, by `key`.
+
+    Names without a colour of their own get different ones.
 
     Those are told apart by hue, then by dash and (in recordings, which have no dashes)
     by a deeper shade.
@@ -167,8 +171,9 @@ def is_model(role: str) -> bool:
 
 
 def contrast(first: str, second: str) -> float:
-    """Contrast ratio of two sRGB colours `#rrggbb`, 1 to 21 (WCAG 2.1, relative
-    luminance).
+    """Return the contrast ratio of two sRGB colours `#rrggbb`, 1 to 21.
+
+    WCAG 2.1, relative luminance.
     """
     low, high = sorted((_luminance(first), _luminance(second)))
     return (high + 0.05) / (low + 0.05)

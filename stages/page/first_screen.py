@@ -1,6 +1,4 @@
-"""The first screen of a page as values: verdict, facts, scores of the models, findings
-and figures.
-"""
+"""First screen of a page as values: verdict, facts, model scores, findings, figures."""
 
 from __future__ import annotations
 
@@ -13,9 +11,7 @@ Level = Literal["good", "fair", "poor"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One line: what it is about (`surge damping`), the figures, and what to know about
-    them.
-    """
+    """One line: its subject (`surge damping`), the figures, and a remark on them."""
 
     label: str
     figures: tuple[str, ...]
@@ -24,8 +20,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of one model on one axis ("all" for the total): J/J0 on validation and on
-    training, None where there is none.
+    """Errors of one model on one axis ("all" for the total).
+
+    J/J0 on validation and on training, None where there is none.
     """
 
     axis: str
@@ -35,8 +32,9 @@ class Score:
 
 @dataclass(frozen=True)
 class ModelScore:
-    """One row of the model table. `j` is J on the legs that judge, in N and N m mixed,
-    as McCarter (4.25) has it.
+    """One row of the model table.
+
+    `j` is J on the validation legs, in N and N m mixed, as McCarter (4.25) has it.
     """
 
     name: str
@@ -74,8 +72,9 @@ class Figure:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the first screen says. `models` is sorted best first; `take` is the name of
-    the model to take, or None.
+    """Content of the first screen.
+
+    `models` is sorted best first; `take` is the name of the recommended model, or None.
     """
 
     level: Level

@@ -1,5 +1,4 @@
-"""The report page: sections arranged by order, rendered through one template into one
-file that needs no network.
+"""The report page: sections in order, rendered into one file that needs no network.
 
 Every string that comes from a log or a manifest is escaped; control and direction
 characters are made visible. The page forbids itself any script but its own (content
@@ -78,7 +77,7 @@ NO_LOGS: Mapping[str, str] = {}
 
 @dataclass(frozen=True)
 class Cell:
-    """One table cell as shown: text, the value it sorts by (None: last), and its class."""
+    """One table cell as displayed: text, value to sort by (None: last), and class."""
 
     text: str
     sort: float | str | None
@@ -88,8 +87,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Part:
-    """One section under a heading; `label` is empty where the heading has one part
-    only. `open`: whether it is unfolded at first.
+    """One section under a heading.
+
+    `label` is empty where the heading has one part only. `open`: whether it is unfolded
+    at first.
     """
 
     label: str
@@ -130,8 +131,9 @@ def render(
     sections: Mapping[str, Document],
     log_of: Mapping[str, str] = NO_LOGS,
 ) -> bytes:
-    """The whole page as UTF-8. `sections` is keyed `stage/item`; `notes` is the
-    manifest's word on the data.
+    """Return the whole page as UTF-8.
+
+    `sections` is keyed `stage/item`; `notes` are the manifest's remarks on the data.
 
     `log_of` (segment -> log) is given where a campaign has several logs: their clocks
     differ, so only plots of one log zoom together.
@@ -170,8 +172,10 @@ def render(
 
 
 def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
-    """Chapters in order: sections of one stage that differ only in their item, or that
-    name one chapter, come under one heading.
+    """Return chapters in order, with sections that belong together under one heading.
+
+    These are sections of one stage that differ only in their item, or that name one
+    chapter.
 
     Of many parts the first is open, of very many none.
     """
@@ -217,9 +221,7 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
 
 
 def _stem(title: str, item: str) -> str:
-    """A title without the item it names: `State of train (kinematic)` -> `State
-    (kinematic)`.
-    """
+    """Return a title without its item: `State of train (rts)` -> `State (rts)`."""
     if not item:
         return title
     return (
@@ -229,8 +231,9 @@ def _stem(title: str, item: str) -> str:
 
 
 def anchor(*names: str) -> str:
-    """An id for a link: plain ASCII words joined by dashes; other characters by their
-    code, so that two names never meet.
+    """Return an id for a link: plain ASCII words joined by dashes.
+
+    Other characters are given by their code, so that two names never meet.
     """
     return (
         "-".join(
@@ -243,16 +246,18 @@ def anchor(*names: str) -> str:
 
 
 def lead(words: str) -> tuple[str, str]:
-    """A long text as its first sentence and the rest, which the page folds away; a
-    short one whole.
+    """Split a long text into its first sentence and the rest, which the page folds.
+
+    A short text stays as it is.
     """
     first, _, rest = words.partition(". ")
     return (f"{first}.", rest) if rest and len(words) > LONG_TEXT else (words, "")
 
 
 def cells(block: Document) -> list[list[Cell]]:
-    """The rows of a table block as shown; numbers of a column of like size get the same
-    decimals, so that they line up.
+    """Return the rows of a table block as displayed.
+
+    Numbers of a column of like size get the same decimals, so that they line up.
 
     A column of texts that are all numbers keeps the digits that its stage has chosen,
     and is shown and sorted as numbers.
@@ -278,8 +283,9 @@ def _all_numeric(column: Sequence[Any]) -> bool:
 
 
 def _decimals(column: Sequence[Any]) -> int | None:
-    """Decimals that show four figures of the largest number; None where the sizes
-    differ too much, or all are integers.
+    """Return the decimals that show four figures of the largest number.
+
+    None where the sizes differ too much, or all are integers.
     """
     sizes = [
         abs(value)
@@ -335,8 +341,9 @@ def verdict_of(words: str) -> str:
 
 
 def heat(ratio: float | None) -> str:
-    """The class of a J/J0 figure: h0 (best) to h4 (1 or more: no better than predicting
-    no force).
+    """Return the class of a J/J0 figure: h0 (best) to h4.
+
+    h4 is 1 or more: no better than predicting no force.
     """
     if ratio is None:
         return ""

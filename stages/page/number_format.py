@@ -1,4 +1,4 @@
-"""Numbers, units, symbols and foreign strings as the page and the recording print them."""
+"""Numbers, units, symbols and foreign strings as page and recording print them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ DOT = "\u0307"
 
 
 def visible(value: Any) -> Any:
-    """Strings with control, direction and unpaired surrogate characters shown as signs,
-    so that they cannot act.
+    """Return strings with control and direction characters shown as signs.
+
+    Unpaired surrogates too, so that none of them can act.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
@@ -33,8 +34,9 @@ def _shown(character: str) -> str:
 
 
 def symbols(words: str) -> Markup:
-    """Text escaped, with coefficients as printed: `X_udot`, `Y_v|v|`, `I_z` get their
-    indices as such.
+    """Return text escaped, with coefficients as printed.
+
+    `X_udot`, `Y_v|v|`, `I_z` get their indices as such.
     """
     shown = str(escape(visible(words)))
     return Markup(
@@ -48,15 +50,14 @@ def printed_unit(unit: str) -> str:
 
 
 def is_numeric(words: str) -> bool:
-    """Whether a text is a number that somebody has printed with digits of its own
-    choice.
-    """
+    """Return whether a text is a number with digits of its author's choice."""
     return NUMERIC.fullmatch(words) is not None
 
 
 def term(name: str) -> str:
-    """A basis term as it is printed: `v*|v|` -> v|v|, `u*u` -> u², `(u*v)*(eta-1)` ->
-    uv(η−1).
+    """Return a basis term as printed: `v*|v|` -> v|v|, `u*u` -> u².
+
+    `(u*v)*(eta-1)` -> uv(η−1).
     """
     factors = name.replace("(eta-1)", "η").replace("(", "").replace(")", "").split("*")
     if len(factors) >= 2 and factors[0] == factors[1]:
@@ -76,7 +77,8 @@ def number(value: float) -> str:
 
 
 def printed_number(words: str) -> str:
-    """The text of a number with a true minus sign and its power of ten written out:
+    """Return a number's text with a true minus sign and its power of ten.
+
     `-1.2e-05` -> −1.2×10⁻⁵.
     """
     mantissa, _, power = words.partition("e")

@@ -1,5 +1,4 @@
-"""A plot as markup that needs no script: panels of SVG paths above one another, tick
-labels in HTML, a legend of buttons.
+"""Plots as markup that needs no script: panels of SVG paths, labels, legend buttons.
 
 The samples live once, in the path itself: `M x y l dx dy dx dy ...` in whole steps, x
 in `X_STEPS` steps of the plot's time range and y in `Y_STEPS` steps of the series' own
@@ -37,8 +36,9 @@ NO_INKS: Mapping[str, Ink] = {}
 
 @dataclass(frozen=True)
 class Line:
-    """One drawn series: legend entry, path, and the matrix that puts its steps into the
-    panel. A value is top - step * y.
+    """One drawn series: legend entry, path, and the matrix that places its steps.
+
+    A value is top - step * y.
     """
 
     entry: int
@@ -60,9 +60,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class Entry:
-    """One legend entry: name, ink variable, dash, width, and whether its lines are
-    drawn at first.
-    """
+    """One legend entry: name, ink variable, dash, width, whether lines are drawn."""
 
     name: str
     ink: str
@@ -110,8 +108,9 @@ class Plot:
 
     @property
     def aspect(self) -> float:
-        """Width over height of a plot of place over place, whose scales are equal; 0
-        for others, and for very long or flat ones.
+        """Return width over height of a plot of place over place, with equal scales.
+
+        0 for others, and for very long or flat ones.
         """
         if len(self.panels) != 1 or (self.x_unit, self.panels[0].unit) != ("m", "m"):
             return 0.0
@@ -131,8 +130,10 @@ def lay_out(
     clock: str = "",
     inks: Mapping[str, Ink] = NO_INKS,
 ) -> Plot:
-    """Lay out a plot block. Of many models only `preferred` (best first) are drawn at
-    first; the legend shows the others.
+    """Lay out a plot block.
+
+    Of many models only `preferred` (best first) are drawn at first; the legend shows
+    the others.
 
     `titles` are names as printed for lines that are named by a word of the code;
     `clock` keeps plots of another clock out of the group; `inks`: colours of roles that
@@ -250,8 +251,9 @@ def _leaving(
 
 
 def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float, float] | None:
-    """The range around what was measured, or around estimates, where other lines or
-    bands leave it so far that nothing else is seen.
+    """Return the range around measurements or estimates, if others hide them.
+
+    Other lines or bands can leave it so far that nothing else can be seen.
 
     None where all of it can be shown: a simulation that runs away must not flatten the
     measurement that it is held against.
@@ -276,8 +278,9 @@ that small.
 
 
 def padded_range(signals: Sequence[Array]) -> tuple[float, float]:
-    """Smallest and largest finite value with a margin; a constant signal gets room on
-    either side.
+    """Return the smallest and largest finite value with a margin.
+
+    A constant signal gets room on either side.
     """
     kept = [y[np.isfinite(y)] for y in signals]
     values = np.concatenate([y for y in kept if y.size] or [np.zeros(1)])
@@ -331,8 +334,9 @@ def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
 
 
 def ticks(low: float, high: float, wanted: int, *, upward: bool = False) -> tuple[Tick, ...]:
-    """About `wanted` round values between `low` and `high`, with labels that tell
-    neighbours apart.
+    """Return about `wanted` round values between `low` and `high`, with labels.
+
+    Labels tell neighbours apart.
     """
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / wanted))

@@ -45,8 +45,9 @@ takes the swing's accelerations for gravity does.
 
 @dataclass(frozen=True)
 class Recording:
-    """One recorded swing: rate (n,) about its axis at t_s (n,), which samples are not
-    clipped, and the angle at its own times, if logged.
+    """One recorded swing: rate (n,) about its axis at t_s (n,).
+
+    Also which samples are not clipped, and the angle at its own times, if logged.
 
     Times in s from the start of the log. `warnings`: what is doubtful.
     """
@@ -161,7 +162,7 @@ def _recording(
 
 
 def _rates(attitude: Samples) -> Array:
-    """Return rotation rates (n, 3) from an attitude that turns less than half a turn."""
+    """Return rotation rates (n, 3) from an attitude; turns are below half a turn."""
     turns = np.column_stack([angle_about(attitude.values, axis) for axis in np.eye(3)])
     spline = smoothing_spline(attitude.t_s, turns)
     return spline.evaluate(attitude.t_s, 1)

@@ -36,7 +36,7 @@ STOP_WATCH_SD_S = 0.2
 
 @dataclass(frozen=True)
 class SwingResult:
-    """One swing of the apparatus: mass [kg], period and inertia of the object on the tray.
+    """One swing of the apparatus: mass [kg], period and inertia of the object.
 
     `cylinder`: the calculated inertia (58), None where it is no cylinder.
     `amplitude_deg` of the largest swing.

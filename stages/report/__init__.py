@@ -1,5 +1,4 @@
-"""The report and the recording: what all stages show, arranged; and a first screen that
-says what came out.
+"""The report and the recording: what all stages show, under a first screen.
 
 The stage knows no other stage: it renders the sections, views and tables that they
 emit, in their order. Its own are the summary (`summary.py`), the list of logs and legs,
@@ -56,9 +55,7 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Told:
-    """What page and recording share: the title, the first screen, all sections,
-    segments and logs.
-    """
+    """Content that page and recording share: title, first screen, sections, logs."""
 
     title: str
     summary: Summary
@@ -115,8 +112,9 @@ def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
 def draw(
     inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = ""
 ) -> bytes:
-    """The recording, which opens on `tab`; a `preview` has its series thinned by
-    minimum and maximum per bin.
+    """Render the recording, which opens on `tab`.
+
+    A `preview` has its series thinned by minimum and maximum per bin.
     """
     from auvid.stages.report.recording.recording import (
         record,

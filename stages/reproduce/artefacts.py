@@ -12,7 +12,7 @@ from auvid.stages.base import Collection, Document, from_runs, port
 
 @dataclass(frozen=True)
 class Artefacts:
-    """Results of the runs `PLAN/VARIANT`; what a campaign has once has that key alone."""
+    """Results of the runs `PLAN/VARIANT`; what a campaign has once has that key."""
 
     vehicle: Vehicle = port("vehicle")
     twin: Collection[Document] = from_runs("twin")

@@ -55,7 +55,10 @@ class ReproductionContent:
         return f"({self.variants[variant]['label']})"
 
     def compared(self, role: str) -> tuple[str, VariantMeasures]:
-        """Return label and measures of a variant that the text names, on the first plan."""
+        """Return label and measures of a variant that the text names.
+
+        They are those of the first plan.
+        """
         name = str(self.document["compared"][role])
         measures = self.of(self.plan)
         if name not in measures:
@@ -78,8 +81,9 @@ class ReproductionContent:
 
     @cached_property
     def transport(self) -> tuple[float, float]:
-        """What omega x v adds to the sway force per u r, m - Y_vdot, and what belongs
-        there, m - X_udot [kg].
+        """Return what omega x v adds to the sway force per u r, and what belongs there.
+
+        m - Y_vdot is added, m - X_udot belongs there [kg].
         """
         mass, added = self.vehicle.mass_kg, self.vehicle.added_mass
         return mass - float(added[1, 1]), mass - float(added[0, 0])

@@ -52,8 +52,9 @@ UNITS = {
 
 
 def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str, Any]]:
-    """Sections with the figures. Raises `CampaignError` for a leg that the first plan
-    does not have.
+    """Return the sections with the figures.
+
+    Raises `CampaignError` for a leg that the first plan does not have.
     """
     plan = str(document["plans"][0]["id"])
     published, corrected = (
@@ -133,8 +134,9 @@ def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: st
 def _coupling_key(
     inputs: Artefacts, document: Document, published: str, segments: Mapping[str, Document]
 ) -> str:
-    """The segment of Figure 1.2 as `plan/variant/segment`; another plan is looked at
-    through its first variant.
+    """Return the segment of Figure 1.2 as `plan/variant/segment`.
+
+    Another plan is looked at through its first variant.
     """
     wanted = str((document.get("figures") or {}).get("coupling", ""))
     if "/" not in wanted:

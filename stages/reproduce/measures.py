@@ -257,6 +257,9 @@ def _titles(item: VariantMeasures, models: Sequence[str]) -> str:
 def _steps(
     item: VariantMeasures, use: str, groups: Sequence[Sequence[str]], at: str
 ) -> list[float]:
-    """Compare neighbouring groups: largest J/J0 of the first over smallest of the next."""
+    """Compare neighbouring groups.
+
+    Largest J/J0 of the first over smallest of the next.
+    """
     ratios = [[_ratio(item, use, model, at) for model in group] for group in groups]
     return [max(first) / min(second) for first, second in pairwise(ratios)]

@@ -1,4 +1,4 @@
-"""The tables of a reproduction: errors, bounds, force and motion, variants and plans."""
+"""Tables of a reproduction: errors, bounds, force and motion, variants and plans."""
 
 from __future__ import annotations
 
@@ -91,7 +91,10 @@ def error_tables(content: ReproductionContent, plan: str, *, printed: bool) -> I
 
 
 def repeats(content: ReproductionContent) -> Iterator[Block]:
-    """The published procedure on the first plan, flown again with other random numbers."""
+    """Return the table of repeated runs of the published procedure.
+
+    On the first plan, flown again with other random numbers.
+    """
     name = str(content.document["compared"]["published"])
     flights = {
         plan: content.measures[f"{plan}/{name}"]
@@ -127,7 +130,7 @@ def repeats(content: ReproductionContent) -> Iterator[Block]:
 def _order(
     content: ReproductionContent, use: str, variants: Mapping[str, VariantMeasures]
 ) -> list[str]:
-    """Return models in the order of the published table, then those that are not in it."""
+    """Return models in the order of the published table, then all others."""
     fitted = [model for of, model in next(iter(variants.values())).scores if of == use]
     listed = [model for of, model in content.printed if of == use]
     return [model for model in listed if model in fitted] + [

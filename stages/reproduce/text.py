@@ -188,7 +188,7 @@ def _facts(content: ReproductionContent) -> tuple[Fact, ...]:
 
 
 def _accepted_misses(content: ReproductionContent) -> list[str]:
-    """Return a sentence for each accepted reason on the bounds that are missed for it."""
+    """Return a sentence per accepted reason on the bounds that it excuses."""
     missed: dict[str, dict[str, None]] = {}
     for item in content.checks:
         if item.check.verdict == "missed" and item.check.accepted_reason:

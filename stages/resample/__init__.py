@@ -42,9 +42,7 @@ from auvid.stages.resample.uniform import SAMPLES, ResampledSegment, Smoothing, 
 
 @dataclass(frozen=True)
 class Inputs:
-    """One leg, its log, the vehicle with the lags of its sensors, and the streams of
-    the log.
-    """
+    """One leg, its log, its streams, and the vehicle with the lags of its sensors."""
 
     leg: Document = port("leg")
     log_info: Document = port("log_info")
@@ -94,9 +92,7 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Per segment: the uniform table, the samples of each sensor at their own times,
-    and how it was done.
-    """
+    """Per segment: uniform table, samples of each sensor at their times, method."""
 
     resampled: Mapping[str, pa.Table] = port("resampled", many=True)
     samples_attitude: Mapping[str, pa.Table] = port("samples_attitude", many=True)
@@ -164,7 +160,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, float]:
-    """Return the lag of each sensor [s]: the parameter's, else the vehicle file's, else 0.
+    """Return the lag [s] of each sensor: the parameter's, the vehicle's, else 0.
 
     Raises `CampaignError` for an unknown sensor.
     """
@@ -191,7 +187,7 @@ def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, flo
 def _signals(
     inputs: Inputs, params: Params, lags: Mapping[str, float]
 ) -> tuple[dict[str, Signal], list[str]]:
-    """Return the streams of a leg in body axes, and notes on what is missing or split."""
+    """Return the streams of a leg in body axes, and notes on gaps and splits."""
     start_us, end_us = (int(inputs.log_info[key]) for key in ("start_us", "end_us"))
     window = leg_window(inputs.leg, start_us, end_us)
     rotations = {

@@ -136,7 +136,7 @@ def common_spans(signals: Sequence[Signal]) -> list[Span]:
 
 
 def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
-    """Return the span without ends, up to `longest_s`, that a slow signal leaves bare."""
+    """Return the span without ends, up to `longest_s`, that a slow signal lacks."""
     if item is None:
         return span
     first, last = float(item.t_s[0]), float(item.t_s[-1])

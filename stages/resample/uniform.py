@@ -51,7 +51,7 @@ Channel = tuple[str, str, str | None]
 
 @dataclass(frozen=True)
 class Smoothing:
-    """How much splines smooth: `gcv`, `cutoff` (half amplitude at `cutoff_hz`), `none`."""
+    """How much splines smooth: `gcv`, `cutoff` (half amplitude there), `none`."""
 
     method: str
     cutoff_hz: float
@@ -88,7 +88,7 @@ class Smoothing:
 
 @dataclass(frozen=True)
 class ResampledSegment:
-    """A segment: uniform table, samples by schema name, smoothing per channel, notes."""
+    """A segment: uniform table, samples by schema, smoothing, notes."""
 
     span: Span
     table: pa.Table

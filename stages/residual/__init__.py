@@ -1,4 +1,4 @@
-"""The force that a viscous model has to explain: McCarter (4.4), every component kept."""
+"""The force that a viscous model has to explain: McCarter (4.4), all parts kept."""
 
 from __future__ import annotations
 

@@ -80,10 +80,10 @@ def channel_section(
     blocks += [
         text(
             f"{leg_run.channel.capitalize()} from {leg_run.measured}, {span_text((t[0], t[-1]))}."
-            " Two estimates: recursive least squares of the filtered static form (43)-(50) shows how"
-            " the figures converge; output error, started from it, fits the simulated run to the measured one"
-            " and gives the figures to take, because noise in the measured velocity biases a"
-            " regression but not a simulation. Damping is chosen by the last third of the run,"
+            " Two estimates: recursive least squares of the filtered static form (43)-(50) shows"
+            " how the figures converge; output error, started from it, fits the simulated run to"
+            " the measured one and gives the figures to take, because noise in the measured velocity"
+            " biases a regression but not a simulation. Damping is chosen by the last third of the run,"
             " predicted with figures from the first two."
         ),
         *[remark(item) for item in (*leg_run.notes, *_lag_and_bias(leg_run, estimate))],
@@ -241,7 +241,10 @@ def _quantities(leg_run: LegRun, name: str) -> list[tuple[str, str, str]]:
 
 
 def _units(leg_run: LegRun) -> tuple[str, str, str]:
-    """Return units of mass, linear and quadratic damping, per full command if normalised."""
+    """Return units of mass, linear and quadratic damping.
+
+    Per full command if normalised.
+    """
     if not leg_run.normalised:
         return symbols(leg_run.channel).units[:3]
     length = "m" if CHANNELS.index(leg_run.channel) < 3 else "rad"

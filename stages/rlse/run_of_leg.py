@@ -143,7 +143,7 @@ def run_of_leg(
 
 @dataclass(frozen=True)
 class Drive:
-    """What drives a channel: `values` (m,) held from t_s (m,) on, and propeller speed."""
+    """Input of a channel: `values` (m,) held from t_s (m,) on, and propeller speed."""
 
     t_s: Array
     values: Array
@@ -343,7 +343,10 @@ def _velocity(signal: Samples, grid: Array, is_rate: bool) -> Array:
 
 
 def _restoring(channel: str, vehicle: Vehicle, notes: list[str]) -> float:
-    """Return R = W z_G - B z_B [N m] of roll and pitch, of the vehicle file (63)-(64)."""
+    """Return R = W z_G - B z_B [N m] of roll and pitch, of the vehicle file.
+
+    Alberti (63)-(64).
+    """
     if channel not in ("roll", "pitch"):
         return 0.0
     lever = float(vehicle.weight * vehicle.r_G[2] - vehicle.buoyancy * vehicle.r_B[2])

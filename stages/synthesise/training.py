@@ -34,8 +34,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Samples:
-    """One training segment: nu and its standard deviations (n, 6), eta_ratio (n,),
-    tau_bar (n, 6); None where unknown.
+    """One training segment; None where unknown.
+
+    nu and its standard deviations (n, 6), eta_ratio (n,), tau_bar (n, 6).
     """
 
     nu: Array
@@ -63,8 +64,9 @@ class Samples:
 
 @dataclass(frozen=True)
 class TrainingData:
-    """What fits need of the training legs; merges, whatever their number, in the same
-    memory. `errors`: None where a leg has no standard deviations of its velocities.
+    """Sums that fits need of the training legs; merging keeps the memory constant.
+
+    `errors`: None where a leg has no standard deviations of its velocities.
     """
 
     factor: TriangularFactor
@@ -94,7 +96,7 @@ class TrainingData:
 def coloured_covariances(
     fits: Fits, legs: Iterable[Samples], terms: Sequence[str], *, lags: int | None
 ) -> dict[tuple[str, str], Array]:
-    """Return the covariance (k, k) of every fit, with autocorrelated residuals allowed for.
+    """Return the covariance (k, k) of every fit for autocorrelated residuals.
 
     One more pass over the legs. nan where there are no more samples than coefficients.
     """

@@ -316,7 +316,10 @@ def validate_views(segments: Iterable[str], models: Iterable[str]) -> dict[str, 
 def tables_as_text(
     errors: Errors, cards: Mapping[str, Document], covered: Mapping[str, RangeCovered]
 ) -> str:
-    """Return the tables as plain text, as McCarter 5.1 and 5.2 with per-axis columns."""
+    """Return the tables as plain text.
+
+    As McCarter 5.1 and 5.2, with per-axis columns.
+    """
     reference = mean_force_errors(covered)
     titles = ("model", CONSTANT_TITLE, *(str(card["title"]) for card in cards.values()))
     width = max(map(len, titles))

@@ -26,7 +26,7 @@ MEASURES = {"samples": "n", "ratio": "normalised"} | {
 
 @dataclass(frozen=True)
 class RangeCovered:
-    """Range of the velocities (6,), and sums of the measured force and its square (6,)."""
+    """Range of velocities (6,), and sums of measured force and its square (6,)."""
 
     n: int
     low: Array
@@ -80,7 +80,7 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
 
 
 def error_rows(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
-    """Return the error table: a row per use, leg, model and axis, the totals included."""
+    """Return the error table: a row per use, leg, model and axis, with totals."""
     rows = []
     for (use, leg, model), measures in errors.items():
         for axis, values in measures.items():

@@ -1,6 +1,4 @@
-"""Two runs in one recording: signals of both over one another, their difference, and
-what changed in figures as text.
-"""
+"""Two runs in one recording: signals of both, their difference, and changes as text."""
 
 from __future__ import annotations
 
@@ -33,8 +31,9 @@ FIRST, SECOND = ROLES["first"], ROLES["second"]
 def record_difference(
     first: Side, second: Side, found: Sequence[Pair], words: str, *, preview: bool = False
 ) -> bytes:
-    """The recording as .rrd bytes; `words`: what changed, in Markdown. Times are those
-    of the first run.
+    """Return the recording of two runs as .rrd bytes.
+
+    `words`: what changed, in Markdown. Times are those of the first run.
     """
     out = Recording(f"{first.name} against {second.name}", preview=preview)
     out.document("answer/text", words)
@@ -84,8 +83,10 @@ def record_difference(
 
 
 def _origin(first: Side, pair: Pair, name: str) -> str:
-    """Segments follow one another on the clock of their log and share a plot; bench
-    legs and flights begin at zero, each in its own.
+    """Return the start of a segment's clock.
+
+    Segments follow one another on the clock of their log and share a plot; bench legs
+    and flights begin at zero, each in its own.
     """
     parts = [_entity(pair.kind), *([] if pair.segment in first.segments else [pair.segment]), name]
     return "/".join(rr.escape_entity_path_part(str(visible(part))) for part in parts)

@@ -1,5 +1,4 @@
-"""Two runs side by side: how far signals, coefficients and named figures moved, and
-what has no partner.
+"""Differences between two runs: signals, coefficients and named figures.
 
 Signals are compared on the clock of the leg; where the clocks differ, the second is
 interpolated linearly to the times of the first within their overlap, and nothing is
@@ -30,8 +29,9 @@ FORCE, MODEL = "residual force", "model"
 
 @dataclass(frozen=True)
 class Side:
-    """One of two: the run by name, its documents and its tables by segment; `model`
-    narrows it to one model.
+    """One of two runs: its name, its documents and its tables by segment.
+
+    `model` narrows it to one model.
 
     `viewed`: the signals that the views of a bench or control run name, by
     `place_of_view`.
@@ -51,8 +51,9 @@ class Side:
 
 @dataclass(frozen=True)
 class Signals:
-    """Signals of one kind over one segment: times (n,) in s on the clock of the log,
-    values (n, k), a name and a unit for each.
+    """Signals of one kind over one segment.
+
+    Times (n,) in s on the clock of the log, values (n, k), a name and a unit for each.
     """
 
     times: Array
@@ -63,9 +64,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class Pair:
-    """The same signals of both sides, and their difference, second less first, at times
-    that both have.
-    """
+    """Signals of both sides, and second less first at the times of both."""
 
     segment: str
     kind: str
@@ -77,8 +76,10 @@ class Pair:
 
 @dataclass(frozen=True)
 class SignalChange:
-    """How far one signal moved: RMS of the first, of the difference, and its largest
-    magnitude with its time in s of the log.
+    """How far one signal moved.
+
+    RMS of the first, of the difference, and its largest magnitude with its time in s of
+    the log.
     """
 
     segment: str
@@ -93,8 +94,9 @@ class SignalChange:
 
 @dataclass(frozen=True)
 class FigureChange:
-    """How far a coefficient or a named figure moved. `sigmas`: the change in standard
-    errors of the difference, None without them.
+    """How far a coefficient or a named figure moved.
+
+    `sigmas`: the change in standard errors of the difference, None without them.
     """
 
     of: str
@@ -117,8 +119,9 @@ class FigureChange:
 
 
 def differs(old: float | None, new: float | None, relative: float) -> bool:
-    """Whether two figures differ by more than a share of the larger; a figure and none
-    always differ.
+    """Return whether two figures differ by more than a share of the larger.
+
+    A figure and None always differ.
     """
     if old is None or new is None:
         return old is not new
@@ -126,8 +129,9 @@ def differs(old: float | None, new: float | None, relative: float) -> bool:
 
 
 def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
-    """All signals of a side by segment and kind: state, residual force, and the force
-    of each model.
+    """Return the signals of a side by segment and kind.
+
+    Kinds are state, residual force, and the force of each model.
 
     A side that is narrowed to one model calls its force `model`, so that two different
     ones are partners.
@@ -166,7 +170,8 @@ def _signals(
 
 
 def place_of_view(group: Document) -> tuple[str, str]:
-    """What a group of a view belongs to (leg, swing, flight) and what it shows:
+    """Return what a group of a view belongs to (leg, swing, flight) and what it shows.
+
     `rlse/dive/mass/history` -> dive, mass history.
     """
     parts = str(group["entity"]).split("/")
@@ -175,8 +180,9 @@ def place_of_view(group: Document) -> tuple[str, str]:
 
 
 def signals_of_view(group: Document, table: pa.Table) -> Signals | None:
-    """The series of a group of a view on their own clock; None for a table without one,
-    or where nothing of it is left.
+    """Return the series of a group of a view on their own clock.
+
+    None for a table without a clock, or where no samples are left.
     """
     columns = tuple(map(str, group["columns"]))
     if not has_columns(table, ("t_s", *columns)):
@@ -259,8 +265,9 @@ def signal_changes(found: list[Pair]) -> Iterator[SignalChange]:
 
 
 def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], list[str]]:
-    """Every coefficient and named figure of both sides, and sentences on those that
-    have no partner.
+    """Return the coefficients and named figures of both sides, compared.
+
+    Also returns sentences on those that have no partner.
     """
     one, two = _figures(first), _figures(second)
     changes = []
@@ -286,8 +293,9 @@ def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], 
 
 
 def _figures(side: Side) -> dict[tuple[str, str], Document]:
-    """(Model or stage, name) -> coefficient or figure; a side that is narrowed to one
-    model has that one only, called `model`.
+    """Return (model or stage, name) -> coefficient or figure.
+
+    A side that is narrowed to one model has that one only, called `model`.
     """
     found: dict[tuple[str, str], Document] = {}
     for name, card in side.cards.items():

@@ -1,5 +1,6 @@
-"""How the recording opens: tabs of plots from the stages' views, the 3D path and the
-messages; the answer first, all of it in view.
+"""Layout of the recording: tabs of plots from the stages' views, path and messages.
+
+The answer comes first, all of it in view.
 """
 
 from __future__ import annotations
@@ -41,9 +42,7 @@ NO_RANGE = (np.inf, -np.inf)
 
 @dataclass(frozen=True)
 class Sent:
-    """What was sent to an entity: the range of its drawn series, and of their times in
-    s.
-    """
+    """Series logged to an entity: the range of those drawn, and of their times in s."""
 
     values: tuple[float, float] = NO_RANGE
     times: tuple[float, float] = NO_RANGE
@@ -59,8 +58,10 @@ class Sent:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was sent: entity -> its ranges, path -> corners of its box, stages with
-    texts, times of the spans if there are any.
+    """Content of the tabs: what was logged, by entity.
+
+    Entity -> its ranges, path -> corners of its box, stages with texts, times of the
+    spans if there are any.
     """
 
     sent: Mapping[str, Sent]
@@ -81,8 +82,10 @@ def parent(group: Document) -> str:
 
 
 def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> tuple[rrb.Blueprint, str]:
-    """The blueprint: `Answer` with the summary beside it, the path, one tab per tab of
-    the views, texts of the stages, and messages.
+    """Return the blueprint of a run, and the series that have no plot.
+
+    Tabs: `Answer` with the summary next to it, the path, one per tab of the views,
+    texts of the stages, and messages.
 
     `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty.
     Also returned is which series have no plot, for the text `LEFT_OUT`; empty if all
@@ -124,8 +127,9 @@ def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> tuple[rrb.
 def limited(
     tabs: Mapping[str, Mapping[str, rrb.TimeSeriesView]], leg: str = "", most: int = MOST_VIEWS
 ) -> tuple[dict[str, dict[str, rrb.TimeSeriesView]], str]:
-    """At most `most` plots, shared among the tabs, those of `leg` first; and which
-    there are none of, in Markdown.
+    """Return at most `most` plots, and in Markdown those left out.
+
+    The plots are shared among the tabs, those of `leg` first.
     """
     found = {name: dict(plots) for name, plots in tabs.items()}
     spare = sum(map(len, tabs.values())) - most
@@ -151,8 +155,9 @@ def limited(
 
 
 def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
-    """A blueprint of tabs that opens on the first or on the one of a name, with all
-    panels but the timeline folded away.
+    """Return a blueprint of tabs that opens on the first or on a named one.
+
+    All panels but the timeline are folded away.
     """
     names = [str(page.name) for page in pages]
     if tab and tab not in names:
@@ -170,9 +175,7 @@ def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
 
 
 def paths_view(paths: Mapping[str, Array]) -> Any:
-    """The paths side by side, each in a view of its own; one view where there is one
-    path.
-    """
+    """Return the paths side by side, each in its own view; one view for one path."""
     if len(paths) == 1:
         return path_view("path", paths, PATH)
     columns = 1 if len(paths) == 2 else 2
@@ -224,8 +227,9 @@ def time_plot(
     legend: bool = True,
     contents: Sequence[str] = (),
 ) -> rrb.TimeSeriesView:
-    """A plot of the series below `origin` (or of `contents`) over a range of times in
-    s, with a little room above and below.
+    """Return a plot of the series below `origin` (or of `contents`) over times in s.
+
+    The y-range has a little room above and below.
     """
     return rrb.TimeSeriesView(
         origin=origin,
@@ -241,8 +245,10 @@ def time_plot(
 def _plots(
     groups: Sequence[Owned], every: Sequence[Owned], seen: Seen
 ) -> dict[str, rrb.TimeSeriesView]:
-    """One plot per parent entity below which all is of one unit and tab, else one per
-    group; all plots of a tab over the same time.
+    """Return the plots of a tab, all over the same time.
+
+    One plot per parent entity below which all is of one unit and tab, else one per
+    group.
 
     `groups`: those of the tab; `every`: those of all tabs. A legend that stands beside
     an earlier plot is not repeated.
@@ -286,8 +292,10 @@ def _plots(
 
 
 def _names(units: Mapping[str, str]) -> dict[str, str]:
-    """A short name for each entity with its unit: the last part that says something,
-    with the one before where that is not enough.
+    """Return a short name for each entity with its unit.
+
+    The name is the last part that distinguishes it, with the one before where that is
+    not enough.
     """
     parts = {
         origin: [part for part in origin.split("/") if part != _slug(unit)] or [origin]
@@ -303,8 +311,9 @@ def _names(units: Mapping[str, str]) -> dict[str, str]:
 def in_pages(
     plots: Mapping[str, rrb.TimeSeriesView], name: str | None, columns: int, leg: str = ""
 ) -> Any:
-    """The plots of a tab in a grid, or, where they are many, in pages that keep legs
-    (second parts of entities) whole; `leg` is open.
+    """Return the plots of a tab in a grid, or in pages where they are many.
+
+    Pages keep legs (second parts of entities) together; `leg` is open.
     """
     if len(plots) <= MOST_PLOTS:
         return rrb.Grid(*plots.values(), grid_columns=columns if len(plots) > 2 else 1, name=name)
@@ -342,8 +351,9 @@ def _slug(unit: str) -> str:
 
 
 def with_room(span: tuple[float, float]) -> tuple[float, float]:
-    """A y-range with room around a span. Set by us, because the viewer takes the end of
-    a line (an empty row) for a zero.
+    """Return a y-range with room around a span.
+
+    Set here, because the viewer takes the end of a line (an empty row) for a zero.
     """
     low, high = span
     if not (np.isfinite(low) and np.isfinite(high)):

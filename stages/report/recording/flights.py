@@ -1,6 +1,4 @@
-"""Closed-loop flights in 3D: the desired path of each trajectory, and every flight
-along it, with the vehicle on the flown path.
-"""
+"""Closed-loop flights in 3D: desired paths, flown paths and the vehicle on them."""
 
 from __future__ import annotations
 
@@ -26,8 +24,9 @@ DESIRED = tuple(f"desired_{name}" for name in PLACE)
 def send_flights(
     out: Recording, tables: Mapping[str, pa.Table], inks: Mapping[str, Ink]
 ) -> dict[str, Array]:
-    """Send all tables of port `flights` (keys hold `trajectory-flight`); returns the
-    corners (2, 3) of the box around each trajectory.
+    """Send all tables of port `flights` (keys hold `trajectory-flight`).
+
+    Returns the corners (2, 3) of the box around each trajectory.
 
     A flight is a line with its name at the end, and a point that moves along it;
     `inks`: colours of the flights, as on the page. Empty where there are no flights.
@@ -93,14 +92,15 @@ def _trajectory(
     whole = np.vstack(places)
     box = np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
     for near in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
-        named = f"{', '.join(near[:NAMED])}{f' and {len(near) - NAMED} more' if len(near) > NAMED else ''}"
+        more = f" and {len(near) - NAMED} more" if len(near) > NAMED else ""
+        named = ", ".join(near[:NAMED]) + more
         label = rr.Points3D.from_fields(labels=[str(visible(named))], show_labels=True)
         out.static(f"{above}/{rr.escape_entity_path_part(near[0])}/end", label)
     return box
 
 
 def _near(ends: Mapping[str, Array], distance: float) -> list[list[str]]:
-    """The flights in groups whose ends lie together, so that one label names them all."""
+    """Group the flights whose ends lie together, so that one label names them all."""
     groups: list[list[str]] = []
     for name, end in ends.items():
         own = next(

@@ -1,5 +1,7 @@
-"""The recording of one raw log: every stream by group, modes and legs as spans,
-findings and messages as text, attitude and path in 3D.
+"""Recording of one raw log: its streams, modes, legs, findings and path.
+
+Streams are plotted by group, modes and legs are spans, findings and messages text;
+attitude and path are in 3D.
 
 It opens on what the log can be used for. Seconds count from the log's first
 time-stamped record. The path is what the log says of its position; else it is reckoned
@@ -47,9 +49,7 @@ MOST_LEGS = 40
 
 @dataclass(frozen=True)
 class Plot:
-    """One plot: its entity, its stream, unit, the range of its values, and how many
-    lines it has.
-    """
+    """One plot: its entity, stream, unit, range of values and number of lines."""
 
     entity: str
     stream: str
@@ -138,8 +138,9 @@ def _send_spans(
     legs: Sequence[Document],
     end: float,
 ) -> bool:
-    """Mode, arming and legs as lanes of spans, and the pauses of each stream; returns
-    whether there is any.
+    """Send mode, arming, legs and the pauses of streams as lanes of spans.
+
+    Returns whether there is any.
     """
     found = False
     if "mode" in tables and len(clocks["mode"]):
@@ -183,8 +184,9 @@ def _send_spans(
 
 
 def _pauses(stream: str, clock: Array) -> npt.NDArray[np.intp]:
-    """Indices of the samples after which a stream pauses; what is logged on change does
-    not pause.
+    """Return the indices of the samples after which a stream pauses.
+
+    A stream that is logged on change does not pause.
     """
     if stream in ("mode", "events") or clock.size < 3:
         return np.zeros(0, dtype=np.intp)
@@ -231,8 +233,9 @@ def _send_messages(
 def _send_path(
     out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array]
 ) -> Array | None:
-    """Path and attitude at 10 Hz, each the last sample before; returns the corners (2,
-    3) of its box in m, None without attitude.
+    """Send path and attitude at 10 Hz, each the last sample before.
+
+    Returns the corners (2, 3) of its box in m, None without attitude.
     """
     if "attitude" not in tables or clocks["attitude"].size < 2:
         return None
@@ -286,8 +289,9 @@ def _places(
 
 
 def held(times: Array, clock: Array, values: Array) -> Array:
-    """The last of the values (m,) or (m, k) at `clock` (m,) before each of `times`
-    (n,); the first before all of them.
+    """Return the last of the values at `clock` (m,) before each of `times` (n,).
+
+    Values are (m,) or (m, k); the first is used before all of them.
     """
     found: Array = values[
         np.clip(np.searchsorted(clock, times, side="right") - 1, 0, clock.size - 1)

@@ -1,5 +1,6 @@
-"""The path in 3D: a line per segment, the vehicle on it with its axes and the residual
-force that acts on it, and forces along the path.
+"""The path in 3D: a line per segment, the vehicle on it, and forces along it.
+
+The vehicle has its axes and the residual force that acts on it.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ def send_paths(
     starts: Mapping[str, float],
     rate_hz: float,
 ) -> Array | None:
-    """Send the path of each segment with the forces on it; returns the corners (2, 3)
-    of the box around all in m NED, None for no path.
+    """Send the path of each segment with the forces on it.
+
+    Returns the corners (2, 3) of the box around all in m NED, None for no path.
     """
     paths = {}
     for name, table in fused.items():
@@ -102,9 +104,7 @@ def send_paths(
 
 
 def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array | None:
-    """The residual force (n, 3) of a segment in body axes, in N; None where there is
-    none.
-    """
+    """Return the residual force (n, 3) [N] of a segment in body axes, or None."""
     name = next((name for name in tables if name.split("/")[1:] == [segment, "residual"]), None)
     if name is None or not has_columns(tables[name], FORCE):
         return None
@@ -113,8 +113,9 @@ def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array 
 
 
 def _send_forces(out: Recording, entity: str, times: Array, pose: Array, vectors: Array) -> None:
-    """The force at the vehicle at each time, and `ARROWS` of them at even distances
-    along the path; vectors (n, 3) in body axes, in m.
+    """Send the force at the vehicle, and `ARROWS` of them along the path.
+
+    The arrows lie at even distances; vectors (n, 3) in body axes, in m.
     """
     out.stream.send_columns(
         "path/vehicle/force",

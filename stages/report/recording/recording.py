@@ -1,5 +1,4 @@
-"""The Rerun recording of a run: every group of series that the stages name in their
-views, the path in 3D, spans, messages, and texts.
+"""The Rerun recording of a run: series of the views, 3D path, spans, messages, texts.
 
 One timeline `t`, in seconds of the log; later logs of a campaign follow one another
 with a gap. One entity per group of series that share a clock, sent in columns. The
@@ -67,8 +66,9 @@ class Clock:
     boot_s: Mapping[str, float]
 
     def seconds(self, name: str, table: pa.Table) -> Array | None:
-        """The times (n,) of a table stored under `stage/item/port`; None if it has no
-        clock or belongs to no log.
+        """Return the times (n,) of a table stored under `stage/item/port`.
+
+        None if it has no clock or belongs to no log.
 
         A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run)
         keeps its own seconds.
@@ -91,8 +91,9 @@ def log_seconds(log: Document) -> float:
 
 
 def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> Clock:
-    """Logs one after the other, `LOG_GAP_S` apart; a segment starts at its place in its
-    log.
+    """Return the clock of logs one after the other, `LOG_GAP_S` apart.
+
+    A segment starts at its place in its log.
     """
     starts, place = {}, 0.0
     for name, log in logs.items():
@@ -169,8 +170,9 @@ def _send_groups(
     clock: Clock,
     preferred: Sequence[str],
 ) -> dict[str, Sent]:
-    """Send every group that has its table; returns entity -> ranges of the series that
-    are drawn at first, and of their times.
+    """Send every group that has its table.
+
+    Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     sent: dict[str, Sent] = {}
     for entity, owner, bundle in _bundles(groups):
@@ -207,8 +209,9 @@ def _send_groups(
 
 
 def _edges_only(group: Document) -> bool:
-    """Whether a group with standard deviations is a band around lines that another
-    group draws.
+    """Return whether a group is a band around lines that another group draws.
+
+    Such a group has standard deviations.
     """
     return set(group["roles"]) == {"band"}
 
@@ -232,8 +235,9 @@ def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
 
 
 def _settled(bundle: Sequence[Document], values: Array) -> Array:
-    """Series (n, k) for the range of a plot: of bands the later half, because estimates
-    begin with any spread.
+    """Return the series (n, k) that set the range of a plot.
+
+    Of bands the later half, because estimates begin with any spread.
     """
     edges = [
         bool(group.get("spread")) and (_edges_only(group) or line > 0)
@@ -257,8 +261,10 @@ def _values(
     load: Callable[[str], pa.Table],
     owner: str,
 ) -> Array:
-    """The series of a group: its columns, less those of another table, or with twice
-    their standard deviations around them.
+    """Return the series of a group.
+
+    They are its columns, less those of another table, or with twice their standard
+    deviations around them.
     """
     values = matrix(part, group["columns"])
     if group.get("less"):
@@ -278,8 +284,9 @@ def _values(
 
 
 def _shown(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
-    """Which series of an entity are drawn at first: all but the models that are not
-    preferred.
+    """Return which series of an entity are drawn at first.
+
+    All but the models that are not preferred.
     """
     liked = {key(name) for name in preferred}
     roles = [
@@ -295,8 +302,9 @@ def _rows(table: pa.Table, group: Document) -> pa.Table:
 
 
 def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
-    """(entity, owner, groups): groups that cut the same long table by a filter share
-    its clock, so they become one entity.
+    """Return (entity, owner, groups), with groups on the same clock as one entity.
+
+    Groups that cut the same long table by a filter share its clock.
     """
     bundles: dict[tuple[str, ...], list[Document]] = defaultdict(list)
     for owner, group in groups:
@@ -312,8 +320,9 @@ def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
 
 
 def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
-    """The key of the table that a view of `owner` (stage/item) means: its own artefact,
-    a full key, or another stage's of the same item.
+    """Return the key of the table that a view of `owner` (stage/item) means.
+
+    Its own artefact, a full key, or another stage's of the same item.
     """
     own = f"{owner}/{wanted}"
     for name in (own, wanted):
@@ -328,8 +337,9 @@ def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
 
 
 def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLines:
-    """Names, colours and widths of the series of an entity; of many models only the
-    preferred are drawn at first.
+    """Return names, colours and widths of the series of an entity.
+
+    Of many models only the preferred are drawn at first.
     """
     names, inks, opacity = [], [], []
     for group in bundle:
@@ -356,8 +366,10 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
 
 
 def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
-    """Lines of different roles have the colours of their roles; lines of one role are
-    told apart by axis, or else by their order.
+    """Return the colours of lines.
+
+    Lines of different roles have the colours of their roles; lines of one role differ
+    by axis, or else by their order.
     """
     if len(set(roles)) != 1 or len(names) == 1:
         found_of = inks_of(roles)
@@ -377,9 +389,7 @@ def _send_messages(
     clock: Clock,
     summary: Summary,
 ) -> None:
-    """Messages and mode changes of the vehicle, warnings of the stages, and the start
-    of each segment, as text on the timeline.
-    """
+    """Send messages, mode changes, warnings and starts of segments as text."""
     start = min(clock.logs.values(), default=0.0)
     out.messages("log/warnings", [(start, "warning", words) for words in summary.warnings])
     lines: dict[str, list[tuple[float, str, str]]] = defaultdict(list)
@@ -407,8 +417,9 @@ def _send_messages(
 def _send_spans(
     out: Recording, tables: Mapping[str, pa.Table], segments: Mapping[str, Document], clock: Clock
 ) -> tuple[float, float] | None:
-    """Modes of the vehicle and the segments as lanes of spans; returns the time from
-    the first to the last, None without any.
+    """Send modes of the vehicle and the segments as lanes of spans.
+
+    Returns the time from the first to the last, None without any.
     """
     modes: list[tuple[float, str | None]] = []
     for name in tables:

@@ -1,5 +1,4 @@
-"""What every recording is made of: a stream, columns of series in chunks, states,
-messages, documents, and a body that moves.
+"""The stream of a recording: series in chunks, states, messages, texts, a moving body.
 
 One timeline `t` in seconds. Values keep 21 significant bits (5e-7 of their size, which
 no eye tells and which packs better); times are exact to the nanosecond. Lines end where
@@ -29,8 +28,10 @@ AXIS_LENGTH_M = 0.6
 
 
 class Recording:
-    """One recording in memory. `preview`: series are thinned by minimum and maximum per
-    bin, for pictures and for slow machines.
+    """One recording in memory.
+
+    `preview`: series are thinned by minimum and maximum per bin, for pictures and for
+    slow machines.
     """
 
     def __init__(self, title: str, *, preview: bool = False) -> None:
@@ -51,28 +52,32 @@ class Recording:
         return data
 
     def discard(self) -> None:
-        """Throw away what was sent; Rerun would warn of it at the end of the program."""
+        """Discard what was sent; else Rerun warns of it at the end of the program."""
         self.stream.flush()
         self._sink.read(flush=True)
 
     def static(self, entity: str, value: Any) -> None:
-        """One static value in a chunk of its own, so that chunks come in the same order
-        every time.
+        """Send one static value in a chunk of its own.
+
+        Chunks then come in the same order every time.
         """
         self.stream.log(entity, value, static=True)
         self.stream.flush()
 
     def document(self, entity: str, markdown: str) -> None:
-        """A text in Markdown; characters that act on a terminal or turn the direction
-        of writing are made visible.
+        """Send a text in Markdown.
+
+        Characters that act on a terminal or turn the direction of writing are made
+        visible.
         """
         self.static(
             entity, rr.TextDocument(str(visible(markdown)), media_type=rr.MediaType.MARKDOWN)
         )
 
     def series(self, entity: str, times: Array, values: Array, *, pause_s: float = np.inf) -> None:
-        """Series (n, k) at `times` (n,) in s; broken where samples pause longer than
-        `pause_s`, and at the end.
+        """Send series (n, k) at `times` (n,) in s.
+
+        Lines are broken where samples pause longer than `pause_s`, and at the end.
         """
         times, values = broken(times, values, pause_s)
         if self.preview:
@@ -99,7 +104,8 @@ class Recording:
         states: Sequence[str | None],
         inks: Mapping[str, Ink],
     ) -> None:
-        """A lane of spans: at each time in s the state that begins, None for none;
+        """Send a lane of spans: at each time in s the state that begins, None for none.
+
         `inks`: state -> its colour.
         """
         if inks:
@@ -116,8 +122,9 @@ class Recording:
         self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=list(times))], columns)
 
     def messages(self, entity: str, rows: Sequence[tuple[float, str, str]]) -> None:
-        """Messages (time in s, severity `error`, `warning` or `note`, text) in the
-        order of time.
+        """Send messages in the order of time.
+
+        Each is (time in s, severity `error`, `warning` or `note`, text).
         """
         if not rows:
             return
@@ -132,8 +139,9 @@ class Recording:
         )
 
     def body(self, entity: str, times: Array, pose: Array) -> None:
-        """A vehicle that moves along `pose` (n, 6): position in m NED, Euler angles in
-        rad; its axes go with it.
+        """Send a vehicle that moves along `pose` (n, 6), and its axes with it.
+
+        Pose: position in m NED, Euler angles in rad.
         """
         self.stream.send_columns(
             entity,
@@ -158,8 +166,9 @@ def rounded(values: Array) -> Array:
 
 
 def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
-    """Times (n,) and series (n, k) with a row of NaN after each sample that is followed
-    by a pause longer than `pause_s`.
+    """Return times (n,) and series (n, k) with a row of NaN after each long pause.
+
+    A pause is long above `pause_s`.
     """
     after = np.flatnonzero(np.diff(times) > pause_s)
     if not after.size:
@@ -169,8 +178,9 @@ def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
 
 
 def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
-    """At most two rows per bin: the smallest and the largest value of each series (n,
-    k), in the order in which they come.
+    """Return the smallest and the largest value of each series (n, k) per bin.
+
+    At most two rows per bin, in the order in which they come.
 
     They stand at the first and at the middle time of the bin, so a peak is at most one
     bin away from its place. Bins without a finite value stay NaN.
@@ -198,8 +208,9 @@ def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
 
 
 def quaternions(euler: Array) -> Array:
-    """Quaternions xyzw (n, 4), body to NED, of Euler angles phi theta psi (n, 3) in the
-    order z y x (Fossen 2011, 2.2).
+    """Return quaternions xyzw (n, 4), body to NED, of Euler angles (n, 3).
+
+    Angles phi theta psi in the order z y x (Fossen 2011, 2.2).
     """
     (cr, cp, cy), (sr, sp, sy) = np.cos(euler.T / 2), np.sin(euler.T / 2)
     parts = [

@@ -1,6 +1,4 @@
-"""The texts of a recording as Markdown: the first screen beside the plots, and what
-each stage says in tables and remarks.
-"""
+"""The texts of a recording as Markdown: the first screen, and tables and remarks."""
 
 from __future__ import annotations
 
@@ -82,8 +80,9 @@ def markdown(
 
 
 def stage_texts(sections: Mapping[str, Document]) -> dict[str, str]:
-    """What each stage says, its sections one after the other: texts, remarks and
-    tables; plots stand in tabs of their own.
+    """Return the sections of each stage as Markdown.
+
+    Texts, remarks and tables; plots stand in tabs of their own.
     """
     found: dict[str, list[str]] = defaultdict(list)
     for name, document in sorted(sections.items(), key=lambda pair: int(pair[1]["order"])):

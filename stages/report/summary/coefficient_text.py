@@ -1,6 +1,4 @@
-"""What a model card says about the vehicle, in the words of the first screen:
-coefficients with unit and interval, and what was assumed.
-"""
+"""Coefficients of a model card as the first screen prints them, and assumed figures."""
 
 from __future__ import annotations
 
@@ -27,8 +25,9 @@ LONGEST = 6
 
 
 def findings(card: Document) -> tuple[Finding, ...]:
-    """Damping per axis where a term in that axis's own velocity is identified, then
-    constant forces, then the number of couplings.
+    """Return lines on damping, constant forces and the number of couplings.
+
+    Damping per axis where a term in that axis's own velocity is identified.
 
     Standard errors are those of the model card and take the assumed figures of the
     vehicle as exact.
@@ -78,8 +77,9 @@ def _range(axis: str, conditions: Document) -> str:
 
 
 def _damping(axis: str, part: Document) -> tuple[str, ...]:
-    """The identified terms in the axis's own velocity, and the determined sums of such
-    terms, with 95 % intervals.
+    """Return the identified terms in the axis's own velocity, with 95 % intervals.
+
+    Determined sums of such terms are included.
     """
     lines = [
         _coefficient(axis, item, interval=True)
@@ -148,8 +148,10 @@ def _unit(axis: str, term: str) -> str:
 
 
 def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:
-    """`X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two
-    if it begins with 1.
+    """Return an estimate with error, unit and interval as text.
+
+    `X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two if
+    it begins with 1.
     """
     first = math.floor(math.log10(error))
     digits = max(0, (1 if error < 2 * 10.0**first else 0) - first)
@@ -163,8 +165,9 @@ def _figure(symbol: str, value: float, error: float, unit: str, *, interval: boo
 
 
 def assumed_words(vehicle: VehicleDocument) -> tuple[int, str]:
-    """How many figures of a vehicle document are assumed, and which: names and values,
-    grouped, without their sources.
+    """Return how many figures of a vehicle document are assumed, and which.
+
+    Names and values, grouped, without their sources.
     """
     groups: dict[str, list[str]] = {}
     for path, quantity in assumed_quantities(vehicle):
@@ -183,8 +186,9 @@ def _name(field: str) -> str:
 
 
 def _value(quantity: Quantity) -> str:
-    """` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`; nothing for a longer list, which the
-    vehicle file holds.
+    """Return a value as text; empty for a longer list, which the vehicle file holds.
+
+    ` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`.
     """
     value = np.asarray(quantity.value, dtype=float)
     if (

@@ -1,6 +1,4 @@
-"""The first screen of a bench or control campaign: the figures that its stages name,
-with intervals and verdicts.
-"""
+"""First screen of a bench or control campaign: named figures with their verdicts."""
 
 from __future__ import annotations
 
@@ -31,8 +29,9 @@ def summarise_results(
     sections: Mapping[str, Document],
     vehicle: VehicleDocument,
 ) -> Summary:
-    """The summary of documents of schema `results`, keyed `stage/item`: of their
-    headlines, or of all figures where there is none.
+    """Summarise documents of schema `results`, keyed `stage/item`.
+
+    Of their headlines, or of all figures where there is none.
 
     Bounds on printed values stand apart; further figures (other damping models, other
     methods) stand in the sections of their stages.
@@ -118,8 +117,9 @@ def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
 
 
 def _explanation(shown: list[tuple[str, Document]], found: tuple[str, ...]) -> str:
-    """Few determined figures with their intervals; of many, what the stages say first
-    of all.
+    """Return the explanation of a verdict.
+
+    Few determined figures with their intervals; of many, what the stages state first.
     """
     known = [_figure(part, row) for part, row in shown if row["value"] is not None]
     if not known or len(known) > FEW:
@@ -134,8 +134,9 @@ def _explanation(shown: list[tuple[str, Document]], found: tuple[str, ...]) -> s
 
 
 def _counted(bounds: list[Document]) -> tuple[int, int]:
-    """How many bounds are met, and of how many; a figure that does not say how many it
-    holds counts as one.
+    """Return how many bounds are met, and of how many.
+
+    A figure that does not state how many it holds counts as one.
     """
     found = [(row, str(row["quantity"]).rpartition(BOUNDS_OF)) for row in bounds]
     met = sum(int(row["value"]) if title else row["verdict"] == MET for row, (title, _, _) in found)
@@ -238,8 +239,9 @@ def _unit(row: Document) -> str:
 
 
 def _places(value: float | None, error: float | None) -> str:
-    """Format with as many digits as the standard error supports, three to six
-    significant ones.
+    """Format with as many digits as the standard error supports, three to six.
+
+    Digits are significant figures.
     """
     if not value or not error or not math.isfinite(error):
         return ".4g"

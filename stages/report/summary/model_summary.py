@@ -1,8 +1,7 @@
-"""The first screen of the report: which model to take, how good it is, what it says
-about the vehicle, and what is missing.
+"""First screen of the report: recommended model, quality, findings, what is missing.
 
 Everything here is computed from model cards, the error table and the documents of
-segments and logs; no stage writes its own praise. The rule for the model to take: of
+segments and logs. The rule for the recommended model: of
 the models whose J on the validation legs is within `CLOSE` of the smallest, the one
 with the fewest terms; none, if the smallest J/J0 is 1 or more.
 """
@@ -65,8 +64,9 @@ def summarise(
 
 
 def choose(models: Sequence[ModelScore]) -> ModelScore | None:
-    """The model to take by the rule of this module; None if there is no model that
-    beats no model.
+    """Return the recommended model by the rule of this module, or None.
+
+    None if no model is better than no model at all.
     """
     known = [model for model in models if model.j is not None]
     if not known or ((ratio := _judged(known[0].total)) is not None and ratio >= 1):
@@ -218,9 +218,7 @@ def _facts(
 
 
 def _verdicts(card: Document) -> Counter[str]:
-    """How many coefficients have which verdict; the constant force per axis is none of
-    them.
-    """
+    """Count the coefficients of each verdict, without the constant force per axis."""
     return Counter(
         term["verdict"]
         for axis in card["axes"].values()
@@ -287,8 +285,10 @@ def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple
 
 
 def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
-    """Whether the model to take holds when it is simulated by itself, which a small
-    force error does not promise.
+    """Return a note if the recommended model diverges in simulation.
+
+    A small force error does not promise that a model holds when it is simulated by
+    itself.
     """
     rows = [
         row
