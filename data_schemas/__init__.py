@@ -1,3 +1,1 @@
-"""What the data are: schemas of every artefact and document, their loaders, checks and
-errors.
-"""
+"""Schemas, loaders, checks and errors of every artefact and document."""

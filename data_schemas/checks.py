@@ -1,5 +1,6 @@
-"""The catalogue of findings of the health page (formats/checks.yaml), and its page in
-the documentation.
+"""The catalogue of findings of the health page, and its page in the documentation.
+
+The catalogue itself is formats/checks.yaml.
 """
 
 from __future__ import annotations
@@ -16,16 +17,20 @@ import yaml
 SEVERITIES = ("error", "warning", "note")
 INTRODUCTION = """# What `auvid check` finds
 
-Every finding of the health page: what it means, the threshold beyond which it is reported and why it lies there, and what to do about it.
-An *error* means that the chain would refuse the log or use wrong data, a *warning* that results depend on it, a *note* is good to know.
-`auvid check` exits with 0 if it found no error and no loss, with 3 if it did, and with 1 if a log could not be read at all.
+Every finding of the health page: what it means, the threshold beyond which it is reported and \
+why it lies there, and what to do about it.
+An *error* means that the chain would refuse the log or use wrong data, a *warning* that results \
+depend on it, a *note* is good to know.
+`auvid check` exits with 0 if it found no error and no loss, with 3 if it did, and with 1 if a \
+log could not be read at all.
 
-This page is made from `data_schemas/formats/checks.yaml`: `python -m auvid.data_schemas.checks > docs/checks.md`.
+This page is made from `data_schemas/formats/checks.yaml`: `python -m auvid.data_schemas.checks > \
+docs/checks.md`.
 """
 
 
 @dataclass(frozen=True)
-class Check:
+class HealthCheck:
     """One kind of finding. `threshold` is None where it is a matter of yes or no."""
 
     id: str
@@ -45,11 +50,11 @@ class Check:
 
 
 @cache
-def checks() -> Mapping[str, Check]:
+def checks() -> Mapping[str, HealthCheck]:
     """All checks by id, in the order of the catalogue."""
     text = (resources.files(__package__) / "formats" / "checks.yaml").read_text(encoding="utf-8")
     raw: dict[str, dict[str, Any]] = yaml.safe_load(text)
-    return MappingProxyType({name: Check(id=name, **entry) for name, entry in raw.items()})
+    return MappingProxyType({name: HealthCheck(id=name, **entry) for name, entry in raw.items()})
 
 
 def documentation() -> str:

@@ -1,5 +1,6 @@
-"""The error classes of auvid. Every fault that a user can mend derives from
-`PipelineError`.
+"""The error classes of auvid.
+
+Every fault that a user can mend derives from `PipelineError`.
 """
 
 from __future__ import annotations
@@ -7,12 +8,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
-SHOWN = 20
+LISTED = 20
 
 
 class PipelineError(Exception):
-    """A fault in what the user gave: it says file, row, field, value, what is allowed
-    and the remedy.
+    """A fault in the user's input.
+
+    It states file, row, field, value, what is allowed and the remedy.
 
     `row` counts as an editor counts (from 1, header included); for binary logs it is a
     message number or byte offset, written out.
@@ -68,8 +70,9 @@ def _rebuild(kind: type[PipelineError], message: str, state: dict[str, object]) 
 
 
 class UsageError(PipelineError):
-    """A command was given what it does not take: a name that it does not know, or
-    options that exclude each other.
+    """A command with arguments that it does not take.
+
+    Either a name is unknown, or options exclude each other.
     """
 
 
@@ -86,8 +89,9 @@ class LogError(PipelineError):
 
 
 class DataError(PipelineError):
-    """The data cannot give what a stage needs (a missing stream, too few samples, no
-    validation leg).
+    """Data that cannot give what a stage needs.
+
+    For example a missing stream, too few samples, no validation leg.
     """
 
 
@@ -99,9 +103,9 @@ class ManyFaults(PipelineError):
         if isinstance(faults, str):
             super().__init__(faults, file=file)
             return
-        lines = [str(fault) for fault in faults[:SHOWN]]
-        if len(faults) > SHOWN:
-            lines.append(f"... and {len(faults) - SHOWN} more")
+        lines = [str(fault) for fault in faults[:LISTED]]
+        if len(faults) > LISTED:
+            lines.append(f"... and {len(faults) - LISTED} more")
         super().__init__(f"{len(faults)} faults\n  " + "\n  ".join(lines), file=file)
 
 

@@ -1,5 +1,6 @@
-"""Load the schema files of this folder: one YAML per artefact (table, document or
-bytes).
+"""Loader of the schema files of this folder.
+
+There is one YAML file per artefact (table, document or bytes).
 
 A key of `fields` may hold a brace list: `gyro_{x,y,z}_rad_s` stands for three fields,
 and `{}` in its texts for the item.

@@ -1,5 +1,6 @@
-"""The declared mapping from log messages to streams (formats/streams.yaml), and what
-could supply a stream that is missing.
+"""The declared mapping from log messages to streams (formats/streams.yaml).
+
+It also gives what could supply a stream that is missing.
 """
 
 from __future__ import annotations
@@ -58,8 +59,10 @@ CHOICES: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Linear:
-    """One stream field as a column of the log: its unit there, the sign, and whether
-    the unit holds against what the log declares.
+    """One stream field as a column of the log.
+
+    It gives the unit there, the sign, and whether the unit holds against what the log
+    declares.
     """
 
     column: str
@@ -69,9 +72,10 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Source:
-    """One way to fill a stream from a format; formats/streams.yaml says what each entry
-    means.
+class StreamSource:
+    """One way to fill a stream from a format.
+
+    formats/streams.yaml explains each entry.
     """
 
     name: str
@@ -93,7 +97,7 @@ class FormatStreams:
 
     title: str
     instance: tuple[str, ...]
-    streams: Mapping[str, tuple[Source, ...]]
+    streams: Mapping[str, tuple[StreamSource, ...]]
 
     @property
     def messages(self) -> frozenset[str]:
@@ -107,8 +111,9 @@ class FormatStreams:
 
 @cache
 def format_streams(name: str) -> FormatStreams | None:
-    """The mapping of one log format, or None for a format whose reader names its
-    streams itself (CSV).
+    """Return the mapping of one log format.
+
+    None for a format whose reader names its streams itself (CSV).
     """
     raw = _document().get(name)
     if raw is None:
@@ -127,8 +132,9 @@ def format_names() -> tuple[str, ...]:
 
 @cache
 def csv_dialects() -> Mapping[str, Mapping[str, Any]]:
-    """CSV files of known programs (formats/csv_dialects.yaml): columns to recognise
-    them by, column map, note.
+    """Return the CSV files of known programs (formats/csv_dialects.yaml).
+
+    Each has the columns to recognise it by, a column map and a note.
     """
     text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(
         encoding="utf-8"
@@ -144,7 +150,7 @@ def _document() -> dict[str, dict[str, Any]]:
     return document
 
 
-def _source(entry: Mapping[str, object]) -> Source:
+def _source(entry: Mapping[str, object]) -> StreamSource:
     raw: dict[str, object] = dict(entry)
     name = str(raw.pop("source"))
     linear = {key: _linear(str(text)) for key, text in _mapping(raw.pop("fields", {})).items()}
@@ -157,7 +163,7 @@ def _source(entry: Mapping[str, object]) -> Source:
     optional, also = _texts(raw.pop("optional", ())), _texts(raw.pop("with", ()))
     if raw:
         raise ValueError(f"formats/streams.yaml: unknown key {sorted(raw)} at source {name}")
-    return Source(name, message, columns, optional, linear, also=also, **known)
+    return StreamSource(name, message, columns, optional, linear, also=also, **known)
 
 
 def _linear(text: str) -> Linear:
@@ -185,7 +191,7 @@ def mapping_table(name: str) -> str:
     for stream, sources in spec.streams.items():
         for source in sources:
             columns = ", ".join(f"`{column}`" for column in source.columns)
-            said = [
+            remarks = [
                 source.meaning,
                 CONDITIONS.get(source.when or ""),
                 CHOICES.get(source.choose or ""),
@@ -193,14 +199,16 @@ def mapping_table(name: str) -> str:
             ]
             lines.append(
                 f"| {stream} | {source.name} | {columns} |"
-                f" {'; '.join(text for text in said if text)} |"
+                f" {'; '.join(text for text in remarks if text)} |"
             )
     return "\n".join(lines)
 
 
 def supply_text(stream: str) -> str:
-    """What could supply a stream: messages and columns per log format, and the fields a
-    CSV column map can name.
+    """Return what could supply a stream, as text.
+
+    It lists messages and columns per log format, and the fields a CSV column map can
+    name.
     """
     parts = []
     for name in format_names():
@@ -213,6 +221,6 @@ def supply_text(stream: str) -> str:
         if ways:
             parts.append(f"{mapping.title}: {' or '.join(ways)}")
     fields = NEEDED[stream] or tuple(key for key in schema(stream).columns if key != "time_us")
-    shown = ", ".join(fields) if len(fields) <= 6 else f"{fields[0]} ... {fields[-1]}"
-    parts.append(f"CSV: columns mapped to {shown} of stream {stream}")
+    listed = ", ".join(fields) if len(fields) <= 6 else f"{fields[0]} ... {fields[-1]}"
+    parts.append(f"CSV: columns mapped to {listed} of stream {stream}")
     return "; ".join(parts)

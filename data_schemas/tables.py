@@ -49,8 +49,9 @@ def _arrow_field(column: Field) -> pa.Field:
 
 
 def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
-    """A checked table of schema `name` from columns (numpy arrays, lists or Arrow
-    arrays of one length).
+    """Return a checked table of schema `name` from its columns.
+
+    The columns are numpy arrays, lists or Arrow arrays of one length.
 
     Columns come out in the order of the schema. Raises `SchemaError` naming every
     unknown, missing or ill-typed column.
@@ -85,8 +86,10 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
 
 
 def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
-    """An Arrow array of a type; numbers of that type go over as they lie in memory
-    (`pa.array` of numpy data imports pandas, a second).
+    """Return an Arrow array of a type.
+
+    Numbers of that type go over as they lie in memory (`pa.array` of numpy data imports
+    pandas, a second).
     """
     if (
         isinstance(values, np.ndarray)
@@ -101,8 +104,9 @@ def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
 
 
 def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
-    """Check columns, types, nulls, NaN, ranges and the clock of a table against schema
-    `name`; raise all faults together.
+    """Check a table against schema `name` and raise all faults together.
+
+    Columns, types, nulls, NaN, ranges and the clock are checked.
     """
     spec = schema(name)
     where = file if file is not None else f"table '{name}'"
@@ -183,8 +187,9 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
 
 
 def numbers(values: pa.ChunkedArray) -> npt.NDArray[Any]:
-    """A column (n,) as a numpy array of its own type, a read-only view where it lies in
-    one piece; nulls become NaN.
+    """Return a column (n,) as a numpy array of its own type; nulls become NaN.
+
+    It is a read-only view where the column lies in one piece.
 
     `to_numpy` of pyarrow does the same but imports pandas.
     """
@@ -208,8 +213,9 @@ def column(table: pa.Table, name: str) -> npt.NDArray[np.float64]:
 
 
 def matrix(table: pa.Table, names: Sequence[str]) -> npt.NDArray[np.float64]:
-    """Numeric columns side by side as a read-only float64 array (n, len(names)); nulls
-    become NaN.
+    """Return numeric columns as a read-only float64 array (n, len(names)).
+
+    Nulls become NaN.
     """
     values = np.empty((table.num_rows, len(names)))
     for index, name in enumerate(names):

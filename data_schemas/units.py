@@ -1,5 +1,6 @@
-"""Unit texts, read by pint. SI inside: these functions are called once, where data
-enter.
+"""Unit texts, read by pint.
+
+SI inside: these functions are called once, where data enter.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def convertible(unit: str, target: str) -> bool:
-    """Whether values in `unit` can be expressed in `target` (rad/s and 1/s count as the
-    same, as in SI).
+    """Return whether values in `unit` can be expressed in `target`.
+
+    rad/s and 1/s count as the same, as in SI.
     """
     try:
         return bool(_registry().Unit(unit).is_compatible_with(_registry().Unit(target)))

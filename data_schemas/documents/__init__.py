@@ -42,8 +42,8 @@ MODELS = {
 def model_of(name: str) -> type[Model]:
     """Return the model of a document; pydantic is not imported before."""
     module, _, kind = MODELS[name].rpartition(".")
-    found: type[Model] = getattr(import_module(f"auvid.data_schemas.{module}"), kind)
-    return found
+    model: type[Model] = getattr(import_module(f"auvid.data_schemas.{module}"), kind)
+    return model
 
 
 def check_document(document: object, name: str, *, file: object = None) -> None:

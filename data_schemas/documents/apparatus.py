@@ -121,8 +121,10 @@ class FreeDecayEntry(Model):
 
 
 class ApparatusDocument(Model):
-    """What hangs on the bench of a campaign. Geometry of the pendulums, what was hung
-    on them, and which legs (or timed oscillations) recorded it.
+    """Pendulums on the bench of a campaign, and the legs that recorded them.
+
+    Geometry of the pendulums, the bodies hung on them, and the legs (or timed
+    oscillations) of each.
     """
 
     title: str

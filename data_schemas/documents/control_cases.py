@@ -70,8 +70,10 @@ class PoseEntry(Model):
 
 
 class PathEntry(Model):
-    """Figures of the shape: a helix has radius, pitch, turns, port; a saw-tooth leg,
-    pitch, tip_radius, legs; a Dubins path the rest.
+    """Figures of the shape of a path.
+
+    A helix has radius, pitch, turns, port; a saw-tooth leg, pitch, tip_radius, legs; a
+    Dubins path the rest.
     """
 
     radius: dict[str, object] | None = None
@@ -204,8 +206,10 @@ class TrajectoryEntry(Model):
 
 
 class MonteCarloEntry(Model):
-    """Flights with coefficients drawn from the covariance of the model card, or with a
-    relative standard deviation.
+    """Flights with coefficients drawn at random.
+
+    They are drawn from the covariance of the model card, or with a relative standard
+    deviation.
     """
 
     trajectory: str
@@ -221,8 +225,9 @@ class MonteCarloEntry(Model):
 
 
 class ControlCasesDocument(Model):
-    """What a control campaign flies; trajectories, weights, limits and disturbances,
-    each number a quantity {value, unit, source} with its reason.
+    """Flights of a control campaign: trajectories, weights, limits and disturbances.
+
+    Each number is a quantity {value, unit, source} with its reason.
     """
 
     open_loop: dict[str, OpenLoopEntry] | None = None

@@ -157,15 +157,15 @@ class Quantity(Model):
 
 def _array(value: object) -> npt.NDArray[np.float64]:
     try:
-        found = np.array(value)
+        array = np.array(value)
     except ValueError:  # rows of different lengths
-        found = np.array(None)
-    if found.dtype.kind not in "iuf":
+        array = np.array(None)
+    if array.dtype.kind not in "iuf":
         raise Faults(SchemaError("not numbers", field="value", value=value))
-    found = found.astype(np.float64)
-    if not np.all(np.isfinite(found)):
+    array = array.astype(np.float64)
+    if not np.all(np.isfinite(array)):
         raise Faults(SchemaError("not finite", field="value", value=value))
-    return found
+    return array
 
 
 @dataclass(frozen=True)
@@ -300,13 +300,13 @@ def _member(kind: Any, wanted: Any) -> Any:
     if origin is Annotated:
         return _member(get_args(kind)[0], wanted)
     if origin in (Union, types.UnionType):
-        found = (_member(part, wanted) for part in get_args(kind))
-        return next((part for part in found if part is not None), None)
+        parts = (_member(part, wanted) for part in get_args(kind))
+        return next((part for part in parts if part is not None), None)
     if wanted is Model:
         return kind if isinstance(kind, type) and issubclass(kind, Model) else None
     return kind if origin is wanted else None
 
 
 def _model(kind: Any, wanted: type[Model]) -> type[Model]:
-    found: type[Model] = _member(kind, wanted)
-    return found
+    model: type[Model] = _member(kind, wanted)
+    return model

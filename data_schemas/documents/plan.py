@@ -8,8 +8,9 @@ from auvid.data_schemas.documents.model import Model, Range
 
 
 class UnsteadyEntry(Model):
-    """First-order Gauss-Markov force on the body, as given at 2 m/s; it grows with the
-    square of the level speed.
+    """First-order Gauss-Markov force on the body, as given at 2 m/s.
+
+    It grows with the square of the level speed.
     """
 
     force_sd_N: list[Annotated[float, Range(0)]]
@@ -124,8 +125,9 @@ class FlownLegEntry(Model):
 
 
 class PixhawkEntry(Model):
-    """Autopilot on pole or tray, at rates and noise of its own; what is not given is
-    exact.
+    """Autopilot on pole or tray, at rates and noise of its own.
+
+    A figure that is not given is exact.
     """
 
     rate_hz: Annotated[float, Range(1, 1000)] | None = None
@@ -219,8 +221,9 @@ class SwingFlightEntry(Model):
 
 
 class BenchEntry(Model):
-    """Experiments of a bench campaign, each one log and one leg; the sensors above
-    record the tank runs.
+    """Experiments of a bench campaign, each one log and one leg.
+
+    The sensors above record the tank runs.
     """
 
     truths: dict[str, dict[str, float]]

@@ -75,8 +75,9 @@ class ErratumEntry(Model):
 
 
 class PublishedValuesDocument(Model):
-    """Printed tables of a source that the results of a campaign are held against, and
-    the errata of that source.
+    """Printed tables of a source, with its errata.
+
+    The results of a campaign are compared with them.
     """
 
     title: str

@@ -94,8 +94,9 @@ class ExpectedEntry(Model):
 
 
 class ReproductionDocument(Model):
-    """How the tables of a publication are made again with a twin (reproduce.yaml beside
-    the manifest of its campaign).
+    """Recipe to make the tables of a publication again with a twin.
+
+    It is the file reproduce.yaml in the folder of the manifest of its campaign.
     """
 
     title: str

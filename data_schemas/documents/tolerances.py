@@ -21,8 +21,9 @@ class ToleranceEntry(Model):
 
 
 class TolerancesDocument(Model):
-    """How far the cells of golden error tables may move before `auvid regress` fails,
-    per column.
+    """Tolerances of golden error tables, per column.
+
+    Cells that move further make `auvid regress` fail.
     """
 
     columns: dict[str, ToleranceEntry]

@@ -21,8 +21,9 @@ class TruthEntry(Model):
 
 
 class TwinDocument(Model):
-    """What the simulation needs of a twin campaign, read from the files that the
-    manifest names.
+    """Input of the simulation of a twin campaign.
+
+    It is read from the files that the manifest names.
     """
 
     plan: dict[str, object]

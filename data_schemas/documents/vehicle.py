@@ -409,8 +409,9 @@ class SurfaceEntry(Model):
 
 
 class GeometryEntry(Model):
-    """Shape of hull, fins and wings, for strip theory; x from the body origin, heights
-    from the hull's axis.
+    """Shape of hull, fins and wings, for strip theory.
+
+    x is measured from the body origin, heights from the hull's axis.
     """
 
     hull: HullEntry
@@ -449,8 +450,10 @@ class PropulsionEntry(Model):
 
 
 class VehicleDocument(Model):
-    """A vehicle: mass, inertia, added mass, actuators and sensors. Every number has
-    value, unit and source; assumed numbers say so. Body axes forward-right-down.
+    """A vehicle: mass, inertia, added mass, actuators and sensors.
+
+    Every number has value, unit and source; assumed numbers are marked as such. Body
+    axes forward-right-down.
     """
 
     name: str
@@ -499,8 +502,9 @@ HULL_KEYS = {
 
 
 class InertiaDocument(Model):
-    """Measured moments of inertia of a vehicle about its centre of gravity; a vehicle
-    file can name it.
+    """Measured moments of inertia of a vehicle about its centre of gravity.
+
+    A vehicle file can name it.
     """
 
     vehicle: str

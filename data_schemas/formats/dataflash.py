@@ -25,8 +25,10 @@ DEFINITION_NAMES = frozenset({"FMT", "FMTU", "UNIT", "MULT"})
 
 @dataclass(frozen=True)
 class FieldFormat:
-    """One format character: the packed little-endian type, and the factor from stored
-    integer to declared unit (None: as stored).
+    """One format character of a record.
+
+    It gives the packed little-endian type, and the factor from stored integer to
+    declared unit (None: as stored).
     """
 
     dtype: str
@@ -92,8 +94,9 @@ FIELD_BYTES.flags.writeable = False
 
 @lru_cache(maxsize=1024)
 def record_dtype(formats: str) -> np.dtype[np.void]:
-    """Packed dtype of a whole record, header included, with fields `f0`, `f1`, ... in
-    the order of the format characters.
+    """Return the packed dtype of a whole record, header included.
+
+    Its fields are `f0`, `f1`, ... in the order of the format characters.
     """
     offsets, position = [], HEADER_BYTES
     for char in formats:
@@ -111,8 +114,10 @@ def record_dtype(formats: str) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class Definition:
-    """What a FMT record says: records of type `id` are `length` bytes long (header
-    included) and hold `columns` in `formats`.
+    """Content of a FMT record.
+
+    Records of type `id` are `length` bytes long (header included) and hold `columns` in
+    `formats`.
     """
 
     id: int
@@ -147,8 +152,9 @@ class Definition:
 
 
 def define(id: int, name: str, formats: str, columns: str) -> Definition:
-    """A definition from its name, format characters and comma-separated column names;
-    the length follows from the formats.
+    """Return a definition from its name, format characters and column names.
+
+    The column names are separated by commas; the length follows from the formats.
     """
     names = tuple(columns.split(",")) if columns else ()
     return Definition(id, record_dtype(formats).itemsize, name, formats, names)

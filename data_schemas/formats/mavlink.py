@@ -1,5 +1,6 @@
-"""MAVLink 1 and 2 frames as bytes: headers, checksum, and payload layouts; shared by
-the telemetry reader and writer.
+"""MAVLink 1 and 2 frames as bytes: headers, checksum and payload layouts.
+
+Shared by the telemetry reader and writer.
 
 A telemetry log repeats [8-byte big-endian Unix time in microseconds][frame]. A frame is
 magic, header, payload, checksum (2 bytes), and, in MAVLink 2 with incompatibility flag
@@ -81,9 +82,8 @@ def _word_table(table: Checksums) -> Checksums:
 _BYTE_TABLE = _byte_table()
 _BYTES: list[int] = _BYTE_TABLE.tolist()
 _WORD_TABLE = _word_table(_BYTE_TABLE)
-_BATCH = (
-    1 << 16
-)  # frames that advance together; each batch takes as many steps as its longest frame, however few are so long
+_BATCH = 1 << 16
+"""Frames that advance together; each batch takes as many steps as its longest frame."""
 _BLOCK_BYTES = 32
 _BLOCK_WORDS = _BLOCK_BYTES // 2
 _LEFT_IN_BLOCK = np.where(
@@ -119,8 +119,10 @@ _START_BY_LENGTH = _start_by_length()
 
 
 def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
-    """Checksums of many frames: bytes start:stop of the buffer (after the magic byte,
-    up to the checksum), plus crc_extra.
+    """Return the checksums of many frames.
+
+    They cover bytes start:stop of the buffer (after the magic byte, up to the
+    checksum), plus crc_extra.
     """
     return _step(_states(buffer, start, stop), crc_extra)
 
@@ -128,8 +130,9 @@ def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) 
 def implied_crc_extras(
     buffer: Bytes, start: Integers, stop: Integers, stored: Checksums
 ) -> npt.NDArray[np.int16]:
-    """The crc_extra that makes the checksum of each frame the stored one, or -1 where
-    none does (255 of 256 damaged frames).
+    """Return the crc_extra that makes the checksum of each frame the stored one.
+
+    It is -1 where none does (255 of 256 damaged frames).
     """
     state = _states(buffer, start, stop)
     entry = np.full(1 << 16, -1, dtype=np.int16)
@@ -172,8 +175,9 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
 
 
 def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integers) -> Checksums:
-    """States from a zero start, without crc_extra; longer frames first, so that those
-    still waiting stand at the end.
+    """Return checksum states from a zero start, without crc_extra.
+
+    Longer frames come first, so that those still waiting stand at the end.
     """
     size = (stop - start).astype(np.uint16)
     words = ((size + np.uint16(1)) >> np.uint16(1)).astype(np.uint8)
@@ -214,7 +218,7 @@ def _step(state: Checksums, byte: Bytes) -> Checksums:
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """The payload of one message type.
 
     `dtype` is the full payload with extension fields, in wire order; `columns` are
@@ -242,8 +246,9 @@ def definitions() -> Mapping[int, Any]:
 
 @lru_cache(maxsize=1)
 def crc_extras() -> npt.NDArray[np.int16]:
-    """crc_extra by message id, -1 where the id is not defined; ids beyond the end are
-    not defined either.
+    """Return crc_extra by message id, -1 where the id is not defined.
+
+    Ids beyond the end are not defined either.
     """
     known = definitions()
     table = np.full(max(known) + 2, -1, dtype=np.int16)
@@ -259,7 +264,7 @@ def ids_by_name() -> Mapping[str, int]:
 
 
 @lru_cache(maxsize=512)
-def layout(message_id: int) -> Layout:
+def layout(message_id: int) -> MessageLayout:
     """The layout of a defined message (KeyError if the dialect has no such id)."""
     message = definitions()[message_id]
     codes = bytes(message.native_format).decode("ascii")[1:]
@@ -276,7 +281,7 @@ def layout(message_id: int) -> Layout:
         else:
             fields.append((name, f"<{_NUMPY_CODE[code]}"))
     dtype = np.dtype(fields)
-    return Layout(
+    return MessageLayout(
         id=message_id,
         name=str(message.msgname),
         crc_extra=int(message.crc_extra),

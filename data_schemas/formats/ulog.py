@@ -55,9 +55,11 @@ _FORMAT = re.compile(rb"([A-Za-z_][\w/-]{0,127}+):(%b(?:;%b)*+);?" % (_FIELD, _F
 
 
 @dataclass(frozen=True)
-class Field:
-    """One declared field: a basic type or the name of another format, the length of the
-    array (0: none), the name.
+class FormatField:
+    """One declared field of a format.
+
+    It has the name of a basic type or of another format, the length of the array (0:
+    none) and its own name.
     """
 
     type: str
@@ -74,7 +76,7 @@ class Format:
     """What one `F` message declares."""
 
     name: str
-    fields: tuple[Field, ...]
+    fields: tuple[FormatField, ...]
 
     def pack(self) -> bytes:
         """Content of the `F` message that declares this format."""
@@ -86,8 +88,9 @@ class Format:
 
 
 def parse_format(content: bytes) -> Format | None:
-    """The format that the content of an `F` message declares; None if it is not one, or
-    declares a field twice or of no length.
+    """Return the format that the content of an `F` message declares.
+
+    None if it is not one, or declares a field twice or of no length.
     """
     match = _FORMAT.fullmatch(content)
     if match is None:
@@ -98,17 +101,18 @@ def parse_format(content: bytes) -> Format | None:
         kind, bracket, length = kind.partition("[")
         if bracket and int(length[:-1]) == 0:
             return None
-        fields.append(Field(kind, int(length[:-1]) if bracket else 0, name))
+        fields.append(FormatField(kind, int(length[:-1]) if bracket else 0, name))
     if len({f.name for f in fields}) < len(fields):
         return None
     return Format(match[1].decode("ascii"), tuple(fields))
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Sizes in bytes of the payload of a topic's `D` messages: as written, and with the
-    trailing padding; `time` is the offset of the field `timestamp` in it (-1: there is
-    none of type uint64).
+class RecordSizes:
+    """Sizes in bytes of the payload of a topic's `D` messages.
+
+    One size is as written, one with the trailing padding; `time` is the offset of the
+    field `timestamp` in it (-1: there is none of type uint64).
     """
 
     written: int
@@ -118,18 +122,22 @@ class Layout:
 
 @dataclass
 class Formats:
-    """The formats of a file by name. The first declaration of a name holds, until
-    `replace` puts one of its `rivals` in force.
+    """The formats of a file by name.
+
+    The first declaration of a name holds, until `replace` puts one of its `rivals` in
+    force.
     """
 
     by_name: dict[str, Format] = field(default_factory=dict)
     rivals: dict[str, list[Format]] = field(default_factory=dict)
     _sizes: dict[str, int] = field(default_factory=dict)
-    _layouts: dict[str, Layout] = field(default_factory=dict)
+    _layouts: dict[str, RecordSizes] = field(default_factory=dict)
 
     def add(self, declared: Format) -> None:
-        """Take a declaration; one that differs from that in force is kept as its rival,
-        as one of the two must be damaged.
+        """Add a declaration.
+
+        One that differs from that in force is kept as its rival, as one of the two must
+        be damaged.
         """
         known = self.by_name.setdefault(declared.name, declared)
         rivals = self.rivals.get(declared.name, [])
@@ -143,8 +151,9 @@ class Formats:
         self._layouts.clear()
 
     def size(self, name: str, depth: int = 0) -> int:
-        """Bytes of one `name`, padding included; 0 if it cannot be: an unknown or
-        circular type, or too large for a message.
+        """Return the bytes of one `name`, padding included.
+
+        0 if it cannot be: an unknown or circular type, or too large for a message.
         """
         if name in FIELD_BYTES:
             return FIELD_BYTES[name]
@@ -162,9 +171,10 @@ class Formats:
         self._sizes[name] = total
         return total
 
-    def layout(self, name: str) -> Layout | None:
-        """Sizes of a topic's records, or None as long as `size` is 0: the formats that
-        it needs may still come.
+    def layout(self, name: str) -> RecordSizes | None:
+        """Return the sizes of a topic's records.
+
+        None as long as `size` is 0: the formats that it needs may still come.
         """
         known = self._layouts.get(name)
         if known is None:
@@ -173,7 +183,7 @@ class Formats:
                 self._layouts[name] = known
         return known
 
-    def _layout(self, name: str) -> Layout | None:
+    def _layout(self, name: str) -> RecordSizes | None:
         padded = self.size(name)
         if padded == 0:
             return None
@@ -183,9 +193,9 @@ class Formats:
             if member.name == "timestamp" and member.type == "uint64_t" and not member.length:
                 time = offset
             offset += self.size(member.type) * max(1, member.length)
-        return Layout(offset, padded, time)
+        return RecordSizes(offset, padded, time)
 
-    def written_fields(self, name: str) -> tuple[Field, ...]:
+    def written_fields(self, name: str) -> tuple[FormatField, ...]:
         """Fields of a topic without those at its end that are padding."""
         members = self.by_name[name].fields
         last = len(members)
@@ -194,8 +204,9 @@ class Formats:
         return members[:last]
 
     def columns(self, name: str) -> Iterator[tuple[str, str, int]]:
-        """Name, dtype and payload offset of every basic field of a topic, nested
-        formats and arrays taken apart, without padding.
+        """Return name, dtype and payload offset of every basic field of a topic.
+
+        Nested formats and arrays are taken apart, without padding.
 
         Names are `field`, `field[0]` and `field.member`; an array of characters is one
         column of dtype `S<length>`.
@@ -203,7 +214,7 @@ class Formats:
         yield from self._flatten(self.written_fields(name), "", 0)
 
     def _flatten(
-        self, members: tuple[Field, ...], prefix: str, offset: int
+        self, members: tuple[FormatField, ...], prefix: str, offset: int
     ) -> Iterator[tuple[str, str, int]]:
         for member in members:
             one, path = self.size(member.type), prefix + member.name

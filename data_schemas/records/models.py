@@ -25,8 +25,9 @@ class TermCard(Model):
 
 
 class CovarianceCard(Model):
-    """Covariance of the coefficients for coloured residuals: terms, and the rows of the
-    lower triangle.
+    """Covariance of the coefficients for coloured residuals.
+
+    It holds the terms, and the rows of the lower triangle.
     """
 
     terms: list[str]
@@ -63,8 +64,9 @@ class AxisCard(Model):
 
 
 class PriorCard(Model):
-    """The prior on coefficients, where one was used; verdicts stay those of the data
-    alone.
+    """The prior on coefficients, where one was used.
+
+    Verdicts stay those of the data without the prior.
     """
 
     source: Literal["strip_theory"]
@@ -127,8 +129,9 @@ class ErrorMetrics(Model):
 
 
 class FactorRecord(Model):
-    """The triangular factor of the training data, from which every least-squares model
-    follows.
+    """The triangular factor of the training data.
+
+    Every least-squares model follows from it.
     """
 
     terms: list[str]

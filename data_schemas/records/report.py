@@ -21,8 +21,9 @@ class Provenance(Model):
 
 
 class SubtractedTable(Model):
-    """Columns of another table with the same rows that are taken off: drawn is the
-    difference.
+    """Columns of another table with the same rows, to be subtracted.
+
+    The difference is drawn.
     """
 
     table: str

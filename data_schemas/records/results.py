@@ -31,8 +31,9 @@ class ResultRow(Model):
 
 
 class ResultsRecord(Model):
-    """What a bench or control stage found, as named figures that the first page shows
-    and that published values are held against.
+    """Results of a bench or control stage as named figures.
+
+    The first page shows them, and published values are compared with them.
     """
 
     title: str

@@ -1,6 +1,7 @@
 """Equations of motion, forward and inverse: McCarter 2014 (2.60)-(2.66) and (4.4).
 
-M nu_dot + C(nu) nu = tau_G(eta) + tau_U(nu, control) + tau_nu(nu),   M = M_RB - M_A,   C = C_RB - C_A
+M nu_dot + C(nu) nu = tau_G(eta) + tau_U(nu, control) + tau_nu(nu),
+M = M_RB - M_A,   C = C_RB - C_A
 """
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
-"""A vehicle as values: geometry, inertia, strip theory, lift of its fins, and what a
-log tells of it.
+"""A vehicle as values: geometry, inertia, strip theory and lift of its fins.
+
+Also what a log reports about its motors.
 """

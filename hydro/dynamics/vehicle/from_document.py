@@ -176,8 +176,9 @@ def _propeller(entry: PropellerEntry) -> Propeller:
 
 
 def _thrusters(entry: ThrustersEntry) -> Thrusters:
-    """Return the thrusters: force and moment of 1 N of each from positions and axes, or
-    as given where the geometry is not known.
+    """Return the thrusters, as force and moment of 1 N of each.
+
+    These come from positions and axes, or as given where the geometry is not known.
     """
     if entry.effect is not None:
         allocation = entry.effect.array.T
@@ -221,7 +222,7 @@ def _engine(entry: BuoyancyEngineEntry) -> BuoyancyEngine:
 
 def _coefficients(entries: Mapping[str, Quantity], key: str) -> dict[str, Coefficient]:
     """Return the coefficients that a document lists under a key, by name."""
-    found: dict[str, Coefficient] = {}
+    coefficients: dict[str, Coefficient] = {}
     for name, entry in entries.items():
         term, unit = term_of(name), unit_of(name)
         kind = "added_mass" if term.endswith("dot") else "control" if "delta" in term else "drag"
@@ -229,8 +230,8 @@ def _coefficients(entries: Mapping[str, Quantity], key: str) -> dict[str, Coeffi
             value = Unit(unit).read(entry).si
         except Faults as wrong:
             raise_faults([*wrong.under(f"{key}.{name}")])
-        found[name] = Coefficient(name, value, unit, kind, "", entry.source)
-    return found
+        coefficients[name] = Coefficient(name, value, unit, kind, "", entry.source)
+    return coefficients
 
 
 def geometry_from_entry(entry: GeometryEntry) -> Geometry:

@@ -1,5 +1,6 @@
-"""The shape of a vehicle as strip theory sees it: a hull of revolution and pairs of
-thin surfaces (`geometry` of a vehicle document).
+"""The shape of a vehicle for strip theory (`geometry` of a vehicle document).
+
+It is a hull of revolution and pairs of thin surfaces.
 
 Body axes FRD; x counts from the body origin, heights from the hull's axis.
 
@@ -110,8 +111,10 @@ class Myring(Cylinder):
 
 @dataclass(frozen=True)
 class Hull:
-    """A hull of revolution. `radius_m` maps x (...) [m] to the radius, 0 outside
-    `tail_x_m`..`nose_x_m`; `knots_m` bound its smooth pieces.
+    """A hull of revolution.
+
+    `radius_m` maps x (...) [m] to the radius, 0 outside `tail_x_m`..`nose_x_m`;
+    `knots_m` bound its smooth pieces.
 
     `frontal_area_m2` is the area that the drag formula (2.82) is given;
     `cross_flow_drag` is C_dc of (2.84).
@@ -138,8 +141,9 @@ class Hull:
 
 @dataclass(frozen=True)
 class Surface:
-    """A pair of equal thin surfaces (horizontal or vertical), or two crossed pairs
-    (cruciform). `controlled`: they are the control fins.
+    """A pair of equal thin surfaces (horizontal or vertical), or two crossed pairs.
+
+    Two crossed pairs are `cruciform`. `controlled`: they are the control fins.
 
     `span_m` b of one surface from root to tip, `area_m2` its planform, `tip_height_m`
     from the hull's axis, `force_x_m` where its force acts, `taper` t of (2.85): width
@@ -181,8 +185,10 @@ class Geometry:
         return next((item for item in self.surfaces if item.controlled), None)
 
     def integral(self, function: Callable[[Array], Array]) -> float:
-        """Integral of a function of x [m] over the hull, piece by piece between the
-        knots of the hull and the edges of the surfaces.
+        """Return the integral of a function of x [m] over the hull.
+
+        It is taken piece by piece between the knots of the hull and the edges of the
+        surfaces.
         """
         low, high = self.hull.tail_x_m, self.hull.nose_x_m
         edges = {

@@ -1,5 +1,6 @@
-"""Lift of hull, fins and wings from their geometry: Al Makdah 2016 (2.38)-(2.54) after
-Hoerner and Prestero.
+"""Lift of hull, fins and wings from their geometry: Al Makdah 2016 (2.38)-(2.54).
+
+After Hoerner and Prestero.
 
 `corrected` False is the thesis as printed; True applies the errata to reference area
 and sign of the body lift.
@@ -25,8 +26,9 @@ CENTRE_OF_PRESSURE = 0.65
 
 
 def lift_slope(surface: Surface) -> float:
-    """c_L,alpha (2.53) [1/rad] of one surface, with its effective aspect ratio AR_e = 2
-    b^2 / S (2.54): the hull mirrors it.
+    """Return the lift slope c_L,alpha (2.53) [1/rad] of one surface.
+
+    The effective aspect ratio is AR_e = 2 b^2 / S (2.54): the hull mirrors the surface.
     """
     aspect = 2.0 * surface.span_m**2 / surface.area_m2
     return 1.0 / (1.0 / (2.0 * SECTION_EFFICIENCY * math.pi) + 1.0 / (math.pi * aspect))
@@ -75,15 +77,16 @@ def _lift(name: str, value: float, formula: str, source: str, note: str) -> Coef
 
 
 def surface_lift(geometry: Geometry, *, water_density: float) -> tuple[Coefficient, ...]:
-    """The damping and control coefficients of each pair of surfaces (2.52),
-    (2.60)-(2.64), moments about the body origin.
+    """Return the damping and control coefficients of each pair of surfaces.
+
+    These are (2.52), (2.60)-(2.64), with moments about the body origin.
 
     A vertical pair gives Y = k [u^2 delta_r - uv - x ur], N = x Y; a horizontal pair Z
     = -k [u^2 delta_s + uw - x uq], M = -x Z, with k = rho c_L,alpha S for the two
     surfaces together. Controls only for the fins; their roll arm y_fin is the middle of
     the span (the thesis gives none).
     """
-    found: list[Coefficient] = []
+    coefficients: list[Coefficient] = []
     for item in geometry.surfaces:
         k, x = water_density * lift_slope(item) * item.area_m2, item.force_x_m
         where = f"{item.name}: S {item.area_m2:g} m^2, x {x:g} m, c_Lalpha {lift_slope(item):.4g}"
@@ -119,17 +122,18 @@ def surface_lift(geometry: Geometry, *, water_density: float) -> tuple[Coefficie
                 r" c_{L\alpha}S,\ c_{L\alpha}=\left[\frac{1}{2\bar\alpha\pi}+\frac{1}{\pi"
                 r" AR_e}\right]^{-1}"
             )
-            found.append(
+            coefficients.append(
                 Coefficient(
                     name, value, unit_of(name), kind, formula, "Al Makdah 2016 (2.52)-(2.54)", where
                 )
             )
-    return tuple(found)
+    return tuple(coefficients)
 
 
 def fins_from_geometry(geometry: Geometry | None, *, water_density: float) -> Fins:
-    """The control fins of a geometry in McCarter's form (2.45): columns starboard,
-    port, bottom, top; angles as in (2.61)-(2.64).
+    """Return the control fins of a geometry in McCarter's form (2.45).
+
+    Columns starboard, port, bottom, top; angles as in (2.61)-(2.64).
 
     Each fin gives half the force of its pair at the middle of its span, so that unequal
     deflections roll the vehicle. A positive rudder pushes to starboard, a positive

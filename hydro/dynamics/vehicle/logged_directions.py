@@ -18,8 +18,10 @@ MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {
 def with_logged_directions(
     vehicle: Vehicle, parameters: Mapping[str, float]
 ) -> tuple[Vehicle, str]:
-    """The vehicle with the motor directions of the log's MOT_n_DIRECTION parameters
-    (ArduSub), if the log has one for every thruster.
+    """Return the vehicle with the motor directions that the log records.
+
+    They are the parameters MOT_n_DIRECTION (ArduSub), if the log has one for every
+    thruster.
 
     Motor n is the one that SERVOc_FUNCTION assigns to the thruster's output c; without
     that parameter n = c. Second item: a sentence that says where the directions come

@@ -1,5 +1,6 @@
-"""Added mass and drag of a slender vehicle by strip theory: Al Makdah 2016
-(2.66)-(2.89) after Newman, Blevins and Prestero.
+"""Added mass and drag of a slender vehicle by strip theory.
+
+Al Makdah 2016 (2.66)-(2.89) after Newman, Blevins and Prestero.
 
 `corrected` False is the thesis as printed, its slips included; True applies the errata.
 Both use the heights of fins and wings above the hull's axis for b of (2.74), (2.79) and
@@ -29,8 +30,9 @@ THESIS = "Al Makdah 2016"
 def strip_theory(
     geometry: Geometry, *, water_density: float, corrected: bool = True
 ) -> tuple[Coefficient, ...]:
-    """All coefficients that the geometry gives: added mass, drag, body lift, lift and
-    control of the surfaces. Density [kg/m^3].
+    """Return all coefficients that the geometry gives; density [kg/m^3].
+
+    Added mass, drag, body lift, lift and control of the surfaces.
     """
     return (
         *added_mass(geometry, water_density=water_density, corrected=corrected),
@@ -55,8 +57,9 @@ def strip_theory_of(vehicle: Vehicle, *, corrected: bool = True) -> tuple[Coeffi
 
 
 def finned_circle(a: Array, b: float) -> Array:
-    """Added mass per length over rho of a circle of radius a with two fins to height b,
-    moving across them (2.74), Table 2.7 [m^2].
+    """Return the added mass per length over rho of a circle with two fins [m^2].
+
+    Radius a, fins to height b, moving across them: (2.74), Table 2.7.
 
     pi [a^2 + (b^2 - a^2)^2 / b^2]; a flat plate pi b^2 for a -> 0, a circle pi a^2 for
     b -> a.
@@ -65,8 +68,9 @@ def finned_circle(a: Array, b: float) -> Array:
 
 
 def finned_circle_roll(a: Array, b: float) -> Array:
-    """Added moment of inertia in roll per length over rho of a circle of radius a with
-    two opposite fins to height b (Table 2.7) [m^4].
+    """Return the added moment of inertia in roll per length over rho [m^4].
+
+    Of a circle of radius a with two opposite fins to height b (Table 2.7).
 
     a^4 (csc^4(alpha) [2 alpha^2 - alpha sin 4 alpha + 1/2 sin^2 2 alpha] / pi - pi /
     2), sin alpha = 2 a b / (a^2 + b^2), pi / 2 < alpha < pi (2.65); pi b^4 / 8 for a ->
@@ -84,8 +88,9 @@ def finned_circle_roll(a: Array, b: float) -> Array:
 
 
 def _section(geometry: Geometry, *, heave: bool) -> Callable[[Array], Array]:
-    """m_22(x) or m_33(x) over rho [m^2]: circles, finned where a pair stands across the
-    motion.
+    """Return m_22(x) or m_33(x) over rho [m^2].
+
+    Circles, finned where a pair stands across the motion.
     """
 
     def area(x: Array) -> Array:
@@ -106,8 +111,9 @@ def _section(geometry: Geometry, *, heave: bool) -> Callable[[Array], Array]:
 def added_mass(
     geometry: Geometry, *, water_density: float, corrected: bool = True
 ) -> tuple[Coefficient, ...]:
-    """The eight derivatives of (2.66)-(2.81) about the body origin, McCarter's sign
-    (M_A <= 0).
+    """Return the eight derivatives of (2.66)-(2.81) about the body origin.
+
+    They have McCarter's sign (M_A <= 0).
 
     X_udot is (2.72) with alpha of the prolate spheroid with the hull's axes, which
     Table 2.8 tabulates. As printed, Z_qdot has the sign of (2.80) and every fin and
@@ -179,8 +185,9 @@ _ROLL = {
 
 
 def _roll(geometry: Geometry, corrected: bool) -> float:
-    """Integral of m_44 / rho [m^5] over fins and wings; the hull is smooth and moves no
-    water in roll.
+    """Return the integral of m_44 / rho [m^5] over fins and wings.
+
+    The hull is smooth and moves no water in roll.
     """
     total = 0.0
     for item in geometry.surfaces:

@@ -21,8 +21,10 @@ from auvid.hydro.dynamics.viscous.coefficients import Coefficient
 
 @dataclass(frozen=True)
 class MountedSensor:
-    """Where a sensor sits: `arm_m` (3,) from the body origin, `rotation` (3, 3) sensor
-    axes -> body axes, and how late it reports.
+    """Position, rotation and delay of a sensor.
+
+    `arm_m` (3,) from the body origin, `rotation` (3, 3) sensor axes -> body axes, and
+    how late it reports.
     """
 
     arm_m: Array
@@ -32,8 +34,9 @@ class MountedSensor:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A rigid vehicle in water, all in SI, body FRD. `added_mass` follows McCarter: M_A
-    = [X_udot ...] <= 0.
+    """A rigid vehicle in water, all in SI, body FRD.
+
+    `added_mass` follows McCarter: M_A = [X_udot ...] <= 0.
 
     `accelerometer`: what the vehicle's accelerometer measures, where the log does not
     say: `specific_force` (gravity inside), `inertial` (gravity removed), `derivative`

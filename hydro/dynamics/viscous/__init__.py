@@ -1,3 +1,1 @@
-"""The basis of viscous terms, the eight published models, and tables of their
-coefficients.
-"""
+"""Viscous forces: the basis of terms, eight published models, coefficient tables."""

@@ -25,8 +25,10 @@ FORCE_AXES = ("X", "Y", "Z")
 
 @dataclass(frozen=True)
 class BasisTerm:
-    """One term: its name as in Appendix C, its factors, the group of (C.1)-(C.6) it
-    belongs to, and LaTeX.
+    """One term of the basis (C.1)-(C.6).
+
+    It has its name as in Appendix C, its factors, the group of (C.1)-(C.6) it belongs
+    to, and LaTeX.
     """
 
     name: str
@@ -66,8 +68,9 @@ BASIS_TERMS: Mapping[str, BasisTerm] = {term.name: term for term in _declare()}
 
 
 def coefficient_unit(axis: str, term: str) -> str:
-    """SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m): `N s^2/m^2` for
-    u*u, `N m s^2/(m rad)` for u*r.
+    """Return the SI unit of a coefficient of `axis` (X Y Z in N, K M N in N m).
+
+    `N s^2/m^2` for u*u, `N m s^2/(m rad)` for u*r.
 
     A term that is not of the basis is the constant force of the axis and has its unit;
     eta - 1 has none.
@@ -86,10 +89,8 @@ def coefficient_unit(axis: str, term: str) -> str:
     unit = "N" if axis in FORCE_AXES else "N m"
     if not below:
         return unit
-    return (
-        f"{unit}"
-        f" {_power('s', len(factors))}/{below[0] if len(below) == 1 else f'({below[0]} {below[1]})'}"
-    )
+    divisor = below[0] if len(below) == 1 else f"({below[0]} {below[1]})"
+    return f"{unit} {_power('s', len(factors))}/{divisor}"
 
 
 def _power(unit: str, count: int) -> str:
@@ -102,8 +103,9 @@ def basis_term_names() -> tuple[str, ...]:
 
 
 def needs_propeller_speed(term: str) -> bool:
-    """Whether the term contains eta, so that a vehicle without a propeller speed does
-    not have it.
+    """Return whether the term contains eta.
+
+    A vehicle without a propeller speed does not have such a term.
     """
     return PROPULSION in BASIS_TERMS[term].factors
 
@@ -111,8 +113,9 @@ def needs_propeller_speed(term: str) -> bool:
 def basis_rows(
     nu_rows: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None
 ) -> Array:
-    """Values of `terms` (default: all 132), one contiguous row per term: (6, n) ->
-    (n_terms, n).
+    """Return the values of `terms` (default: all 132), one contiguous row per term.
+
+    Shapes: (6, n) -> (n_terms, n).
 
     `eta_ratio` (n,) is u_c(n) / U. Raises `DataError` when a term needs it and it is
     None, `PipelineError` for an unknown term.
@@ -135,8 +138,9 @@ def basis_rows(
 def basis(
     nu: ArrayLike, eta_ratio: ArrayLike | None = None, terms: Sequence[str] | None = None
 ) -> Array:
-    """Values of `terms` (default: all 132) with the term last: nu (..., 6), eta_ratio
-    (...) -> (..., n_terms). Errors as `basis_rows`.
+    """Return the values of `terms` (default: all 132) with the term last.
+
+    Shapes: nu (..., 6), eta_ratio (...) -> (..., n_terms). Errors as `basis_rows`.
     """
     nu = np.asarray(nu, dtype=np.float64)
     batch = nu.shape[:-1]

@@ -1,5 +1,6 @@
-"""A hydrodynamic coefficient as a value, and the two ways it is named: `Y_v|v|` in
-tables, axis Y and term v*|v| in the basis.
+"""A hydrodynamic coefficient as a value, and the two ways it is named.
+
+It is `Y_v|v|` in tables, axis Y and term v*|v| in the basis.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ FIN_INPUTS = ("deltar", "deltas")
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient: `kind` added_mass, drag, body_lift, surface_lift or control;
-    `formula` in LaTeX; `source` thesis and equation.
+    """One hydrodynamic coefficient.
+
+    `kind` added_mass, drag, body_lift, surface_lift or control; `formula` in LaTeX;
+    `source` thesis and equation.
 
     Added mass follows McCarter's sign, tau_A = M_A nu_dot with M_A <= 0; the others
     multiply their basis term on the right-hand side; control coefficients multiply u^2
@@ -43,15 +46,17 @@ class Coefficient:
 
     @property
     def term(self) -> str:
-        """The basis term (McCarter C.7), or for other kinds what stands behind the
-        underscore.
+        """The basis term (McCarter C.7).
+
+        For other kinds, what stands behind the underscore.
         """
         return term_of(self.name)
 
 
 def term_of(name: str) -> str:
-    """The basis term of a name: `Y_v|v|` -> v*|v|, `N_ur` -> u*r; an added mass
-    (`M_qdot`) or a control stays as it stands.
+    """Return the basis term of a name: `Y_v|v|` -> v*|v|, `N_ur` -> u*r.
+
+    An added mass (`M_qdot`) or a control stays as it stands.
 
     Raises `CampaignError` for a name that is neither.
     """
@@ -75,8 +80,9 @@ _CONTROLS = tuple(f"uu{delta}" for delta in FIN_INPUTS)
 
 
 def unit_of(name: str) -> str:
-    """SI unit of a coefficient by its name: of the force divided by that of the
-    velocities; radians count as 1.
+    """Return the SI unit of a coefficient by its name.
+
+    That of the force divided by that of the velocities; radians count as 1.
     """
     axis, term = AXES.index(name[0]), term_of(name)
     if term in _CONTROLS:
@@ -100,8 +106,10 @@ def added_mass_matrix(coefficients: Iterable[Coefficient]) -> Array:
 
 
 def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
-    """Force per u^2 and rad (6, 3), columns delta_r, delta_s_right, delta_s_left: each
-    stern fin gives half of what its pair gives.
+    """Return the force per u^2 and rad (6, 3) of the control surfaces.
+
+    Columns delta_r, delta_s_right, delta_s_left: each stern fin gives half of what its
+    pair gives.
     """
     matrix = np.zeros((6, 3))
     for item in coefficients:
@@ -119,8 +127,9 @@ def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
 
 
 def viscous_terms(coefficients: Iterable[Coefficient]) -> dict[str, dict[str, float]]:
-    """Axis -> term -> coefficient of the viscous force: drag and lift, summed where
-    several parts share a term.
+    """Return axis -> term -> coefficient of the viscous force.
+
+    Drag and lift are summed where several parts share a term.
     """
     total: dict[str, dict[str, float]] = {}
     for item in coefficients:

@@ -1,5 +1,6 @@
-"""The eight viscous force models of McCarter 2014, chapter 3, tau_nu = K xi(nu) (3.12),
-each written down by its own rule.
+"""The eight viscous force models of McCarter 2014, chapter 3, tau_nu = K xi(nu) (3.12).
+
+Each is written down by its own rule.
 
 Terms of an axis stand in the order of Appendix C. Where chapter 3 and Appendix D differ
 (Coe), the model is the one that was fitted.
@@ -28,8 +29,10 @@ _ETA = "({})*(eta-1)"
 
 @dataclass(frozen=True)
 class ViscousModel:
-    """The form of a model: for each axis X Y Z K M N the basis terms it contains (none
-    for an axis without force).
+    """The form of a viscous model.
+
+    For each axis X Y Z K M N the basis terms it contains (none for an axis without
+    force).
     """
 
     name: str
@@ -49,8 +52,9 @@ class ViscousModel:
 
 
 class VehicleModel(Protocol):
-    """A viscous model with numbers: tau_nu = regressor(nu, eta_ratio) times
-    coefficients, axis by axis.
+    """A viscous model with numbers.
+
+    tau_nu = regressor(nu, eta_ratio) times coefficients, axis by axis.
     """
 
     @property
@@ -109,8 +113,9 @@ def _prestero() -> ViscousModel:
 
 
 def _pitch_yaw() -> ViscousModel:
-    """Separate models of the vertical plane (u, w, q) and the horizontal plane (u, v,
-    r); surge takes part in both, roll in none.
+    """Return the separate models of the vertical plane and the horizontal plane.
+
+    Vertical (u, w, q), horizontal (u, v, r); surge takes part in both, roll in none.
     """
 
     def plane(lateral: str, rate: str) -> list[str]:
@@ -159,8 +164,9 @@ def _fossen() -> ViscousModel:
 
 
 def _coe() -> ViscousModel:
-    """(3.43)-(3.44) without X, Z, M of u|u|, which equals u^2 in ahead motion: the
-    model that was fitted (D.6, E.8).
+    """Return (3.43)-(3.44) without X, Z, M of u|u|, the fitted model (D.6, E.8).
+
+    In ahead motion u|u| equals u^2.
     """
     squares = [f"{x}*{x}" for x in VELOCITIES]
     upright = [*squares, "w*|w|", "q*|q|"]
@@ -201,8 +207,9 @@ def without_propeller_terms(model: ViscousModel) -> ViscousModel:
 
 
 def coefficient_matrix(coefficients: Coefficients, terms: tuple[str, ...]) -> Array:
-    """K (6, n_terms) of (3.12) for the columns `terms`; a term or axis without a
-    coefficient is 0.
+    """Return K (6, n_terms) of (3.12) for the columns `terms`.
+
+    A term or axis without a coefficient is 0.
     """
     return np.array(
         [[coefficients.get(axis, {}).get(term, 0.0) for term in terms] for axis in AXES],

@@ -24,8 +24,10 @@ SKETCH = 128  # entries kept of each segment to bracket the medians
 
 @dataclass(frozen=True)
 class ErrorMeasures:
-    """SSE (4.22), MAE (4.23), MSE (4.24), RMS (4.25), MAD (4.27) and J0, the RMS of the
-    measured force, over `n` samples.
+    """SSE, MAE, MSE, RMS, MAD and J0 of a force over `n` samples.
+
+    SSE (4.22), MAE (4.23), MSE (4.24), RMS (4.25), MAD (4.27) and J0, the RMS of the
+    measured force.
 
     Units: SSE and MSE in N^2 (or (N m)^2), the others in N (N m). In the total all six
     axes are counted together.
@@ -41,8 +43,9 @@ class ErrorMeasures:
 
     @property
     def normalised(self) -> float:
-        """J / J0, the last column of McCarter's Tables 5.1 and 5.2; nan without a
-        measured force.
+        """J / J0, the last column of McCarter's Tables 5.1 and 5.2.
+
+        nan without a measured force.
         """
         return self.rms / self.j0 if self.j0 > 0 else float("nan")
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auvid.data_schemas.schemas import schema
-from auvid.data_schemas.streams import STREAMS, FormatStreams, Source, format_streams
+from auvid.data_schemas.streams import STREAMS, FormatStreams, StreamSource, format_streams
 from auvid.data_schemas.units import convertible, factor_and_offset
 from auvid.hydro.arrays import Ints, Mask
 from auvid.stages.ingest.decoded_log import Column, DecodedLog, Messages
@@ -92,7 +92,7 @@ class Candidate:
     `refused` is why it cannot be used; None if it can.
     """
 
-    source: Source
+    source: StreamSource
     label: str
     messages: Messages | None
     refused: str | None
@@ -177,7 +177,7 @@ def _candidates(stream: str, log: DecodedLog, rules: Rules) -> Iterator[Candidat
     """Yield every source of a stream with every instance, in the order of the mapping."""
     spec = rules.spec
 
-    def refused(source: Source, messages: Messages) -> str | None:
+    def refused(source: StreamSource, messages: Messages) -> str | None:
         if rules.clock(messages, log) is None:
             return NO_CLOCK
         return rules.conditions[source.when](messages, log) if source.when else None
@@ -288,7 +288,7 @@ def rate_hz(time_us: Ints) -> float:
     return 1e6 / step if step > 0.0 else 0.0
 
 
-def linear(stream: str, messages: Messages, source: Source) -> Columns:
+def linear(stream: str, messages: Messages, source: StreamSource) -> Columns:
     """Return fields that are one column each: unit to SI, sign.
 
     The unit that the log declares goes before that of the mapping, if not forced.

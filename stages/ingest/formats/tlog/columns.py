@@ -17,7 +17,7 @@ _BATCH = 8192  # rows whose payloads fit in the second-level cache
 _INTEGER_TYPES = {1: "<u1", 2: "<i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4"}  # MAV_PARAM_TYPE
 
 
-def decode(buffer: Buffer, frames: Frames, layout: mavlink.Layout) -> Messages:
+def decode(buffer: Buffer, frames: Frames, layout: mavlink.MessageLayout) -> Messages:
     """Return the columns of frames that are all of one message type.
 
     They are its fields, then time_unix_us, sysid, compid and seq (frame_seq if the

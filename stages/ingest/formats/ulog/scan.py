@@ -67,7 +67,7 @@ class Stream:
 
     topic: str
     instance: int
-    layout: layout.Layout
+    layout: layout.RecordSizes
 
     @property
     def name(self) -> str:
@@ -105,7 +105,7 @@ class Numbers:
         """Return whether the number is subscribed."""
         return bool(self.size[0, id])
 
-    def subscribe(self, id: int, stream: int, sizes: layout.Layout) -> None:
+    def subscribe(self, id: int, stream: int, sizes: layout.RecordSizes) -> None:
         """Put a stream in force.
 
         What it replaces, if that has another size, stays readable: one of the two may
@@ -337,7 +337,7 @@ class Scan:
             return None
         return partial(self._subscribe, found, sizes)
 
-    def _subscribe(self, found: messages.Subscription, sizes: layout.Layout) -> None:
+    def _subscribe(self, found: messages.Subscription, sizes: layout.RecordSizes) -> None:
         number = self.stream_index.setdefault((found.topic, found.instance), len(self.streams))
         if number == len(self.streams):
             self.streams.append(Stream(found.topic, found.instance, sizes))
