@@ -82,9 +82,9 @@ def channel_section(
             f"{leg_run.channel.capitalize()} from {leg_run.measured}, {span_text((t[0], t[-1]))}."
             " Two estimates: recursive least squares of the filtered static form (43)-(50) shows"
             " how the figures converge; output error, started from it, fits the simulated run to"
-            " the measured one and gives the figures to take, because noise in the measured velocity"
-            " biases a regression but not a simulation. Damping is chosen by the last third of the run,"
-            " predicted with figures from the first two."
+            " the measured one and gives the figures to take, because noise in the measured"
+            " velocity biases a regression but not a simulation. Damping is chosen by the last"
+            " third of the run, predicted with figures from the first two."
         ),
         *[remark(item) for item in (*leg_run.notes, *_lag_and_bias(leg_run, estimate))],
         equation(*_equation(leg_run)),

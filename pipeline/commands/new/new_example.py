@@ -16,7 +16,10 @@ SEED, RATE_HZ, DURATION_S, HOLD_S = 7, 10.0, 90.0, 3.0
 LINEAR = np.array([-8.0, -14.0, -18.0, -0.6, -0.6, -0.9])
 QUADRATIC = np.array([-30.0, -70.0, -90.0, -0.8, -0.8, -1.2])
 NOISE = {"gyro": 0.002, "attitude": 0.05, "depth": 0.005, "velocity": 0.01}
-HEADER = "time_s,pulse_1,pulse_2,pulse_3,pulse_4,roll_deg,pitch_deg,yaw_deg,gyro_x,gyro_y,gyro_z,depth_m,u,v,w"
+HEADER = (
+    "time_s,pulse_1,pulse_2,pulse_3,pulse_4,roll_deg,pitch_deg,yaw_deg,"
+    "gyro_x,gyro_y,gyro_z,depth_m,u,v,w"
+)
 
 
 def example_log(vehicle: Vehicle) -> bytes:

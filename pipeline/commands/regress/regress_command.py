@@ -174,10 +174,9 @@ def _lines(setting: Setting, held: int, departures: Sequence[Departure], where: 
 def _apart(item: Departure) -> str:
     what = f"{item.use} tables" if item.model is None else f"{item.use}: model {item.model}"
     what += f": axis {item.column}" if item.column is not None else ""
-    return (
-        f"{what}:"
-        f" {'in the baseline, not in the run' if item.kind == 'missing' else 'in the run, not in the baseline'}"
-    )
+    if item.kind == "missing":
+        return f"{what}: in the baseline, not in the run"
+    return f"{what}: in the run, not in the baseline"
 
 
 def _row(item: Departure) -> tuple[str, ...]:

@@ -32,7 +32,8 @@ def print_comparison(run: Run) -> bool:
     table = None
     width = max([len(row["quantity"]) for row in rows], default=0) + 2
     print(
-        f"{'':<{width + 2}}{'printed':>12}{'to be found':>13}{'ours':>12}{'printed off':>13}{'ours off':>11}"
+        f"{'':<{width + 2}}{'printed':>12}{'to be found':>13}{'ours':>12}"
+        f"{'printed off':>13}{'ours off':>11}"
     )
     for row in rows:
         if row["table"] != table:
@@ -51,9 +52,8 @@ def print_comparison(run: Run) -> bool:
             )
             if part
         )
-        print(
-            f"  {row['quantity']:<{width}}{values}{errors}{told}{'  MISSED' if row['met'] is False else ''}"
-        )
+        miss = "  MISSED" if row["met"] is False else ""
+        print(f"  {row['quantity']:<{width}}{values}{errors}{told}{miss}")
     asked_of = [row for row in rows if row["met"] is not None]
     missed = [row for row in asked_of if not row["met"]]
     print(f"\nbounds: {len(asked_of) - len(missed)} of {len(asked_of)} met")

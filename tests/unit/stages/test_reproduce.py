@@ -133,11 +133,29 @@ def content(**change: Any) -> ReproductionContent:
     value = document(expected=[bound(figure="j0", low=11.5, high=13.5)])
     setting = open_reproduction(str(TWIN))
     rows = [
-        {"table": "5.2", "set": "training", "model": "linear", "n_bar_printed": 36, "J": 3.625, "J0": 13.047, "ratio_printed": 0.25,
-         "ratio_recomputed": 0.2778, "note": "digits swapped"},
-        {"table": "5.1", "set": "validation", "model": "uncoupled", "n_bar_printed": 24, "J": 9.408, "J0": 12.338, "ratio_printed": 0.763,
-         "ratio_recomputed": 0.7625, "note": ""},
-    ]  # fmt: skip
+        {
+            "table": "5.2",
+            "set": "training",
+            "model": "linear",
+            "n_bar_printed": 36,
+            "J": 3.625,
+            "J0": 13.047,
+            "ratio_printed": 0.25,
+            "ratio_recomputed": 0.2778,
+            "note": "digits swapped",
+        },
+        {
+            "table": "5.1",
+            "set": "validation",
+            "model": "uncoupled",
+            "n_bar_printed": 24,
+            "J": 9.408,
+            "J0": 12.338,
+            "ratio_printed": 0.763,
+            "ratio_recomputed": 0.7625,
+            "note": "",
+        },
+    ]
     published = {
         "source": "a.csv",
         "rows": rows,
@@ -247,9 +265,11 @@ def true_states(*, last_s: float = 20.0, log: str = "a") -> replace_state.Output
     zeros = np.zeros_like(at)
     resampled = make_table(
         "resampled",
-        {"t_s": at, "z_m": zeros, "z_dot_m_s": zeros} | {f"{name}_rad": zeros for name in ("phi", "theta", "psi")}
-        | {f"{name}_dot_rad_s": zeros for name in ("phi", "theta", "psi")} | {"u_m_s": zeros + 0.5},
-    )  # fmt: skip
+        {"t_s": at, "z_m": zeros, "z_dot_m_s": zeros}
+        | {f"{name}_rad": zeros for name in ("phi", "theta", "psi")}
+        | {f"{name}_dot_rad_s": zeros for name in ("phi", "theta", "psi")}
+        | {"u_m_s": zeros + 0.5},
+    )
     segment = {"id": "a", "log": "a", "leg_start_s": 2.107}
     truth = collection({log: truth_table(np.arange(0.0, last_s, 0.02))})
     return replace_state.run(

@@ -119,9 +119,7 @@ def test_a_piece_shorter_than_its_ramp_is_refused() -> None:
         path_of_pieces((0, 0, 0), 0.0, 0.0, [("turn", 1.0, 0.1, 0.0)], ramp_m=2.0)
 
 
-def test_frenet_frames_are_rotations_and_keep_the_vehicle_upright_on_either_turn_and_on_a_line() -> (
-    None
-):
+def test_frenet_frames_are_rotations_and_keep_the_vehicle_upright_on_turns_and_lines() -> None:
     pieces = [
         ("line", 10.0, 0.0, 0.0),
         ("port", 10.0, -0.1, 0.0),
