@@ -68,18 +68,18 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
     """Return how many requirements are met, by table; None without requirements."""
     figures = []
     for entry in published["tables"]:
-        asked = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
-        if asked:
-            met = sum(row["met"] for row in asked)
-            bounded = [row for row in asked if row["bound"] and row["our_error"] is not None]
+        required = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
+        if required:
+            met = sum(row["met"] for row in required)
+            bounded = [row for row in required if row["bound"] and row["our_error"] is not None]
             worst = max(bounded, key=lambda row: abs(row["our_error"]), default=None)
             note = (
                 ""
                 if worst is None
                 else f"largest error {100.0 * abs(worst['our_error']):.2g} % ({worst['quantity']})"
             )
-            verdict = "met" if met == len(asked) else "missed"
-            title = f"{entry['id']}: bounds met of {len(asked)}"
+            verdict = "met" if met == len(required) else "missed"
+            title = f"{entry['id']}: bounds met of {len(required)}"
             figures.append(
                 figure(title, float(met), "1", verdict=verdict, note=note or None, headline=True)
             )
@@ -95,18 +95,18 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
     ours = _ours(row, figure)
     truth = row.get("truth", row.get("corrected", row["printed"]))
     error = _relative(ours, truth)
-    bound, asked = row.get("most_relative_error"), str(row.get("verdict") or "")
+    bound, required_verdict = row.get("most_relative_error"), str(row.get("verdict") or "")
     verdict = str((figure or {}).get("verdict") or "")
     least, most = _number(row.get("least")), _number(row.get("most"))
-    held: list[bool] = []
+    results: list[bool] = []
     if bound is not None:
-        held.append(error is not None and abs(error) <= bound)
+        results.append(error is not None and abs(error) <= bound)
     if least is not None or most is not None:
-        held.append(
+        results.append(
             ours is not None and (least is None or ours >= least) and (most is None or ours <= most)
         )
-    if asked:
-        held.append(verdict == asked)
+    if required_verdict:
+        results.append(verdict == required_verdict)
     spread = None if figure is None else figure.get("standard_error")
     return {
         "table": name,
@@ -125,8 +125,8 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
         "least": least,
         "most": most,
         "verdict": verdict,
-        "asked_verdict": asked,
-        "met": all(held) if held else None,
+        "asked_verdict": required_verdict,
+        "met": all(results) if results else None,
         "source": str(row.get("ours", "")),
         "note": str(row.get("note", "")),
     }
@@ -181,16 +181,17 @@ def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[Pi
 
 
 def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    asked = [row for row in rows if row["met"] is not None]
-    missed = [row for row in asked if not row["met"]]
+    required = [row for row in rows if row["met"] is not None]
+    missed = [row for row in required if not row["met"]]
     blocks: list[Block] = [
         text(
             f"Printed: {published['source']}. Errors are relative to what is to be found: the print"
             " unless a column says otherwise."
         )
     ]
-    if asked:
-        words = f"{len(asked) - len(missed)} of {len(asked)} bounds on the printed tables are met."
+    if required:
+        met = len(required) - len(missed)
+        words = f"{met} of {len(required)} bounds on the printed tables are met."
         blocks.append(remark(words, "warning" if missed else "finding"))
     blocks += [
         remark(f"{row['table']}, {row['quantity']}: {_why(row)}", "warning") for row in missed
@@ -209,12 +210,19 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
         )
     errata = published.get("errata") or ()
     if errata:
-        told = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
+        erratum_heads = (
+            "erratum",
+            "where",
+            "printed",
+            "corrected or recomputed",
+            "confidence",
+            "shown",
+        )
         keys = ("id", "where", "printed", "corrected", "confidence", "shown")
         blocks.append(
             table(
                 "Errata of the source",
-                told,
+                erratum_heads,
                 [[entry.get(key, "") for key in keys] for entry in errata],
             )
         )

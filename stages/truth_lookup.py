@@ -59,11 +59,11 @@ def bias_errors(
     Keys as in `BIASES`; a bias is left out where the method found none or the twin says
     none.
     """
-    found = {}
+    errors = {}
     for name, known in BIASES.items():
         if fusion[name] is not None and known in drawn:
             true = np.asarray(rotation, dtype=np.float64) @ np.asarray(
                 drawn[known], dtype=np.float64
             )
-            found[name] = (np.asarray(fusion[name], dtype=np.float64) - true, true)
-    return found
+            errors[name] = (np.asarray(fusion[name], dtype=np.float64) - true, true)
+    return errors

@@ -18,7 +18,7 @@ from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.check_truth.bounds import Bounds, checks
+from auvid.stages.check_truth.bounds import TruthBounds, checks
 from auvid.stages.check_truth.errors import Errors, Sums
 from auvid.stages.check_truth.presentation import comparison_plots, trust_section, trust_views
 from auvid.stages.columns import AXIS_UNITS, POSE, VELOCITY, clock, force_columns, forces, named
@@ -111,25 +111,26 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         _add_models(errors, place, inputs.predictions[key], true[:, 10:])
         if segment["use"] == "validation" or not judged:
             plots += comparison_plots(segment, clock(fused), estimate[:, 4:], true[:, 4:])
-    found: Errors = errors.found()
-    bounds = Bounds(
+    truth_errors: Errors = errors.found()
+    bounds = TruthBounds(
         params.force_error,
         params.velocity_error_m_s,
         params.gyro_bias_rad_s,
         params.accel_bias_m_s2,
         params.ratio,
     )
-    held = checks(bounds, found, inputs.error_table.to_pylist())
+    check_results = checks(bounds, truth_errors, inputs.error_table.to_pylist())
     names = ("figure", "unit", "bound", "value", "met")
     return Outputs(
-        truth_errors=make_table("truth_errors", found.columns()),
+        truth_errors=make_table("truth_errors", truth_errors.columns()),
         trust_checks=make_table(
-            "trust_checks", {name: [getattr(item, name) for item in held] for name in names}
+            "trust_checks",
+            {name: [getattr(item, name) for item in check_results] for name in names},
         ),
         true_motion=moved,
         section=trust_section(
-            found,
-            held,
+            truth_errors,
+            check_results,
             plots,
             {name: str(card["title"]) for name, card in inputs.model_card.items()},
         ),

@@ -11,7 +11,7 @@ from auvid.stages.check_truth.errors import Errors
 
 
 @dataclass(frozen=True)
-class Bounds:
+class TruthBounds:
     """Largest RMS errors allowed over all legs, and J/J0 on validation by model.
 
     None sets no bound.
@@ -34,7 +34,7 @@ FIGURES = {
 
 
 @dataclass(frozen=True)
-class Check:
+class BoundCheck:
     """A bound beside what was measured."""
 
     figure: str
@@ -48,7 +48,9 @@ class Check:
         return self.value <= self.bound
 
 
-def checks(bounds: Bounds, errors: Errors, error_rows: Sequence[Mapping[str, Any]]) -> list[Check]:
+def checks(
+    bounds: TruthBounds, errors: Errors, error_rows: Sequence[Mapping[str, Any]]
+) -> list[BoundCheck]:
     """Check all bounds that are set.
 
     Raises `CampaignError` for one on what was not measured.
@@ -56,7 +58,7 @@ def checks(bounds: Bounds, errors: Errors, error_rows: Sequence[Mapping[str, Any
     return [*_errors(bounds, errors), *_ratios(bounds, error_rows)]
 
 
-def _errors(bounds: Bounds, errors: Errors) -> Iterator[Check]:
+def _errors(bounds: TruthBounds, errors: Errors) -> Iterator[BoundCheck]:
     for name, (words, quantity, unit) in FIGURES.items():
         bound = getattr(bounds, name)
         if bound is None:
@@ -69,10 +71,10 @@ def _errors(bounds: Bounds, errors: Errors) -> Iterator[Check]:
                 field=f"stages.check_truth.{name}",
                 remedy=remedy,
             )
-        yield Check(words, unit, bound, value)
+        yield BoundCheck(words, unit, bound, value)
 
 
-def _ratios(bounds: Bounds, rows: Sequence[Mapping[str, Any]]) -> Iterator[Check]:
+def _ratios(bounds: TruthBounds, rows: Sequence[Mapping[str, Any]]) -> Iterator[BoundCheck]:
     known = {
         row["model"]: row["ratio"]
         for row in rows
@@ -91,4 +93,4 @@ def _ratios(bounds: Bounds, rows: Sequence[Mapping[str, Any]]) -> Iterator[Check
                 allowed=sorted(known),
                 remedy=nearest(model, known),
             )
-        yield Check(f"J/J0 of {model}, validation", "1", float(bound), float(known[model]))
+        yield BoundCheck(f"J/J0 of {model}, validation", "1", float(bound), float(known[model]))

@@ -7,7 +7,7 @@ from typing import Any
 
 from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
-from auvid.stages.check_truth.bounds import Check
+from auvid.stages.check_truth.bounds import BoundCheck
 from auvid.stages.check_truth.errors import Errors
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns
 from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
@@ -16,10 +16,13 @@ MODEL = "model "
 
 
 def trust_section(
-    errors: Errors, held: Sequence[Check], plots: Sequence[Block], titles: Mapping[str, str]
+    errors: Errors,
+    check_results: Sequence[BoundCheck],
+    plots: Sequence[Block],
+    titles: Mapping[str, str],
 ) -> dict[str, Any]:
     """Bounds, error tables and plots; `titles`: model -> name as printed."""
-    missed = [item for item in held if not item.met]
+    missed = [item for item in check_results if not item.met]
     blocks: list[Block] = [
         remark(
             f"Against the truth of the twin: {item.figure} is {item.value:.3g}, the bound is"
@@ -28,16 +31,18 @@ def trust_section(
         )
         for item in missed
     ]
-    if held and not missed:
-        blocks.append(remark(f"All {len(held)} bounds of this campaign are met.", "finding"))
-    if not held:
+    if check_results and not missed:
+        blocks.append(
+            remark(f"All {len(check_results)} bounds of this campaign are met.", "finding")
+        )
+    if not check_results:
         blocks.append(
             text("This campaign sets no bounds (stage check_truth); errors are listed as they are.")
         )
     else:
         rows = [
             [item.figure, item.value, item.bound, item.unit, "met" if item.met else "missed"]
-            for item in held
+            for item in check_results
         ]
         blocks.append(
             table("Bounds of this campaign", ["figure", "measured", "at most", "unit", ""], rows)
@@ -51,9 +56,9 @@ def _states(errors: Errors) -> Iterable[Block]:
     rows = []
     for (quantity, axis), unit in errors.units().items():
         if not quantity.startswith(MODEL):
-            found = errors.whole(quantity)[axis]
-            mean = None if axis == "all" else found.mean
-            rows.append([quantity, axis, found.rms_true, found.rms, mean, found.largest, unit])
+            error = errors.whole(quantity)[axis]
+            mean = None if axis == "all" else error.mean
+            rows.append([quantity, axis, error.rms_true, error.rms, mean, error.largest, unit])
     note = (
         "Over all legs. Velocity is that of the body origin; a bias counts once per segment; force"
         " is the residual force tau_bar."
@@ -73,10 +78,14 @@ def _models(errors: Errors, titles: Mapping[str, str]) -> Iterable[Block]:
     rows = []
     for use in ("validation", "training"):
         for quantity in models:
-            found = errors.whole(quantity, use=use)
-            if found:
-                ratios = [_ratio(found[axis].rms, found[axis].rms_true) for axis in ("all", *AXES)]
-                rows.append([titles[quantity.removeprefix(MODEL)], use, found["all"].rms, *ratios])
+            by_axis = errors.whole(quantity, use=use)
+            if by_axis:
+                ratios = [
+                    _ratio(by_axis[axis].rms, by_axis[axis].rms_true) for axis in ("all", *AXES)
+                ]
+                rows.append(
+                    [titles[quantity.removeprefix(MODEL)], use, by_axis["all"].rms, *ratios]
+                )
     note = (
         "J and J/J0 with the true force in place of the residual one: what a model gets wrong,"
         " without the errors of the sensors."

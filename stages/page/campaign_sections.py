@@ -85,7 +85,7 @@ def shared_data(segments: Mapping[str, Document]) -> list[str]:
 
     They overlap where they cover the same stretch of a log.
     """
-    found = []
+    sentences = []
     for one, first in segments.items():
         for other, second in segments.items():
             if first["log"] != second["log"] or (first["use"], second["use"]) != (
@@ -103,8 +103,8 @@ def shared_data(segments: Mapping[str, Document]) -> list[str]:
                     f"Training segment {one} and validation segment {other} share {shared:.1f} s of"
                     f" log {first['log']}"
                 )
-                found.append(f"{words}: validation there is on data that the models have seen.")
-    return found
+                sentences.append(f"{words}: validation there is on data that the models have seen.")
+    return sentences
 
 
 def provenance_section(

@@ -74,13 +74,13 @@ class Figure:
 class Summary:
     """Content of the first screen.
 
-    `models` is sorted best first; `take` is the name of the recommended model, or None.
+    `models` is sorted best first; `recommended` is the name of the recommended model, or None.
     """
 
     level: Level
     headline: str
     explanation: str
-    take: str | None
+    recommended: str | None
     judged_on: str
     facts: tuple[Fact, ...]
     models: tuple[ModelScore, ...]

@@ -141,8 +141,8 @@ def render(
     script = _text("plots.js") + _text("page.js")
     page = _environment().get_template("page.html.j2")
     preferred = [model.name for model in summary.models]
-    if summary.take:
-        preferred.insert(0, summary.take)
+    if summary.recommended:
+        preferred.insert(0, summary.recommended)
     titles = {model.name: model.title for model in summary.models}
     colours = inks_of(roles_of(sections))
     words = page.render(
@@ -350,9 +350,9 @@ def heat(ratio: float | None) -> str:
     return f"h{sum(ratio >= edge for edge in (0.25, 0.5, 0.75, 1.0))}"
 
 
-def inks(found: Mapping[str, Ink]) -> str:
+def inks(own_inks: Mapping[str, Ink]) -> str:
     """CSS variables of all colours, on paper and on a dark screen."""
-    known = {**AXIS_INKS, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **found}
+    known = {**AXIS_INKS, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **own_inks}
     light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
     dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
     system = (

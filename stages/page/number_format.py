@@ -24,11 +24,12 @@ def visible(value: Any) -> Any:
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
     return "".join(
-        _shown(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c for c in value
+        _escaped_character(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c
+        for c in value
     )
 
 
-def _shown(character: str) -> str:
+def _escaped_character(character: str) -> str:
     code = ord(character)
     return chr(0x2400 + code) if code < 0x20 else "\ufffd"
 
@@ -38,15 +39,15 @@ def symbols(words: str) -> Markup:
 
     `X_udot`, `Y_v|v|`, `I_z` get their indices as such.
     """
-    shown = str(escape(visible(words)))
+    escaped = str(escape(visible(words)))
     return Markup(
-        SYMBOL.sub(lambda found: f"{found[1]}<sub>{found[2].replace('dot', DOT)}</sub>", shown)
+        SYMBOL.sub(lambda match: f"{match[1]}<sub>{match[2].replace('dot', DOT)}</sub>", escaped)
     )
 
 
 def printed_unit(unit: str) -> str:
     """A unit as engineers print it: kg*m^2 -> kg m², 1/s^2 -> 1/s²."""
-    return POWER.sub(lambda found: found[1].translate(RAISED), unit).replace("*", " ")
+    return POWER.sub(lambda match: match[1].translate(RAISED), unit).replace("*", " ")
 
 
 def is_numeric(words: str) -> bool:

@@ -59,14 +59,14 @@ class Tick:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LegendEntry:
     """One legend entry: name, ink variable, dash, width, whether lines are drawn."""
 
     name: str
     ink: str
     dash: str
     width: float
-    shown: bool
+    is_drawn: bool
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Plot:
     high: float
     ticks: tuple[Tick, ...]
     panels: tuple[Panel, ...]
-    entries: tuple[Entry, ...]
+    entries: tuple[LegendEntry, ...]
 
     @property
     def note(self) -> str:
@@ -120,7 +120,7 @@ class Plot:
     @property
     def hidden(self) -> int:
         """How many legend entries are not drawn at first."""
-        return sum(not entry.shown for entry in self.entries)
+        return sum(not entry.is_drawn for entry in self.entries)
 
 
 def lay_out(
@@ -175,13 +175,13 @@ def _entries(
     preferred: Sequence[str],
     titles: Mapping[str, str],
     inks: Mapping[str, Ink],
-) -> dict[str, Entry]:
+) -> dict[str, LegendEntry]:
     roles = {
         str(series["name"]): str(series["role"]) for panel in panels for series in panel["series"]
     }
     models = [role for role in dict.fromkeys(roles.values()) if is_model(role)]
     ranked = sorted(models, key=lambda role: _place(role, preferred))
-    shown = (
+    drawn_models = (
         {key(role) for role in ranked[:MODELS_SHOWN]}
         if len(models) > MODELS_SHOWN
         else {key(role) for role in models}
@@ -189,13 +189,13 @@ def _entries(
     entries = {}
     for name, role in roles.items():
         drawn = inks.get(key(role)) or ink(role)
-        visible = not is_model(role) or key(role) in shown
-        entries[name] = Entry(
+        visible = not is_model(role) or key(role) in drawn_models
+        entries[name] = LegendEntry(
             name=titles.get(name, PRINTED.get(name, name)),
             ink=f"--ink-{key(role) or 'none'}",
             dash=drawn.dash,
             width=drawn.width,
-            shown=visible,
+            is_drawn=visible,
         )
     return entries
 
@@ -209,18 +209,18 @@ def _panel(
     panel: Mapping[str, Any],
     data: Sequence[tuple[Array, Array]],
     names: list[str],
-    entries: Mapping[str, Entry],
+    entries: Mapping[str, LegendEntry],
     span: tuple[float, float],
 ) -> Panel:
     drawn = [
         y
         for (_, y), series in zip(data, panel["series"], strict=True)
-        if entries[str(series["name"])].shown
+        if entries[str(series["name"])].is_drawn
     ]
-    shown = [
-        str(series["role"]) for series in panel["series"] if entries[str(series["name"])].shown
+    roles = [
+        str(series["role"]) for series in panel["series"] if entries[str(series["name"])].is_drawn
     ]
-    limits = telling_range(drawn, shown)
+    limits = telling_range(drawn, roles)
     low, high = padded_range(drawn or [y for _, y in data]) if limits is None else limits
     lines = []
     for (x, y), series in zip(data, panel["series"], strict=True):
@@ -241,12 +241,12 @@ def _panel(
 def _leaving(
     panel: Mapping[str, Any],
     data: Sequence[tuple[Array, Array]],
-    entries: Mapping[str, Entry],
+    entries: Mapping[str, LegendEntry],
     limits: tuple[float, float],
 ) -> Iterator[str]:
     for (_, y), series in zip(data, panel["series"], strict=True):
         entry, known = entries[str(series["name"])], y[np.isfinite(y)]
-        if entry.shown and known.size and (known.min() < limits[0] or known.max() > limits[1]):
+        if entry.is_drawn and known.size and (known.min() < limits[0] or known.max() > limits[1]):
             yield entry.name
 
 

@@ -45,7 +45,7 @@ from auvid.hydro.identification.bench.swing import (
     swing_back_period,
 )
 from auvid.stages.base import Document
-from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
+from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming, not_negative
 from auvid.stages.presentation import Figure, figure
 
 MIN_SWINGS, GOOD_SWINGS = 0.5, 2.0
@@ -77,7 +77,7 @@ class Apparatus:
 class DecayRecording:
     """One recorded decay, its estimate, and the number of its swings."""
 
-    recording: Recording
+    recording: SwingRecording
     decay: Decay
     estimate: DecayEstimate
     swings: float
@@ -248,14 +248,14 @@ def _ratios(estimate: DecayEstimate, method: str) -> Mapping[str, Ratios]:
     }[method]
 
 
-def _decay_recording(recording: Recording, known: tuple[float, float]) -> DecayRecording:
+def _decay_recording(recording: SwingRecording, known: tuple[float, float]) -> DecayRecording:
     decay, swings = prepared(recording)
     decay = replace(decay, known=known)
     with naming(recording.leg):
         return DecayRecording(recording, decay, estimate_decay(decay), swings)
 
 
-def prepared(recording: Recording) -> tuple[Decay, float]:
+def prepared(recording: SwingRecording) -> tuple[Decay, float]:
     """Return the decay from its release on, and how many swings it made.
 
     Raises `DataError` for an overdamped one or too few swings.

@@ -119,10 +119,10 @@ def _remarks(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> li
             blocks.append(remark(words, "finding" if abs(share) <= CYLINDER_PERCENT else "warning"))
     for decay in decays:
         if decay.entry["role"] == "vehicle":
-            held = decay.held_out[decay.chosen]
+            held_out_error = decay.held_out[decay.chosen]
             words = (
                 f"{decay.entry['id']}: {decay.chosen} damping predicts {decay.judged_on} best"
-                f" ({1e3 * held:.2g} mrad RMS)."
+                f" ({1e3 * held_out_error:.2g} mrad RMS)."
             )
             blocks.append(remark(words, "finding"))
     recordings = [recording for item in swings for recording, _ in item.recordings]

@@ -44,7 +44,7 @@ takes the swing's accelerations for gravity does.
 
 
 @dataclass(frozen=True)
-class Recording:
+class SwingRecording:
     """One recorded swing: rate (n,) about its axis at t_s (n,).
 
     Also which samples are not clipped, and the angle at its own times, if logged.
@@ -72,7 +72,7 @@ class Logs:
     imu: Collection[pa.Table] | None
     attitude: Collection[pa.Table] | None
 
-    def recording(self, leg_id: str, field: str, *, upright: bool) -> Recording:
+    def recording(self, leg_id: str, field: str, *, upright: bool) -> SwingRecording:
         """Return the swing of a leg.
 
         upright: its axis should be vertical (quadrifilar), else level (free decay).
@@ -123,7 +123,7 @@ def _recording(
     attitude: Samples | None,
     accel: Samples | None,
     upright: bool,
-) -> Recording:
+) -> SwingRecording:
     notes: list[str] = []
     warnings: list[str] = []
     if gyro is not None:
@@ -148,7 +148,7 @@ def _recording(
     if angle is not None and gyro is not None and usable.all() and not upright:
         angle = _agreeing(angle, t, rate, warnings)
     _judge_axis(axis, accel, upright, notes, warnings)
-    return Recording(
+    return SwingRecording(
         str(leg["id"]),
         leg.get("use") == "validation",
         t,

@@ -28,7 +28,7 @@ from auvid.hydro.identification.bench.quadrifilar import (
 )
 from auvid.hydro.identification.bench.swing import SIMPLE, SwingFit, fit_swing
 from auvid.stages.base import Document
-from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
+from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming, not_negative
 from auvid.stages.presentation import Figure, figure
 
 STOP_WATCH_SD_S = 0.2
@@ -46,7 +46,7 @@ class SwingResult:
     mass: float
     period: Estimate
     inertia: Estimate
-    recordings: tuple[tuple[Recording, SwingFit], ...]
+    recordings: tuple[tuple[SwingRecording, SwingFit], ...]
     cylinder: float | None
     amplitude_deg: float
 
@@ -157,7 +157,7 @@ def _swing(
     )
 
 
-def _fit(recording: Recording, slowed: tuple[float, float]) -> SwingFit:
+def _fit(recording: SwingRecording, slowed: tuple[float, float]) -> SwingFit:
     with naming(recording.leg):
         return fit_swing(recording.t_s, recording.rate, slowing=slowed, usable=recording.usable)
 

@@ -54,7 +54,7 @@ class Outputs:
 
 
 @dataclass(frozen=True)
-class Told:
+class ReportContent:
     """Content that page and recording share: title, first screen, sections, logs."""
 
     title: str
@@ -65,24 +65,31 @@ class Told:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    told = tell(inputs)
-    return Outputs(report_html=page(inputs, told), recording=draw(inputs, params, told))
+    content = collect(inputs)
+    return Outputs(
+        report_html=page(inputs, content), recording=render_recording(inputs, params, content)
+    )
 
 
-def page(inputs: Inputs, told: Told) -> bytes:
+def page(inputs: Inputs, content: ReportContent) -> bytes:
     """The report as HTML."""
     notes = str(inputs.campaign.get("notes") or "")
     log_of = (
-        {name: str(item["log"]) for name, item in told.segments.items()}
-        if len(told.logs) > 1
+        {name: str(item["log"]) for name, item in content.segments.items()}
+        if len(content.logs) > 1
         else {}
     )
     return render(
-        told.title, vehicle_line(inputs.vehicle), notes, told.summary, told.sections, log_of
+        content.title,
+        vehicle_line(inputs.vehicle),
+        notes,
+        content.summary,
+        content.sections,
+        log_of,
     )
 
 
-def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
+def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportContent:
     """The first screen and the sections of all stages, and `more` sections."""
     sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
     cards, segments, logs = (
@@ -106,11 +113,11 @@ def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
             inputs.vehicle.document,
             inputs.free_run,
         )
-    return Told(title, summary, {**sections, **more}, segments, logs)
+    return ReportContent(title, summary, {**sections, **more}, segments, logs)
 
 
-def draw(
-    inputs: Inputs, params: Params, told: Told, *, preview: bool = False, tab: str = ""
+def render_recording(
+    inputs: Inputs, params: Params, content: ReportContent, *, preview: bool = False, tab: str = ""
 ) -> bytes:
     """Render the recording, which opens on `tab`.
 
@@ -121,15 +128,15 @@ def draw(
     )  # Rerun takes half a second to import, and most commands draw nothing
 
     return record(
-        told.title,
-        told.summary,
+        content.title,
+        content.summary,
         inputs.views,
         inputs.tables,
         inputs.fused or {},
-        told.segments,
-        told.logs,
+        content.segments,
+        content.logs,
         params.path_rate_hz,
-        told.sections,
+        content.sections,
         preview=preview,
         tab=tab,
     )

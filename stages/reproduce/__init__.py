@@ -102,19 +102,19 @@ def _errors(
 
 
 def _checks(results: Sequence[VariantCheck]) -> pa.Table:
-    found = [item.check for item in results]
+    checked = [item.check for item in results]
     return make_table(
         "reproduction_checks",
         {
             "plan": [item.plan for item in results],
             "variant": [item.variant for item in results],
-            "quantity": [check.quantity for check in found],
-            "low": [check.low for check in found],
-            "high": [check.high for check in found],
-            "least": [check.least for check in found],
-            "most": [check.value for check in found],
-            "met": [check.met for check in found],
-            "accepted_reason": [check.accepted_reason for check in found],
+            "quantity": [check.quantity for check in checked],
+            "low": [check.low for check in checked],
+            "high": [check.high for check in checked],
+            "least": [check.least for check in checked],
+            "most": [check.value for check in checked],
+            "met": [check.met for check in checked],
+            "accepted_reason": [check.accepted_reason for check in checked],
         },
     )
 

@@ -69,7 +69,7 @@ def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str
     chosen = document.get("figures") or {}
     processed = _leg(segments, chosen, "processed", "validation")
     judged = _leg(segments, chosen, "forces", "validation")
-    shown = (label[document["compared"]["published"]], label[document["compared"]["corrected"]])
+    labels = (label[document["compared"]["published"]], label[document["compared"]["corrected"]])
     return {
         "coupling": section(
             "Figure 1.2: roll and pitch coupling",
@@ -81,11 +81,11 @@ def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str
         ),
         "processed": section(
             "Figures 5.1 to 5.4: raw against processed",
-            _processed(inputs, f"{published}/{processed}", f"{corrected}/{processed}", shown),
+            _processed(inputs, f"{published}/{processed}", f"{corrected}/{processed}", labels),
             order=21,
             look_for=(
-                f"Leg {processed}. In a turn the sway of {shown[0]} leaves what was measured; that"
-                f" of {shown[1]} does not."
+                f"Leg {processed}. In a turn the sway of {labels[0]} leaves what was measured; that"
+                f" of {labels[1]} does not."
             ),
         ),
         "data": section(
@@ -101,15 +101,15 @@ def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str
             [_measured_forces(inputs, document, plan, judged)],
             order=23,
             look_for=(
-                f"Leg {judged}: sway force Y and yaw moment N of {shown[0]} against the truth."
+                f"Leg {judged}: sway force Y and yaw moment N of {labels[0]} against the truth."
             ),
         ),
         "models": section(
             "Figures 5.8 to 5.15: force of each model against measurement",
-            _models(inputs, published, judged, shown[0]),
+            _models(inputs, published, judged, labels[0]),
             order=24,
             look_for=(
-                f"Leg {judged}, fitted and measured with {shown[0]}. Uncoupled and Fossen miss the"
+                f"Leg {judged}, fitted and measured with {labels[0]}. Uncoupled and Fossen miss the"
                 " force in sway and yaw."
             ),
         ),
@@ -144,16 +144,16 @@ def _coupling_key(
             f"{published}/{_leg(segments, document.get('figures') or {}, 'coupling', 'training')}"
         )
     plan, leg = wanted.split("/", 1)
-    found = [
+    keys = [
         key
         for key in inputs.segment
         if key.startswith(f"{plan}/") and inputs.segment[key]["leg"] == leg
     ]
-    if not found:
+    if not keys:
         raise CampaignError(
             "no such leg of a plan was flown", field="figures.coupling", value=wanted
         )
-    return found[0]
+    return keys[0]
 
 
 def _coupling(inputs: Artefacts, key: str) -> Block:

@@ -145,7 +145,7 @@ def summary(content: ReproductionContent) -> Summary:
         level=level,  # type: ignore[arg-type]
         headline=" ".join(headline.paragraphs),
         explanation=" ".join(parts.get("explanation", NO_TEXT).paragraphs),
-        take=None,
+        recommended=None,
         judged_on=_judged_on(content),
         facts=_facts(content),
         models=(),

@@ -191,5 +191,5 @@ def too_short(
 def _spans_text(item: Signal) -> str:
     if not item.spans:
         return f"pauses between all of its {item.t_s.size} samples"
-    shown = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in item.spans[:3])
-    return shown if len(item.spans) <= 3 else f"{shown} and {len(item.spans) - 3} more"
+    words = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in item.spans[:3])
+    return words if len(item.spans) <= 3 else f"{words} and {len(item.spans) - 3} more"

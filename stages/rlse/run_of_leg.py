@@ -157,9 +157,9 @@ class Drive:
         Held, but for a propeller, whose thrust depends on speed.
         """
         at = np.searchsorted(self.t_s, grid[:-1] + SAME_TIME_S, side="right") - 1
-        held = self.values[at]
+        commanded = self.values[at]
         if self.propeller_rev_s is None or vehicle.propeller is None:
-            return held, held.copy()
+            return commanded, commanded.copy()
         nu = np.zeros((grid.size, 6))
         nu[:, 0] = x
         turns = self.propeller_rev_s[at]
@@ -170,7 +170,7 @@ class Drive:
             ]
             for end in ends
         )
-        return held + left, held + right
+        return commanded + left, commanded + right
 
 
 def _measured(

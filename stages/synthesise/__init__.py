@@ -25,7 +25,7 @@ from auvid.hydro.identification.regression.least_squares import solve_axis
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.synthesise.model_card import Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
-from auvid.stages.synthesise.training import Samples, TrainingData, coloured_covariances
+from auvid.stages.synthesise.training import TrainingData, TrainingSegment, coloured_covariances
 
 PRIORS = ("none", "strip_theory")
 
@@ -94,8 +94,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
 
-    def legs() -> Iterator[Samples]:
-        return (Samples.of(inputs.residual[key], with_ratio=with_ratio) for key in training)
+    def legs() -> Iterator[TrainingSegment]:
+        return (TrainingSegment.of(inputs.residual[key], with_ratio=with_ratio) for key in training)
 
     data = reduce(TrainingData.merge, map(partial(TrainingData.of, terms=terms), legs()))
     fits = {

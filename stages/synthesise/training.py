@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Samples:
+class TrainingSegment:
     """One training segment; None where unknown.
 
     nu and its standard deviations (n, 6), eta_ratio (n,), tau_bar (n, 6).
@@ -45,7 +45,7 @@ class Samples:
     force: Array
 
     @classmethod
-    def of(cls, residual: pa.Table, *, with_ratio: bool) -> Samples:
+    def of(cls, residual: pa.Table, *, with_ratio: bool) -> TrainingSegment:
         """Return the samples of a residual table."""
         return cls(
             matrix(residual, VELOCITY),
@@ -74,7 +74,7 @@ class TrainingData:
     motion: Mapping[str, VelocityExcitation]
 
     @classmethod
-    def of(cls, leg: Samples, terms: Sequence[str]) -> TrainingData:
+    def of(cls, leg: TrainingSegment, terms: Sequence[str]) -> TrainingData:
         """Return the data of one leg."""
         factor = TriangularFactor.empty(terms)
         for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
@@ -94,7 +94,7 @@ class TrainingData:
 
 
 def coloured_covariances(
-    fits: Fits, legs: Iterable[Samples], terms: Sequence[str], *, lags: int | None
+    fits: Fits, legs: Iterable[TrainingSegment], terms: Sequence[str], *, lags: int | None
 ) -> dict[tuple[str, str], Array]:
     """Return the covariance (k, k) of every fit for autocorrelated residuals.
 

@@ -104,9 +104,9 @@ def write_compared(run: Run, number: int | None) -> Path:
     if not run.is_fresh(task):
         print(f"the report is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
     inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
-    told = report.tell(inputs, {"history": comparison(old, entries[-1])})
+    content = report.collect(inputs, {"history": comparison(old, entries[-1])})
     path = run.folder / COMPARED
-    write_atomically(path, report.page(inputs, told))
+    write_atomically(path, report.page(inputs, content))
     return path
 
 

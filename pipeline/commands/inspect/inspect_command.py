@@ -112,7 +112,9 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
         from auvid.stages import report
 
         inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
-        return report.draw(inputs, task.params, report.tell(inputs), preview=preview, tab=tab)
+        return report.render_recording(
+            inputs, task.params, report.collect(inputs), preview=preview, tab=tab
+        )
 
     if tab:
         return Subject(run.campaign.name, lambda: draw(False), lambda: draw(True))

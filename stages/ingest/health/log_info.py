@@ -171,7 +171,7 @@ def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) ->
 
 
 def report_section(
-    info: Mapping[str, Any], rejected: Sequence[Rejected], found: Sequence[Block] = ()
+    info: Mapping[str, Any], rejected: Sequence[Rejected], health_blocks: Sequence[Block] = ()
 ) -> dict[str, Any]:
     """Return the section of the report: files, streams, rejected samples, findings."""
     files = [_file_row(item) for item in info["files"]]
@@ -216,7 +216,7 @@ def report_section(
                 "warning",
             )
         )
-    blocks += [*found, *(remark(note) for note in info["notes"])]
+    blocks += [*health_blocks, *(remark(note) for note in info["notes"])]
     return section(
         f"Health of log {info['log']}",
         blocks,

@@ -73,11 +73,11 @@ def file_findings(log: Recorded) -> Iterator[Finding]:
         )
     leaps = [note for note in log.info["notes"] if CLOCK_NOTE.search(note)]
     if leaps:
-        found = [LEAPS.search(note) for note in leaps]
+        matches = [LEAPS.search(note) for note in leaps]
         yield finding(
             "clock_leap",
             leaps[0],
-            value=max(int(item[1] or item[2]) if item else 1 for item in found),
+            value=max(int(item[1] or item[2]) if item else 1 for item in matches),
         )
     for note in log.info["notes"]:
         stray = STRAY_NOTE.match(note)
@@ -106,14 +106,14 @@ def rejected_findings(log: Recorded) -> Iterator[Finding]:
 
 def gap_findings(log: Recorded) -> Iterator[Finding]:
     """Yield pauses of the sensors; those that several sensors share are one finding."""
-    found: list[tuple[str, int, float, float]] = []
+    gaps: list[tuple[str, int, float, float]] = []
     for stream in log.tables:
         clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
         if clock is None:
             continue
         least = max(limit("gap"), GAP_STEPS / clock.rate_hz)
         if clock.longest_s > least:
-            found.append(
+            gaps.append(
                 (
                     stream,
                     int(np.count_nonzero(np.diff(log.t_s(stream)) > least)),
@@ -121,13 +121,11 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
                     clock.longest_at_s,
                 )
             )
-    if not found:
+    if not gaps:
         return
-    _, _, longest, at = max(found, key=lambda item: item[2])
+    _, _, longest, at = max(gaps, key=lambda item: item[2])
     shared = [
-        item
-        for item in found
-        if abs(item[3] - at) < 1.0 + 0.1 * longest and item[2] > 0.5 * longest
+        item for item in gaps if abs(item[3] - at) < 1.0 + 0.1 * longest and item[2] > 0.5 * longest
     ]
     names = [item[0] for item in shared]
     each = {item[1] for item in shared}
@@ -138,7 +136,7 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
     )
     text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start."
     yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest, at_s=at)
-    rest = [item for item in found if item not in shared]
+    rest = [item for item in gaps if item not in shared]
     if rest:
         parts = [f"{name} ({number}, up to {longest:.1f} s)" for name, number, longest, _ in rest]
         largest = max(rest, key=lambda item: item[2])

@@ -65,52 +65,52 @@ def inertial_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def _gyro(log: Recorded) -> Iterator[Finding]:
-    found = rate_agreement(
+    agreement = rate_agreement(
         log.t_s("attitude"),
         log.values("attitude", ATTITUDE),
         log.t_s("imu"),
         log.values("imu", GYRO),
     )
-    if found is None:
+    if agreement is None:
         return
-    compared = list(_axes(found))
+    compared = list(_axes(agreement))
     yield from compared
-    if found.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
+    if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
         text = (
-            f"The attitude ({log.source('attitude')}) jumps {counted(found.jumps, 'time')} without"
-            f" the gyro, by up to {math.degrees(found.largest_jump):.0f} degrees (at"
-            f" {found.jump_at_s:.1f} s)."
+            f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
+            f" without the gyro, by up to {math.degrees(agreement.largest_jump):.0f} degrees (at"
+            f" {agreement.jump_at_s:.1f} s)."
         )
         yield finding(
             "attitude_jumps",
             text,
             stream="attitude",
-            value=math.degrees(found.largest_jump),
-            at_s=found.jump_at_s,
+            value=math.degrees(agreement.largest_jump),
+            at_s=agreement.jump_at_s,
         )
 
 
-def _axes(found: RateAgreement) -> Iterator[Finding]:
+def _axes(agreement: RateAgreement) -> Iterator[Finding]:
     """Yield bias, sign, axes, scale and lag of the gyro against the attitude."""
-    moved = [axis for axis in range(3) if found.std[axis] >= SMALLEST_TURN_RAD_S]
-    largest = int(np.argmax(np.abs(found.bias)))
-    if abs(found.bias[largest]) > limit("gyro_bias"):
+    moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_TURN_RAD_S]
+    largest = int(np.argmax(np.abs(agreement.bias)))
+    if abs(agreement.bias[largest]) > limit("gyro_bias"):
         text = (
-            f"Gyro {XYZ[largest]} reads {found.bias[largest]:+.3f} rad/s more than the attitude"
+            f"Gyro {XYZ[largest]} reads {agreement.bias[largest]:+.3f} rad/s more than the attitude"
             " turns (median)."
         )
-        yield finding("gyro_bias", text, stream="imu", value=float(abs(found.bias[largest])))
+        yield finding("gyro_bias", text, stream="imu", value=float(abs(agreement.bias[largest])))
     agreeing = []
     for axis in moved:
-        own = float(found.correlation[axis, axis])
-        best = int(np.argmax(np.abs(found.correlation[axis])))
+        own = float(agreement.correlation[axis, axis])
+        best = int(np.argmax(np.abs(agreement.correlation[axis])))
         if own < limit("gyro_sign"):
             text = (
                 f"Gyro {XYZ[axis]} turns against {RATES[axis]} of the attitude (correlation"
                 f" {own:.2f})."
             )
             yield finding("gyro_sign", text, stream="imu", value=own)
-        elif best != axis and abs(found.correlation[axis, best]) > max(
+        elif best != axis and abs(agreement.correlation[axis, best]) > max(
             limit("gyro_axes"), abs(own) + 0.3
         ):
             text = (
@@ -118,7 +118,7 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
                 f" not by gyro {XYZ[axis]}."
             )
             yield finding(
-                "gyro_axes", text, stream="imu", value=float(abs(found.correlation[axis, best]))
+                "gyro_axes", text, stream="imu", value=float(abs(agreement.correlation[axis, best]))
             )
         elif own < limit("gyro_disagrees"):
             text = (
@@ -128,20 +128,20 @@ def _axes(found: RateAgreement) -> Iterator[Finding]:
             yield finding("gyro_disagrees", text, stream="imu", value=own)
         else:
             agreeing.append(axis)
-            off = float(found.scale[axis]) - 1.0
+            off = float(agreement.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
                 text = (
                     f"Gyro {XYZ[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
                     " the attitude."
                 )
                 yield finding("gyro_scale", text, stream="imu", value=off)
-    if agreeing and abs(found.lag_s) > limit("gyro_lag"):
-        late, early = ("gyro", "attitude") if found.lag_s > 0.0 else ("attitude", "gyro")
+    if agreeing and abs(agreement.lag_s) > limit("gyro_lag"):
+        late, early = ("gyro", "attitude") if agreement.lag_s > 0.0 else ("attitude", "gyro")
         yield finding(
             "gyro_lag",
-            f"The {late} comes {abs(found.lag_s):.2f} s after the {early}.",
+            f"The {late} comes {abs(agreement.lag_s):.2f} s after the {early}.",
             stream="imu",
-            value=abs(found.lag_s),
+            value=abs(agreement.lag_s),
         )
 
 
@@ -151,10 +151,10 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
         if log.has("attitude")
         else (None, None)
     )
-    found = gravity(log.t_s("imu"), accelerometer, *attitude)
-    if found is None:
+    estimate = gravity(log.t_s("imu"), accelerometer, *attitude)
+    if estimate is None:
         return
-    size = found.magnitude
+    size = estimate.magnitude
     convention = log.info["accelerometer"] or (
         log.vehicle and log.vehicle.document.sensors.imu.accelerometer
     )
@@ -172,7 +172,7 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
         )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
-        yield from _direction(log, accelerometer, found.angle)
+        yield from _direction(log, accelerometer, estimate.angle)
 
 
 def _direction(log: Recorded, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
@@ -204,19 +204,19 @@ def attitude_findings(log: Recorded) -> Iterator[Finding]:
     for other in _comparable(log, "attitude"):
         assert other.columns is not None
         angles = np.stack([other.columns[name] for name in ATTITUDE], axis=1)
-        found = attitude_difference(
+        difference = attitude_difference(
             log.t_s("attitude"),
             log.values("attitude", ATTITUDE),
             log.seconds(other.columns["time_us"]),
             angles,
         )
-        if found is not None and math.degrees(found.angle) > limit("attitude_disagrees"):
+        if difference is not None and math.degrees(difference.angle) > limit("attitude_disagrees"):
             off.append(
                 (
-                    math.degrees(found.angle),
+                    math.degrees(difference.angle),
                     other.source,
-                    math.degrees(found.heading),
-                    math.degrees(found.tilt),
+                    math.degrees(difference.heading),
+                    math.degrees(difference.tilt),
                 )
             )
     if off:
@@ -262,12 +262,12 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
     for other in others:
         assert other.columns is not None
         values, at = other.columns["depth_m"], log.seconds(other.columns["time_us"])
-        found = following(t_s, depth, at, values)
-        if found is None:
+        relation = following(t_s, depth, at, values)
+        if relation is None:
             continue
         own = _spread(values)
         pressures = BAROMETER.match(other.source) and (BAROMETER.match(used) or used == "CTUN")
-        if pressures and log.under_water is not False and _in_housing(found, own, moved):
+        if pressures and log.under_water is not False and _in_housing(relation, own, moved):
             named = log.vehicle is not None and log.vehicle.barometer_instance is not None
             reason = _choice(named, any(item.source == "CTUN" for item in others))
             text = (
@@ -277,22 +277,22 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
             yield finding("housing_barometer", text, stream="depth", value=own)
         elif (
             moved > limit("housing_barometer")
-            and found.correlation > 0.9
-            and _wrong_unit(found.scale)
+            and relation.correlation > 0.9
+            and _wrong_unit(relation.scale)
         ):
             text = (
-                f"{other.source} moves {number(found.scale)} times as much as {used}: the log"
+                f"{other.source} moves {number(relation.scale)} times as much as {used}: the log"
                 " declares a wrong unit for it."
             )
-            yield finding("depth_unit", text, stream="depth", value=found.scale)
+            yield finding("depth_unit", text, stream="depth", value=relation.scale)
         elif moved > limit("housing_barometer") and (
-            abs(found.scale - 1.0) > limit("depth_disagrees") or found.correlation < 0.5
+            abs(relation.scale - 1.0) > limit("depth_disagrees") or relation.correlation < 0.5
         ):
             text = (
-                f"{other.source} moves {number(found.scale)} times as much as {used} (correlation"
-                f" {found.correlation:.2f})."
+                f"{other.source} moves {number(relation.scale)} times as much as {used}"
+                f" (correlation {relation.correlation:.2f})."
             )
-            yield finding("depth_disagrees", text, stream="depth", value=abs(found.scale - 1.0))
+            yield finding("depth_disagrees", text, stream="depth", value=abs(relation.scale - 1.0))
 
 
 def _range(values: Array) -> str:
@@ -301,7 +301,7 @@ def _range(values: Array) -> str:
     return f"{low:.2f} to {high:.2f} m"
 
 
-def _in_housing(found: Following, own: float, moved: float) -> bool:
+def _in_housing(relation: Following, own: float, moved: float) -> bool:
     """Return whether a second barometer moves on its own.
 
     It does if it moves much more than a depth that hardly moves, or unlike one that
@@ -309,7 +309,7 @@ def _in_housing(found: Following, own: float, moved: float) -> bool:
     """
     if moved < limit("housing_barometer"):
         return own > moved + limit("housing_barometer")
-    return abs(found.scale - 1.0) > 0.5 or found.correlation < 0.5
+    return abs(relation.scale - 1.0) > 0.5 or relation.correlation < 0.5
 
 
 def _wrong_unit(scale: float) -> bool:
@@ -349,13 +349,13 @@ def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
     ) / RATE_S
     if min(float(rate.std()), float(down.std())) < SMALLEST_MOVE_M_S:
         return
-    found = following(at, down, at, rate)
-    if found is not None and found.correlation < limit("depth_sign"):
+    relation = following(at, down, at, rate)
+    if relation is not None and relation.correlation < limit("depth_sign"):
         text = (
             f"Depth goes up where the velocity ({log.source('velocity')}) goes down (correlation"
-            f" {found.correlation:.2f})."
+            f" {relation.correlation:.2f})."
         )
-        yield finding("depth_sign", text, stream="depth", value=found.correlation)
+        yield finding("depth_sign", text, stream="depth", value=relation.correlation)
 
 
 def velocity_findings(log: Recorded) -> Iterator[Finding]:
@@ -393,9 +393,9 @@ def _other_velocities(log: Recorded) -> Iterator[Finding]:
             values = other.columns[name]
             if min(_spread(own[:, axis]), _spread(values)) < SMALLEST_MOVE_M_S:
                 continue
-            found = following(t_s, own[:, axis], at, values)
-            if found is not None and found.correlation < limit("velocity_disagrees"):
-                against.append((found.correlation, SPEEDS[axis]))
+            relation = following(t_s, own[:, axis], at, values)
+            if relation is not None and relation.correlation < limit("velocity_disagrees"):
+                against.append((relation.correlation, SPEEDS[axis]))
         if against:
             text = (
                 f"{other.source} moves against {used} in {listed([name for _, name in against])}"

@@ -47,12 +47,12 @@ def excitation(
     `window` is in seconds from the start of the log. Without a velocity sensor heave is
     the rate of depth, which is the body's w only while it is level.
     """
-    found = motions(log)
+    by_axis = motions(log)
     result = {}
     for axis in MOTION_WORDS:
         empty = {"rms": None, "low": None, "high": None, "share_beyond": None}
         about = {"threshold": THRESHOLDS[axis], "unit": UNITS[axis]}
-        at, values, source = found.get(axis, (np.zeros(0), np.zeros(0), "not measured"))
+        at, values, source = by_axis.get(axis, (np.zeros(0), np.zeros(0), "not measured"))
         values = values[(at >= window[0]) & (at <= window[1])]
         if not values.size:
             result[axis] = {**empty, **about, "source": source, "excited": False}

@@ -130,11 +130,11 @@ def _idle(log: Recorded) -> str:
 
 
 def _numbers(names: list[str]) -> str:
-    found = [int(name.split("_")[1]) for name in names]
+    numbers = [int(name.split("_")[1]) for name in names]
     return (
-        f"{found[0]} to {found[-1]}"
-        if found == list(range(found[0], found[-1] + 1)) and len(found) > 1
-        else ", ".join(map(str, found))
+        f"{numbers[0]} to {numbers[-1]}"
+        if numbers == list(range(numbers[0], numbers[-1] + 1)) and len(numbers) > 1
+        else ", ".join(map(str, numbers))
     )
 
 
@@ -200,10 +200,10 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
 
     The gyro is without its median.
     """
-    found: dict[str, tuple[Array, Array, str]] = {}
+    by_axis: dict[str, tuple[Array, Array, str]] = {}
     if log.has("velocity"):
         for axis, name in zip("uvw", LINEAR_VELOCITY, strict=True):
-            found[axis] = (
+            by_axis[axis] = (
                 log.t_s("velocity"),
                 log.column("velocity", name),
                 log.source("velocity"),
@@ -214,7 +214,7 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
         at = t_s[inside]
         ends = [np.interp(at + side * DEPTH_RATE_S / 2.0, t_s, depth) for side in (-1.0, 1.0)]
         if at.size:
-            found["w"] = (
+            by_axis["w"] = (
                 at,
                 (ends[1] - ends[0]) / DEPTH_RATE_S,
                 f"rate of depth ({log.source('depth')})",
@@ -224,8 +224,8 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
             rate = log.column("imu", name)
             if np.ptp(rate) == 0.0:
                 continue  # no live sensor
-            found[axis] = (log.t_s("imu"), rate - np.median(rate), log.source("imu"))
-    return found
+            by_axis[axis] = (log.t_s("imu"), rate - np.median(rate), log.source("imu"))
+    return by_axis
 
 
 def response_findings(log: Recorded) -> Iterator[Finding]:
@@ -248,20 +248,24 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
     for axis, (at, motion, _) in motions(log).items():
         if float(np.std(motion)) < SMALLEST_MOTION:
             continue
-        found = response_lag(
+        response = response_lag(
             log.t_s("actuators"), commands, at, motion, lags_s=LAGS_S, rate_hz=RESPONSE_HZ
         )
-        if found is None or found.explained < limit("command_lag") or found.lag_s >= LAGS_S[1]:
+        if (
+            response is None
+            or response.explained < limit("command_lag")
+            or response.lag_s >= LAGS_S[1]
+        ):
             continue
         how = (
-            f"follows by {found.lag_s:.2f} s"
-            if found.lag_s > 0.0
-            else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
+            f"follows by {response.lag_s:.2f} s"
+            if response.lag_s > 0.0
+            else f"leads by {-response.lag_s:.2f} s (a controller answers it)"
         )
         lags.append(
             (
-                found.explained,
-                f"{MOTION_WORDS[axis]} {how}, {percent(round(found.explained, 2))} explained",
+                response.explained,
+                f"{MOTION_WORDS[axis]} {how}, {percent(round(response.explained, 2))} explained",
             )
         )
     if lags:
@@ -277,10 +281,10 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
         yield finding("simulated", f"The log holds messages of a simulator: {', '.join(messages)}.")
     firmware = info["vehicle"]
     if log.under_water is False:
-        shown = (
+        words = (
             firmware or f"PX4 of another vehicle (MAV_TYPE {info['parameters']['MAV_TYPE']:.0f})"
         )
-        yield finding("not_underwater", f"The firmware is {shown}.")
+        yield finding("not_underwater", f"The firmware is {words}.")
     binary = any(not str(item["format"]).startswith("CSV") for item in info["files"])
     if binary and firmware is None and log.under_water is None:
         yield finding("firmware_unknown", "No text of the log names the firmware.")
@@ -291,12 +295,12 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
         )
         missing = [name for name in wanted if name not in info["parameters"]]
         if missing:
-            shown = (
+            words = (
                 f"{missing[0]} and {len(missing) - 1} directions"
                 if len(missing) > 2
                 else listed(missing)
             )
-            text = f"Not in the log: {shown} ({len(info['parameters'])} parameters are)."
+            text = f"Not in the log: {words} ({len(info['parameters'])} parameters are)."
             yield finding("parameters_missing", text, stream="actuators", value=len(missing))
     for note in info["notes"]:
         if SEVERAL.match(note):

@@ -15,7 +15,7 @@ from auvid.stages.report.difference.signals import FORCE, MODEL, Pair, Side, Sig
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,
     MOST_VIEWS,
-    Sent,
+    LoggedSeries,
     in_pages,
     limited,
     opened,
@@ -29,7 +29,7 @@ FIRST, SECOND = ROLES["first"], ROLES["second"]
 
 
 def record_difference(
-    first: Side, second: Side, found: Sequence[Pair], words: str, *, preview: bool = False
+    first: Side, second: Side, pairs: Sequence[Pair], words: str, *, preview: bool = False
 ) -> bytes:
     """Return the recording of two runs as .rrd bytes.
 
@@ -38,8 +38,8 @@ def record_difference(
     out = Recording(f"{first.name} against {second.name}", preview=preview)
     out.document("answer/text", words)
     starts = make_clock(first.segments, first.logs).logs
-    sent: dict[str, dict[str, Sent]] = {}
-    for pair in found:
+    sent: dict[str, dict[str, LoggedSeries]] = {}
+    for pair in pairs:
         shift = (
             starts.get(str(first.segments[pair.segment]["log"]), 0.0)
             if pair.segment in first.segments
@@ -73,10 +73,10 @@ def record_difference(
             )
     units = {
         _origin(first, pair, name): unit
-        for pair in found
+        for pair in pairs
         for name, unit in zip(pair.first.names, pair.first.units, strict=True)
     }
-    blueprint, left_out = _blueprint(found, sent, units)
+    blueprint, left_out = _blueprint(pairs, sent, units)
     if left_out:
         out.document(LEFT_OUT, left_out)
     return out.finish(blueprint)
@@ -111,8 +111,8 @@ def _send(
     line: Ink,
     times: Array,
     values: Array,
-    before: Sent | None,
-) -> Sent:
+    before: LoggedSeries | None,
+) -> LoggedSeries:
     column = values[:, None]
     style = rr.SeriesLines(
         colors=[line.rgb],
@@ -122,13 +122,13 @@ def _send(
     )
     out.static(entity, style)
     out.series(entity, times, column)
-    return (before or Sent()).add(times, column)
+    return (before or LoggedSeries()).add(times, column)
 
 
 def _blueprint(
-    found: Sequence[Pair], sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]
+    pairs: Sequence[Pair], sent: Mapping[str, Mapping[str, LoggedSeries]], units: Mapping[str, str]
 ) -> tuple[rrb.Blueprint, str]:
-    kinds = list(dict.fromkeys(pair.kind for pair in found))
+    kinds = list(dict.fromkeys(pair.kind for pair in pairs))
     words: Any = rrb.TextDocumentView(origin="answer/text", name="What changed")
     opening = next((kind for kind in (MODEL, FORCE, *kinds) if kind in kinds), None)
     if opening is None:
@@ -155,7 +155,7 @@ def _blueprint(
 
 
 def _plots(
-    kind: str, sent: Mapping[str, Mapping[str, Sent]], units: Mapping[str, str]
+    kind: str, sent: Mapping[str, Mapping[str, LoggedSeries]], units: Mapping[str, str]
 ) -> dict[str, rrb.TimeSeriesView]:
     lanes = sent[kind]
     times = outer(item.times for item in lanes.values())

@@ -136,15 +136,15 @@ def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
     A side that is narrowed to one model calls its force `model`, so that two different
     ones are partners.
     """
-    found = dict(side.viewed)
+    signals = dict(side.viewed)
     for segment, document in side.segments.items():
         start = float(document["leg_start_s"])
         if segment in side.fused:
-            found[segment, "state"] = _signals(side.fused[segment], STATE, start)
+            signals[segment, "state"] = _signals(side.fused[segment], STATE, start)
         if segment in side.residual and has_columns(
             side.residual[segment], force_columns("tau_bar")
         ):
-            found[segment, FORCE] = _signals(
+            signals[segment, FORCE] = _signals(
                 side.residual[segment], force_columns("tau_bar"), start, AXES
             )
         if segment in side.predictions:
@@ -155,8 +155,8 @@ def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
                 kind = f"{MODEL} {model}" if side.model is None else MODEL
                 rows = table.filter(pc.equal(table["model"], model))
                 if rows.num_rows:
-                    found[segment, kind] = _signals(rows, force_columns("tau"), start, AXES)
-    return found
+                    signals[segment, kind] = _signals(rows, force_columns("tau"), start, AXES)
+    return signals
 
 
 def _signals(
@@ -198,21 +198,21 @@ def signals_of_view(group: Document, table: pa.Table) -> Signals | None:
 def pairs(first: Side, second: Side) -> tuple[list[Pair], list[str]]:
     """The signals that both sides have, and sentences on those that have no partner."""
     one, two = signals_of(first), signals_of(second)
-    found, apart = [], []
+    matched, unmatched = [], []
     for segment, kind in (key for key in one if key in two):
         pair = _pair(segment, kind, one[segment, kind], two[segment, kind])
         if pair is None:
-            apart.append(f"{segment}: {kind} at no common time")
+            unmatched.append(f"{segment}: {kind} at no common time")
         else:
-            found.append(pair)
-    alone = [
-        *_alone([key for key in one if key not in two], first),
-        *_alone([key for key in two if key not in one], second),
+            matched.append(pair)
+    only_one_side = [
+        *_only_here([key for key in one if key not in two], first),
+        *_only_here([key for key in two if key not in one], second),
     ]
-    return found, [*alone, *apart]
+    return matched, [*only_one_side, *unmatched]
 
 
-def _alone(keys: Sequence[tuple[str, str]], side: Side) -> list[str]:
+def _only_here(keys: Sequence[tuple[str, str]], side: Side) -> list[str]:
     """A sentence for each segment, model or stage on what of it one side has alone."""
     names: dict[str, list[str]] = {}
     for of, name in keys:
@@ -241,9 +241,9 @@ def _pair(segment: str, kind: str, first: Signals, second: Signals) -> Pair | No
     return Pair(segment, kind, first, second, times, moved - first.values[inside])
 
 
-def signal_changes(found: list[Pair]) -> Iterator[SignalChange]:
+def signal_changes(matched: list[Pair]) -> Iterator[SignalChange]:
     """How far each signal of each pair moved."""
-    for pair in found:
+    for pair in matched:
         for place, (name, unit) in enumerate(zip(pair.first.names, pair.first.units, strict=True)):
             apart = pair.difference[:, place]
             good = np.isfinite(apart)
@@ -287,8 +287,8 @@ def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], 
             )
         )
     return changes, [
-        *_alone([key for key in one if key not in two], first),
-        *_alone([key for key in two if key not in one], second),
+        *_only_here([key for key in one if key not in two], first),
+        *_only_here([key for key in two if key not in one], second),
     ]
 
 
@@ -297,16 +297,16 @@ def _figures(side: Side) -> dict[tuple[str, str], Document]:
 
     A side that is narrowed to one model has that one only, called `model`.
     """
-    found: dict[tuple[str, str], Document] = {}
+    figures: dict[tuple[str, str], Document] = {}
     for name, card in side.cards.items():
         if side.model in (None, name):
             of = f"{MODEL} {name}" if side.model is None else MODEL
-            found |= {
+            figures |= {
                 (of, f"{axis} {term['term']}"): term
                 for axis, fit in card["axes"].items()
                 for term in fit["terms"]
             }
     if side.model is None:
         for name, document in side.results.items():
-            found |= {(name, str(row["quantity"])): row for row in document["rows"]}
-    return found
+            figures |= {(name, str(row["quantity"])): row for row in document["rows"]}
+    return figures

@@ -41,30 +41,31 @@ NO_RANGE = (np.inf, -np.inf)
 
 
 @dataclass(frozen=True)
-class Sent:
+class LoggedSeries:
     """Series logged to an entity: the range of those drawn, and of their times in s."""
 
     values: tuple[float, float] = NO_RANGE
     times: tuple[float, float] = NO_RANGE
 
-    def add(self, times: Array, values: Array) -> Sent:
+    def add(self, times: Array, values: Array) -> LoggedSeries:
         """With these times (n,) and series (n, k)."""
         good = values[np.isfinite(values)]
-        found = (float(good.min()), float(good.max())) if good.size else NO_RANGE
-        return Sent(
-            outer([self.values, found]), outer([self.times, (float(times[0]), float(times[-1]))])
+        value_range = (float(good.min()), float(good.max())) if good.size else NO_RANGE
+        return LoggedSeries(
+            outer([self.values, value_range]),
+            outer([self.times, (float(times[0]), float(times[-1]))]),
         )
 
 
 @dataclass(frozen=True)
-class Seen:
+class VisibleTabs:
     """Content of the tabs: what was logged, by entity.
 
     Entity -> its ranges, path -> corners of its box, stages with texts, times of the
     spans if there are any.
     """
 
-    sent: Mapping[str, Sent]
+    sent: Mapping[str, LoggedSeries]
     paths: Mapping[str, Array] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
     spans: tuple[float, float] | None = None
@@ -81,7 +82,9 @@ def parent(group: Document) -> str:
     return str(visible(group["entity"])).rpartition("/")[0]
 
 
-def whole_view(groups: Sequence[Owned], seen: Seen, tab: str = "") -> tuple[rrb.Blueprint, str]:
+def whole_view(
+    groups: Sequence[Owned], seen: VisibleTabs, tab: str = ""
+) -> tuple[rrb.Blueprint, str]:
     """Return the blueprint of a run, and the series that have no plot.
 
     Tabs: `Answer` with the summary next to it, the path, one per tab of the views,
@@ -131,10 +134,10 @@ def limited(
 
     The plots are shared among the tabs, those of `leg` first.
     """
-    found = {name: dict(plots) for name, plots in tabs.items()}
+    kept = {name: dict(plots) for name, plots in tabs.items()}
     spare = sum(map(len, tabs.values())) - most
     if spare <= 0:
-        return found, ""
+        return kept, ""
     lines = [
         (
             "Rerun opens no recording with more plots than these. The series below are in it,"
@@ -143,15 +146,15 @@ def limited(
         "",
     ]
     lines += ["A plot of each leg is made by `auvid inspect CAMPAIGN --tab TAB/LEG`.", ""]
-    room, waiting = most, len(found)
-    for name, plots in sorted(found.items(), key=lambda item: len(item[1])):
+    room, waiting = most, len(kept)
+    for name, plots in sorted(kept.items(), key=lambda item: len(item[1])):
         share, waiting = room // waiting, waiting - 1
         ranked = sorted(plots, key=lambda origin: origin.split("/")[1:2] != [leg])
         gone = ranked[share:]
-        found[name] = {origin: view for origin, view in plots.items() if origin not in gone}
-        room -= len(found[name])
+        kept[name] = {origin: view for origin, view in plots.items() if origin not in gone}
+        room -= len(kept[name])
         lines += [f"- {name}: {origin}" for origin in gone]
-    return found, "\n".join(lines)
+    return kept, "\n".join(lines)
 
 
 def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
@@ -243,7 +246,7 @@ def time_plot(
 
 
 def _plots(
-    groups: Sequence[Owned], every: Sequence[Owned], seen: Seen
+    groups: Sequence[Owned], every: Sequence[Owned], seen: VisibleTabs
 ) -> dict[str, rrb.TimeSeriesView]:
     """Return the plots of a tab, all over the same time.
 
@@ -263,12 +266,12 @@ def _plots(
         for above in below_of
     }
     chosen: dict[str, Document] = {}
-    shown: dict[str, list[str]] = defaultdict(list)
+    named: dict[str, list[str]] = defaultdict(list)
     for _, group in groups:
         above, entity = parent(group), str(visible(group["entity"]))
         origin = above if above and len(kinds[above]) == 1 and entity not in below_of else entity
         chosen.setdefault(origin, group)
-        shown[origin] += map(str, group["names"])
+        named[origin] += map(str, group["names"])
     below = {
         origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")]
         for origin in chosen
@@ -280,7 +283,7 @@ def _plots(
     plots: dict[str, rrb.TimeSeriesView] = {}
     explained: set[tuple[str, ...]] = set()
     for origin, name in names.items():
-        group, lines = chosen[origin], tuple(sorted(set(shown[origin])))
+        group, lines = chosen[origin], tuple(sorted(set(named[origin])))
         models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
         title = f"{name} [{group['unit']}]" if group["unit"] else name
         legend = not plots or (not models and lines not in explained)
@@ -301,10 +304,10 @@ def _names(units: Mapping[str, str]) -> dict[str, str]:
         origin: [part for part in origin.split("/") if part != _slug(unit)] or [origin]
         for origin, unit in units.items()
     }
-    last = Counter((found[-1], units[origin]) for origin, found in parts.items())
+    last = Counter((words[-1], units[origin]) for origin, words in parts.items())
     return {
-        origin: found[-1] if last[found[-1], units[origin]] == 1 else " ".join(found[-2:])
-        for origin, found in parts.items()
+        origin: words[-1] if last[words[-1], units[origin]] == 1 else " ".join(words[-2:])
+        for origin, words in parts.items()
     }
 
 
@@ -341,8 +344,8 @@ def in_pages(
 
 
 def _page_name(origins: Sequence[str]) -> str:
-    found = list(dict.fromkeys(origin.split("/")[min(1, origin.count("/"))] for origin in origins))
-    return found[0] if len(found) == 1 else f"{found[0]} to {found[-1]}"
+    names = list(dict.fromkeys(origin.split("/")[min(1, origin.count("/"))] for origin in origins))
+    return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
 
 
 def _slug(unit: str) -> str:

@@ -48,7 +48,7 @@ MOST_LEGS = 40
 
 
 @dataclass(frozen=True)
-class Plot:
+class StreamPlot:
     """One plot: its entity, stream, unit, range of values and number of lines."""
 
     entity: str
@@ -98,7 +98,7 @@ def record_log(
     return out.finish(blueprint)
 
 
-def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> list[Plot]:
+def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> list[StreamPlot]:
     """One entity per unit of a stream; a pause longer than a second stays a gap."""
     units: dict[str, list[str]] = {}
     for item in schema(stream).columns.values():
@@ -127,7 +127,9 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
             ),
         )
         out.series(entity, clock, values, pause_s=LONG_PAUSE_S)
-        plots.append(Plot(entity, stream, unit, float(good.min()), float(good.max()), len(names)))
+        plots.append(
+            StreamPlot(entity, stream, unit, float(good.min()), float(good.max()), len(names))
+        )
     return plots
 
 
@@ -142,7 +144,7 @@ def _send_spans(
 
     Returns whether there is any.
     """
-    found = False
+    has_spans = False
     if "mode" in tables and len(clocks["mode"]):
         table, clock = tables["mode"], clocks["mode"]
         modes = [str(mode) for mode in table["mode"].to_pylist()]
@@ -158,7 +160,7 @@ def _send_spans(
                 [*armed, None],
                 {"armed": Ink(*GREEN), "disarmed": Ink(*GREY)},
             )
-        found = True
+        has_spans = True
     for leg in legs[:MOST_LEGS]:
         use = str(leg.get("use") or "leg")
         times = [float(leg["start_s"]), float(leg["end_s"])]
@@ -168,7 +170,7 @@ def _send_spans(
             [use, None],
             {use: ROLES.get(use, Ink(*GREY))},
         )
-        found = True
+        has_spans = True
     for stream, clock in clocks.items():
         after = _pauses(stream, clock)
         if after.size:
@@ -179,8 +181,8 @@ def _send_spans(
                 ["pause", None] * after.size,
                 {"pause": Ink(*VERMILLION)},
             )
-            found = True
-    return found
+            has_spans = True
+    return has_spans
 
 
 def _pauses(stream: str, clock: Array) -> npt.NDArray[np.intp]:
@@ -197,11 +199,11 @@ def _pauses(stream: str, clock: Array) -> npt.NDArray[np.intp]:
 def _send_messages(
     out: Recording, tables: Mapping[str, pa.Table], clocks: Mapping[str, Array], health: Document
 ) -> None:
-    said = [
+    messages = [
         (float(item.get("at_s") or 0.0), str(item["severity"]), f"{item['text']} {item['remedy']}")
         for item in health["findings"]
     ]
-    out.messages("log/findings", said)
+    out.messages("log/findings", messages)
     for stream, words in (("events", "text"), ("mode", "mode")):
         if stream in tables:
             texts = tables[stream][words].to_pylist()
@@ -247,7 +249,7 @@ def _send_path(
     times = np.arange(
         clock[0], clock[-1], max(1.0 / PATH_RATE_HZ, (clock[-1] - clock[0]) / 200_000)
     )
-    euler = held(times, clock, euler)
+    euler = last_before(times, clock, euler)
     place, source = _places(times, euler, tables, clocks)
     out.static("path", rr.ViewCoordinates.FRD)
     out.static(
@@ -265,9 +267,11 @@ def _places(
     """Places (n, 3) in m NED at `times` (n,) and what they were taken from."""
     depth = np.zeros(times.size)
     if "depth" in tables and clocks["depth"].size:
-        depth = np.nan_to_num(held(times, clocks["depth"], column(tables["depth"], "depth_m")))
+        depth = np.nan_to_num(
+            last_before(times, clocks["depth"], column(tables["depth"], "depth_m"))
+        )
     if "position" in tables and clocks["position"].size:
-        place = held(times, clocks["position"], matrix(tables["position"], PLACE))
+        place = last_before(times, clocks["position"], matrix(tables["position"], PLACE))
         if np.isfinite(place[:, :2]).all(axis=1).any():
             place[:, 2] = np.where(np.isfinite(place[:, 2]), place[:, 2], depth)
             return np.nan_to_num(place), "logged positions"
@@ -277,7 +281,7 @@ def _places(
         and has_columns(tables["velocity"], VELOCITY)
     ):
         velocity = np.nan_to_num(
-            held(times, clocks["velocity"], matrix(tables["velocity"], VELOCITY))
+            last_before(times, clocks["velocity"], matrix(tables["velocity"], VELOCITY))
         )
         step = np.diff(times, append=times[-1])[:, None]
         place = np.cumsum(
@@ -288,15 +292,15 @@ def _places(
     return np.column_stack([np.zeros((times.size, 2)), depth]), "depth alone"
 
 
-def held(times: Array, clock: Array, values: Array) -> Array:
+def last_before(times: Array, clock: Array, values: Array) -> Array:
     """Return the last of the values at `clock` (m,) before each of `times` (n,).
 
     Values are (m,) or (m, k); the first is used before all of them.
     """
-    found: Array = values[
+    latest: Array = values[
         np.clip(np.searchsorted(clock, times, side="right") - 1, 0, clock.size - 1)
     ]
-    return found
+    return latest
 
 
 def log_text(name: str, info: Document, health: Document) -> str:
@@ -348,7 +352,11 @@ def _cell(words: object) -> str:
 
 
 def _blueprint(
-    plots: Sequence[Plot], lanes: bool, corners: Array | None, span: tuple[float, float], tab: str
+    plots: Sequence[StreamPlot],
+    lanes: bool,
+    corners: Array | None,
+    span: tuple[float, float],
+    tab: str,
 ) -> rrb.Blueprint:
     views = {
         plot.entity: time_plot(

@@ -37,9 +37,9 @@ from auvid.stages.page.number_format import visible
 from auvid.stages.page.svg_plots import telling_range
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,
+    LoggedSeries,
     Owned,
-    Seen,
-    Sent,
+    VisibleTabs,
     outer,
     parent,
     whole_view,
@@ -145,7 +145,7 @@ def record(
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
     try:
-        blueprint, left_out = whole_view(groups, Seen(sent, paths, tuple(texts), lanes), tab)
+        blueprint, left_out = whole_view(groups, VisibleTabs(sent, paths, tuple(texts), lanes), tab)
     except DataError:  # a tab that there is not
         out.discard()
         raise
@@ -157,7 +157,9 @@ def record(
 def _preferred(summary: Summary) -> list[str]:
     return list(
         dict.fromkeys(
-            name for name in (summary.take, *(model.name for model in summary.models)) if name
+            name
+            for name in (summary.recommended, *(model.name for model in summary.models))
+            if name
         )
     )[:MODELS_SHOWN]
 
@@ -169,12 +171,12 @@ def _send_groups(
     load: Callable[[str], pa.Table],
     clock: Clock,
     preferred: Sequence[str],
-) -> dict[str, Sent]:
+) -> dict[str, LoggedSeries]:
     """Send every group that has its table.
 
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
-    sent: dict[str, Sent] = {}
+    sent: dict[str, LoggedSeries] = {}
     for entity, owner, bundle in _bundles(groups):
         name = find_table(names, owner, str(bundle[0]["table"]))
         if name is None:
@@ -197,14 +199,14 @@ def _send_groups(
             ]
         )
         out.series(entity, times, values)
-        shown = _shown(bundle, preferred)
-        drawn = _settled(bundle, values)[:, shown]
+        is_drawn = _drawn_at_first(bundle, preferred)
+        drawn = _settled(bundle, values)[:, is_drawn]
         limits = telling_range(
             list(drawn.T),
-            [role for role, kept in zip(_roles_drawn(bundle), shown, strict=True) if kept],
+            [role for role, kept in zip(_roles_drawn(bundle), is_drawn, strict=True) if kept],
         )
         drawn = drawn if limits is None else np.clip(drawn, *limits)
-        sent[entity] = sent.get(entity, Sent()).add(times, drawn)
+        sent[entity] = sent.get(entity, LoggedSeries()).add(times, drawn)
     return sent
 
 
@@ -223,15 +225,15 @@ def _lines_of(group: Document) -> int:
 
 def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
     """The role of every line of an entity; the edges of a spread are bands."""
-    found = []
+    roles = []
     for group in bundle:
         lines = _lines_of(group)
-        found += [
+        roles += [
             role
             for own in group["roles"]
             for role in ([str(own), "band", "band"] if lines == 3 else [str(own)] * lines)
         ]
-    return found
+    return roles
 
 
 def _settled(bundle: Sequence[Document], values: Array) -> Array:
@@ -283,7 +285,7 @@ def _values(
     return values
 
 
-def _shown(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
+def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:
     """Return which series of an entity are drawn at first.
 
     All but the models that are not preferred.
@@ -311,12 +313,12 @@ def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
         cut = bool(group.get("filter")) and bool(parent(group))
         entity = parent(group) if cut else str(visible(group["entity"]))
         bundles[(owner, entity, str(group["table"]), "cut" if cut else "whole")].append(group)
-    found = []
+    named_bundles = []
     for (owner, entity, _, how), members in bundles.items():
         models = all(is_model(str(role)) for group in members for role in group["roles"])
         name = f"{entity}/{'models' if models else 'series'}" if how == "cut" else entity
-        found.append((name, owner, members))
-    return found
+        named_bundles.append((name, owner, members))
+    return named_bundles
 
 
 def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
@@ -360,7 +362,7 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
         colors=[(*item.rgb, strength) for item, strength in zip(inks, opacity, strict=True)],
         names=names,
         widths=[item.width for item in inks],
-        visible_series=_shown(bundle, preferred),
+        visible_series=_drawn_at_first(bundle, preferred),
         aggregation_policy="MinMax",  # an average per pixel would hide peaks
     )
 
@@ -378,8 +380,8 @@ def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
         next((word for word in key(name).split("_") if word in AXIS_INKS), None) for name in names
     ]
     known = len(set(axes)) == len(axes) and None not in axes
-    found = [AXIS_INKS[str(axis)] for axis in axes] if known else list(distinct(names).values())
-    return [Ink(item.light, item.dark, width=ink(roles[0]).width) for item in found]
+    chosen = [AXIS_INKS[str(axis)] for axis in axes] if known else list(distinct(names).values())
+    return [Ink(item.light, item.dark, width=ink(roles[0]).width) for item in chosen]
 
 
 def _send_messages(

@@ -173,8 +173,8 @@ def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
     after = np.flatnonzero(np.diff(times) > pause_s)
     if not after.size:
         return times, values
-    beside = times[after] + np.minimum(1e-3, pause_s)
-    return np.insert(times, after + 1, beside), np.insert(values, after + 1, np.nan, axis=0)
+    break_times = times[after] + np.minimum(1e-3, pause_s)
+    return np.insert(times, after + 1, break_times), np.insert(values, after + 1, np.nan, axis=0)
 
 
 def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:

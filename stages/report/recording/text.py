@@ -84,12 +84,12 @@ def stage_texts(sections: Mapping[str, Document]) -> dict[str, str]:
 
     Texts, remarks and tables; plots stand in tabs of their own.
     """
-    found: dict[str, list[str]] = defaultdict(list)
+    texts: dict[str, list[str]] = defaultdict(list)
     for name, document in sorted(sections.items(), key=lambda pair: int(pair[1]["order"])):
         lines = [line for block in document["blocks"] for line in _block(block)]
         if lines:
-            found[name.partition("/")[0]] += [f"## {document['title']}", "", *lines]
-    return {stage: "\n".join(lines) for stage, lines in found.items()}
+            texts[name.partition("/")[0]] += [f"## {document['title']}", "", *lines]
+    return {stage: "\n".join(lines) for stage, lines in texts.items()}
 
 
 def _block(block: Document) -> list[str]:

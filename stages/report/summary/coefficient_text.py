@@ -32,7 +32,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
     Standard errors are those of the model card and take the assumed figures of the
     vehicle as exact.
     """
-    found = [
+    entries = [
         Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
         for axis, part in card["axes"].items()
         if (lines := _damping(axis, part))
@@ -44,7 +44,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
         if item["term"] == CONSTANT
     ]
     if constant:
-        found.append(
+        entries.append(
             Finding(
                 "constant force per axis",
                 tuple(constant),
@@ -62,8 +62,8 @@ def findings(card: Document) -> tuple[Finding, ...]:
             f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at"
             " thrusters, sensor mounting and load first."
         )
-        found.append(Finding("couplings", (words,), note if any(crossed) else ""))
-    return tuple(found)
+        entries.append(Finding("couplings", (words,), note if any(crossed) else ""))
+    return tuple(entries)
 
 
 def _range(axis: str, conditions: Document) -> str:

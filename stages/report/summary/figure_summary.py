@@ -41,31 +41,31 @@ def summarise_results(
     ]
     first = [(part, row) for part, row in rows if row.get("headline")] or rows
     bounds = [row for _, row in first if row.get("verdict") in BOUNDS]
-    shown = [(part, row) for part, row in first if row.get("verdict") not in BOUNDS]
+    figures = [(part, row) for part, row in first if row.get("verdict") not in BOUNDS]
     good = [
-        row for _, row in shown if row.get("verdict") in DETERMINED and row["value"] is not None
+        row for _, row in figures if row.get("verdict") in DETERMINED and row["value"] is not None
     ]
-    judged = [row for _, row in shown if row.get("verdict")]
+    judged = [row for _, row in figures if row.get("verdict")]
     missed = [row for row in bounds if row["verdict"] == MISSED]
-    doubtful = [(part, row) for part, row in shown if row.get("verdict") and row not in good]
+    doubtful = [(part, row) for part, row in figures if row.get("verdict") and row not in good]
     warned = tuple(dict.fromkeys(remarks(sections, "warning")))
-    asked = bool(judged or bounds)
+    has_verdicts = bool(judged or bounds)
     met, of = _counted(bounds)
-    some = bool(good) or 2 * met > of or not asked
+    some = bool(good) or 2 * met > of or not has_verdicts
     level: Level = (
         "good"
-        if asked and not doubtful and not missed and not warned
+        if has_verdicts and not doubtful and not missed and not warned
         else "fair"
         if some
         else "poor"
     )
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
-    found = tuple(dict.fromkeys(remarks(in_order, "finding")))
+    findings = tuple(dict.fromkeys(remarks(in_order, "finding")))
     return Summary(
         level=level,
         headline=_headline(len(judged), len(good), len(rows), bounds),
-        explanation=_explanation(shown, found),
-        take=None,
+        explanation=_explanation(figures, findings),
+        recommended=None,
         judged_on="validation",
         facts=_facts(logs, rows, good, judged, bounds),
         models=(),
@@ -77,14 +77,14 @@ def summarise_results(
             *assumed_figures(vehicle),
         ),
         warnings=warned,
-        figures=tuple(_figure(part, row) for part, row in shown),
+        figures=tuple(_figure(part, row) for part, row in figures),
         bounds=tuple(_bound(row) for row in bounds),
     )
 
 
 def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
     met, of = _counted(bounds)
-    held = (
+    bounds_met = (
         ""
         if not of
         else (
@@ -94,7 +94,11 @@ def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
         )
     )
     if not judged:
-        return held[:1].upper() + held[1:] if held else f"{plural(rows, 'figure')} found"
+        return (
+            bounds_met[:1].upper() + bounds_met[1:]
+            if bounds_met
+            else f"{plural(rows, 'figure')} found"
+        )
     if good == judged:
         words = (
             "Every figure that was asked for is determined"
@@ -108,22 +112,22 @@ def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
             else "The recordings determine none of the figures"
         )
     return (
-        f"{words}, {held}"
-        if held
+        f"{words}, {bounds_met}"
+        if bounds_met
         else words
         if good in (judged, 0)
         else f"{words}: the others say why not"
     )
 
 
-def _explanation(shown: list[tuple[str, Document]], found: tuple[str, ...]) -> str:
+def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...]) -> str:
     """Return the explanation of a verdict.
 
     Few determined figures with their intervals; of many, what the stages state first.
     """
-    known = [_figure(part, row) for part, row in shown if row["value"] is not None]
+    known = [_figure(part, row) for part, row in figures if row["value"] is not None]
     if not known or len(known) > FEW:
-        return " ".join(found[:2])
+        return " ".join(findings[:2])
     parts: dict[str, list[str]] = {}
     for item in known:
         interval = f" ({item.interval})" if item.interval else ""
@@ -138,16 +142,16 @@ def _counted(bounds: list[Document]) -> tuple[int, int]:
 
     A figure that does not state how many it holds counts as one.
     """
-    found = [(row, str(row["quantity"]).rpartition(BOUNDS_OF)) for row in bounds]
-    met = sum(int(row["value"]) if title else row["verdict"] == MET for row, (title, _, _) in found)
-    return met, sum(int(asked) if title else 1 for _, (title, _, asked) in found)
+    split = [(row, str(row["quantity"]).rpartition(BOUNDS_OF)) for row in bounds]
+    met = sum(int(row["value"]) if title else row["verdict"] == MET for row, (title, _, _) in split)
+    return met, sum(int(count) if title else 1 for _, (title, _, count) in split)
 
 
 def _bound(row: Document) -> str:
     """`Table 4: 8 of 8 met, largest error 0.41 % (X_udot)`."""
-    title, _, asked = str(row["quantity"]).rpartition(BOUNDS_OF)
+    title, _, count = str(row["quantity"]).rpartition(BOUNDS_OF)
     words = (
-        f"{title}: {row['value']:g} of {asked} met"
+        f"{title}: {row['value']:g} of {count} met"
         if title
         else f"{row['quantity']}: {row['verdict']}"
     )
@@ -192,10 +196,10 @@ def _facts(
 
 
 def _undetermined(doubtful: list[tuple[str, Document]]) -> list[str]:
-    found: dict[str, list[str]] = {}
+    by_reason: dict[str, list[str]] = {}
     for part, row in doubtful:
-        found.setdefault(f"{part}: {row['verdict']}", []).append(str(row["quantity"]))
-    return [f"{head}: {', '.join(names)}." for head, names in found.items()]
+        by_reason.setdefault(f"{part}: {row['verdict']}", []).append(str(row["quantity"]))
+    return [f"{head}: {', '.join(names)}." for head, names in by_reason.items()]
 
 
 def _damaged(logs: Mapping[str, Document]) -> list[str]:

@@ -39,23 +39,28 @@ def summarise(
     rows = error_table.to_pylist() if error_table is not None else []
     judged = any(row["use"] == "validation" for row in rows)
     models = _scores(rows, cards, "validation" if judged else "training")
-    take = choose(models)
+    recommended = choose(models)
     card = next(
-        (card for card in cards.values() if take is not None and card["name"] == take.name), None
+        (
+            card
+            for card in cards.values()
+            if recommended is not None and card["name"] == recommended.name
+        ),
+        None,
     )
     missing = [
-        *_missing(models, take, card, cards, segments, logs, judged),
-        *_said_of(take, sections),
-        *_unbounded(take, free_run),
+        *_missing(models, recommended, card, cards, segments, logs, judged),
+        *_said_of(recommended, sections),
+        *_unbounded(recommended, free_run),
     ]
-    level, headline, explanation = _verdict(models, take, judged)
+    level, headline, explanation = _verdict(models, recommended, judged)
     return Summary(
         level=level,
         headline=headline,
         explanation=explanation,
-        take=take.name if take else None,
+        recommended=recommended.name if recommended else None,
         judged_on="validation" if judged else "training",
-        facts=_facts(segments, logs, models, take, card),
+        facts=_facts(segments, logs, models, recommended, card),
         models=models,
         identified=findings(card) if card is not None else (),
         missing=(*missing, *assumed_figures(vehicle)),
@@ -120,7 +125,7 @@ def _ratio(row: Mapping[str, Any] | None) -> float | None:
 
 
 def _verdict(
-    models: Sequence[ModelScore], take: ModelScore | None, judged: bool
+    models: Sequence[ModelScore], recommended: ModelScore | None, judged: bool
 ) -> tuple[Level, str, str]:
     if not models:
         return (
@@ -129,7 +134,7 @@ def _verdict(
             "There is no error table: the chain did not reach validation.",
         )
     best = models[0]
-    if take is None:
+    if recommended is None:
         ratio = _judged(best.total)
         where = "on the validation legs" if judged else "on the training legs"
         return (
@@ -143,22 +148,26 @@ def _verdict(
     if not judged:
         return (
             "poor",
-            f"{take.title} fits best, but nothing judges it",
+            f"{recommended.title} fits best, but nothing judges it",
             (
-                f"The campaign has no validation leg. J/J0 = {_figure(take.total.training)} is on"
-                " the training legs alone and says nothing about prediction."
+                f"The campaign has no validation leg. J/J0 = {_figure(recommended.total.training)}"
+                " is on the training legs alone and says nothing about prediction."
             ),
         )
-    validation, training = take.total.validation, take.total.training
-    failing = _failing(take)
+    validation, training = recommended.total.validation, recommended.total.training
+    failing = _failing(recommended)
     words = f"On the validation legs J/J0 = {_figure(validation)}"
     words += f" (training {_figure(training)})" if training is not None else ""
     words += (
-        f": the error is {100 * (validation or 0):.0f} % of the force itself, with {take.terms}"
-        " terms"
+        f": the error is {100 * (validation or 0):.0f} % of the force itself,"
+        f" with {recommended.terms} terms"
     )
-    words += f", {take.rank} of which the data determine." if take.rank < take.terms else "."
-    if take is not best:
+    words += (
+        f", {recommended.rank} of which the data determine."
+        if recommended.rank < recommended.terms
+        else "."
+    )
+    if recommended is not best:
         words += (
             f" {best.title} has a slightly smaller error ({_figure(best.total.validation)}) with"
             f" {best.terms} terms."
@@ -168,7 +177,7 @@ def _verdict(
             f" It does not hold in {_listed(failing)}: there its error is larger than the force."
         )
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    return level, f"Take {take.title}" + (", with care" if level == "fair" else ""), words
+    return level, f"Take {recommended.title}" + (", with care" if level == "fair" else ""), words
 
 
 def _failing(model: ModelScore) -> list[str]:
@@ -183,7 +192,7 @@ def _facts(
     segments: Mapping[str, Document],
     logs: Mapping[str, Document],
     models: Sequence[ModelScore],
-    take: ModelScore | None,
+    recommended: ModelScore | None,
     card: Document | None,
 ) -> tuple[Fact, ...]:
     facts = []
@@ -202,7 +211,11 @@ def _facts(
         )
     )
     facts.append(
-        Fact("models fitted", str(len(models)), f"{take.title} taken" if take else "none taken")
+        Fact(
+            "models fitted",
+            str(len(models)),
+            f"{recommended.title} taken" if recommended else "none taken",
+        )
     )
     if card is not None:
         counts = _verdicts(card)
@@ -229,25 +242,25 @@ def _verdicts(card: Document) -> Counter[str]:
 
 def _missing(
     models: Sequence[ModelScore],
-    take: ModelScore | None,
+    recommended: ModelScore | None,
     card: Document | None,
     cards: Mapping[str, Document],
     segments: Mapping[str, Document],
     logs: Mapping[str, Document],
     judged: bool,
 ) -> list[str]:
-    found = []
+    missing = []
     if segments and not judged:
-        found.append(
+        missing.append(
             "There is no validation leg: give one leg `use: validation`, so that the models are"
             " judged on data they have not seen."
         )
-    shown = take or (models[0] if models else None)
-    if shown is not None and judged:
-        ratio = (shown.total.validation or 0) / (shown.total.training or math.inf)
+    best = recommended or (models[0] if models else None)
+    if best is not None and judged:
+        ratio = (best.total.validation or 0) / (best.total.training or math.inf)
         if ratio > OVERFIT:
-            found.append(
-                f"{shown.title} fits the training legs {ratio:.1f} times better than it predicts"
+            missing.append(
+                f"{best.title} fits the training legs {ratio:.1f} times better than it predicts"
                 " the validation legs."
             )
         never = [
@@ -256,35 +269,37 @@ def _missing(
             if models and all((model.scores[index].validation or 0) > 1 for model in models)
         ]
         if never:
-            found.append(
+            missing.append(
                 f"No model predicts {_listed(never)} on the validation legs: every J/J0 is above 1."
             )
     any_card = card or next(iter(cards.values()), None)
     if any_card is not None:
-        found += _unexcited(any_card)
+        missing += _unexcited(any_card)
     if card is not None:
-        found += _undetermined(card)
+        missing += _undetermined(card)
     for name, log in logs.items():
         if log["status"] != "complete":
             lost = sum(float(item.get("seconds_lost") or 0) for item in log["files"])
-            found.append(
+            missing.append(
                 f"Log {name} is {log['status']}" + (f": {lost:.1f} s are lost." if lost else ".")
             )
-    return found
+    return missing
 
 
-def _said_of(take: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
+def _said_of(recommended: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
     """What stages note about the model to take, by its title."""
     return (
         ()
-        if take is None
+        if recommended is None
         else tuple(
-            words for words in remarks(sections, "note") if words.startswith(f"{take.title} ")
+            words
+            for words in remarks(sections, "note")
+            if words.startswith(f"{recommended.title} ")
         )
     )
 
 
-def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
+def _unbounded(recommended: ModelScore | None, free_run: pa.Table | None) -> list[str]:
     """Return a note if the recommended model diverges in simulation.
 
     A small force error does not promise that a model holds when it is simulated by
@@ -293,15 +308,15 @@ def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
     rows = [
         row
         for row in (free_run.to_pylist() if free_run is not None else [])
-        if take is not None and row["model"] == take.name
+        if recommended is not None and row["model"] == recommended.name
     ]
     gone = [row for row in rows if row["diverged"]]
-    if take is None or not gone:
+    if recommended is None or not gone:
         return []
     worst = max(gone, key=lambda row: row["diverged"] / row["starts"])
     first = min(row["first_divergence_s"] for row in gone)
     words = (
-        f"Simulated by itself from measured states, {take.title} leaves all bounds in"
+        f"Simulated by itself from measured states, {recommended.title} leaves all bounds in"
         f" {worst['diverged']} of {worst['starts']} runs"
     )
     return [
@@ -323,7 +338,7 @@ def assumed_figures(vehicle: VehicleDocument) -> tuple[str, ...]:
 
 
 def _unexcited(card: Document) -> list[str]:
-    found = []
+    sentences = []
     for state, words, so in (
         ("not excited", "The training legs do not excite", "damping there is not determined"),
         ("weak", "The training legs hardly excite", "damping there is not to be trusted"),
@@ -334,8 +349,8 @@ def _unexcited(card: Document) -> list[str]:
             if item["excitation"] == state
         ]
         if axes:
-            found.append(f"{words} {_listed(axes)}: {so}.")
-    return found
+            sentences.append(f"{words} {_listed(axes)}: {so}.")
+    return sentences
 
 
 def _undetermined(card: Document) -> list[str]:

@@ -174,9 +174,9 @@ def _check_separator(head: Head, file: str) -> None:
         else None
     )
     if other is not None:
-        shown = {"\t": "a tab", ";": "a semicolon", ",": "a comma"}[other]
+        words = {"\t": "a tab", ";": "a semicolon", ",": "a comma"}[other]
         remedy = (
-            f"The columns are separated by {shown}: add delimiter: {json.dumps(other)} to the"
+            f"The columns are separated by {words}: add delimiter: {json.dumps(other)} to the"
             " column map, "
         )
         remedy += 'and decimal: "," if the numbers have a decimal comma.'
@@ -380,7 +380,9 @@ def _is_missing(values: npt.NDArray[Any]) -> Mask:
 
 
 def _idle(reason: str, rows: Mask, numbers: Ints) -> list[Skipped]:
-    found = numbers[rows]
+    skipped = numbers[rows]
     return (
-        [Skipped(reason, 0, int(found.size), int(found[0]), int(found[-1]))] if found.size else []
+        [Skipped(reason, 0, int(skipped.size), int(skipped[0]), int(skipped[-1]))]
+        if skipped.size
+        else []
     )

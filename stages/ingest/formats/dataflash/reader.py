@@ -141,8 +141,8 @@ def _clocks(proposals: Proposals, definitions: Definitions) -> Clock:
     clock = np.zeros(definitions.row.size + 1, np.int8)
     for code, char, label in ((1, b"Q", b"TimeUS"), (2, b"I", b"TimeMS")):
         first = raw[:, 25 : 25 + len(label)] == np.frombuffer(label, np.uint8)
-        alone = np.isin(raw[:, 25 + len(label)], (0, ord(",")))
-        clock[1:-1][first.all(axis=1) & alone & (raw[:, 9] == ord(char))] = code
+        ends_label = np.isin(raw[:, 25 + len(label)], (0, ord(",")))
+        clock[1:-1][first.all(axis=1) & ends_label & (raw[:, 9] == ord(char))] = code
     return clock
 
 

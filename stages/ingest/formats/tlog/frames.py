@@ -207,8 +207,8 @@ def proven_uncut(buffer: Buffer, frames: Frames) -> Mask:
         trial, column = np.nonzero((sizes > length[:, None]) & ~right[rows, None])
         for first in range(0, trial.size, _UNCUT_BATCH):
             some, of = trial[first : first + _UNCUT_BATCH], column[first : first + _UNCUT_BATCH]
-            found = _right_at_size(buffer, frames.take(rows[some]), sizes[some, of])
-            right[rows[some[found]]] = True
+            matches = _right_at_size(buffer, frames.take(rows[some]), sizes[some, of])
+            right[rows[some[matches]]] = True
     sender = frames.system.astype(np.uint16) << np.uint16(8) | frames.component
     hits = np.bincount(sender[right], minlength=1 << 16)
     return np.asarray(right & (hits[sender] > 1))

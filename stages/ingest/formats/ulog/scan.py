@@ -328,34 +328,41 @@ class Scan:
         return int if credible else None
 
     def _subscription(self, content: bytes, apply: bool) -> Action | None:
-        found = messages.subscription(content)
-        if apply and found is not None and found.topic in self.formats.rivals and self.choices:
+        subscription = messages.subscription(content)
+        if (
+            apply
+            and subscription is not None
+            and subscription.topic in self.formats.rivals
+            and self.choices
+        ):
             self.choices -= 1
-            self._choose_format(found)
-        sizes = None if found is None else self.formats.layout(found.topic)
-        if found is None or sizes is None:
+            self._choose_format(subscription)
+        sizes = None if subscription is None else self.formats.layout(subscription.topic)
+        if subscription is None or sizes is None:
             return None
-        return partial(self._subscribe, found, sizes)
+        return partial(self._subscribe, subscription, sizes)
 
-    def _subscribe(self, found: messages.Subscription, sizes: layout.RecordSizes) -> None:
-        number = self.stream_index.setdefault((found.topic, found.instance), len(self.streams))
+    def _subscribe(self, subscription: messages.Subscription, sizes: layout.RecordSizes) -> None:
+        number = self.stream_index.setdefault(
+            (subscription.topic, subscription.instance), len(self.streams)
+        )
         if number == len(self.streams):
-            self.streams.append(Stream(found.topic, found.instance, sizes))
-        self.numbers.subscribe(found.id, number, sizes)
+            self.streams.append(Stream(subscription.topic, subscription.instance, sizes))
+        self.numbers.subscribe(subscription.id, number, sizes)
 
-    def _choose_format(self, found: messages.Subscription) -> None:
+    def _choose_format(self, subscription: messages.Subscription) -> None:
         """Put one of several formats of a topic in force.
 
         It is the one whose size fits most data messages of the subscribed number.
         """
         last = self.words.size - (layout.DATA_HEADER_BYTES - 2)
         place = np.flatnonzero(self.buffer[2 : last + 2] == layout.DATA)
-        of_number = place[self.words[place + layout.MESSAGE_HEADER_BYTES] == found.id]
+        of_number = place[self.words[place + layout.MESSAGE_HEADER_BYTES] == subscription.id]
         sizes = np.bincount(self.words[of_number], minlength=1 << 16)
-        most, best = -1, self.formats.by_name[found.topic]
-        for declared in (best, *self.formats.rivals.pop(found.topic)):
+        most, best = -1, self.formats.by_name[subscription.topic]
+        for declared in (best, *self.formats.rivals.pop(subscription.topic)):
             self.formats.replace(declared)
-            known = self.formats.layout(found.topic)
+            known = self.formats.layout(subscription.topic)
             tried = set() if known is None else {known.written, known.padded}
             votes = sum(int(sizes[size + 2]) for size in tried) if tried else -1
             if votes > most:
@@ -556,9 +563,9 @@ class Scan:
         step = FIRST_SEARCH
         while start < self.limit:
             stop = min(start + step, self.limit)
-            found = self._search_block(start, stop)
-            if found >= 0:
-                return found
+            place = self._search_block(start, stop)
+            if place >= 0:
+                return place
             start, step = stop, min(2 * step, LAST_SEARCH)
         return self.limit
 

@@ -113,7 +113,7 @@ def test_of_many_models_the_preferred_are_drawn() -> None:
         preferred=["uncoupled", "fossen", "coe", "linear"],
         titles={"coe": "Coe"},
     )
-    assert [entry.name for entry in drawn.entries if entry.shown] == [
+    assert [entry.name for entry in drawn.entries if entry.is_drawn] == [
         "measured",
         "fossen",
         "Coe",

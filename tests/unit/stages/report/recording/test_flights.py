@@ -12,7 +12,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from auvid.stages.report.recording.blueprint import MOST_VIEWS, Seen, limited, time_plot, whole_view
+from auvid.stages.report.recording.blueprint import (
+    MOST_VIEWS,
+    VisibleTabs,
+    limited,
+    time_plot,
+    whole_view,
+)
 from auvid.stages.report.recording.flights import DESIRED, PLACE, send_flights
 from auvid.stages.report.recording.rerun_stream import Recording
 
@@ -44,7 +50,7 @@ def test_flights_and_desired_paths_stand_in_the_recording(tmp_path: Path) -> Non
     assert list(boxes) == ["helix"]
     assert boxes["helix"] == pytest.approx(np.array([[0.0, -3.0, 2.0], [5.0, 0.5, 2.0]]))
     file = tmp_path / "flights.rrd"
-    file.write_bytes(out.finish(whole_view([], Seen({}, boxes))[0]))
+    file.write_bytes(out.finish(whole_view([], VisibleTabs({}, boxes))[0]))
     printed = subprocess.run(
         [str(RERUN), "rrd", "print", str(file)],
         capture_output=True,

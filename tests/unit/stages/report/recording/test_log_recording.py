@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auvid.stages.report.recording.log_recording import held, log_text, record_log
+from auvid.stages.report.recording.log_recording import last_before, log_text, record_log
 from auvid.stages.report.recording.rerun_stream import broken, rounded, thinned
 from tests.support.golden_recording import GOLDEN, HEALTH, INFO, made, tables
 
@@ -136,7 +136,7 @@ def test_thinning_of_an_odd_length_loses_nothing_at_the_end() -> None:
 
 
 def test_held_is_the_last_sample_before() -> None:
-    found = held(
+    found = last_before(
         np.array([-1.0, 0.5, 2.0, 9.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 11.0, 12.0])
     )
     np.testing.assert_array_equal(found, [10.0, 10.0, 12.0, 12.0])

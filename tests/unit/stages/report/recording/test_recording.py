@@ -16,8 +16,8 @@ import rerun as rr
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.columns import VELOCITY, force_columns
-from auvid.stages.report import Params, draw, run, tell
-from auvid.stages.report.recording.blueprint import NO_RANGE, Sent, outer, with_room
+from auvid.stages.report import Params, collect, render_recording, run
+from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
 from auvid.stages.report.recording.recording import _settled, _values, find_table, make_clock
 from auvid.stages.report.recording.rerun_stream import quaternions
 from auvid.stages.report.recording.text import markdown
@@ -170,11 +170,11 @@ def test_plots_leave_room_around_what_they_show() -> None:
 
 def test_ranges_grow_with_what_is_sent_and_leave_out_gaps() -> None:
     sent = (
-        Sent()
+        LoggedSeries()
         .add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]]))
         .add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
     )
-    assert sent == Sent((2.0, 2.0), (0.0, 6.0))
+    assert sent == LoggedSeries((2.0, 2.0), (0.0, 6.0))
     assert outer([]) == NO_RANGE
 
 
@@ -253,7 +253,7 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
 
 def test_preview_is_smaller(made: ExampleRun) -> None:
     long = example_run({"train": 900.0})
-    told = tell(long.inputs())
-    assert len(draw(long.inputs(), Params(), told, preview=True)) < 0.8 * len(
-        draw(long.inputs(), Params(), told)
+    told = collect(long.inputs())
+    assert len(render_recording(long.inputs(), Params(), told, preview=True)) < 0.8 * len(
+        render_recording(long.inputs(), Params(), told)
     )

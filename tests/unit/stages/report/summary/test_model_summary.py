@@ -39,14 +39,14 @@ def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "
 
 def test_smallest_error_wins_when_it_is_alone(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    assert summary_of(run).take == "coe"
+    assert summary_of(run).recommended == "coe"
     assert "Take Coe" in summary_of(run).headline
 
 
 def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
     found = summary_of(run)
-    assert found.take == "fossen"
+    assert found.recommended == "fossen"
     assert (
         "McFarland & Whitcomb has a slightly smaller error (0.40) with 216 terms"
         in found.explanation
@@ -56,7 +56,7 @@ def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
 def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
     set_ratio(run, "validation", dict.fromkeys(MODELS, 1.3))
     found = summary_of(run)
-    assert found.take is None
+    assert found.recommended is None
     assert found.level == "poor"
     assert found.headline == "Take none of these models"
 
