@@ -28,8 +28,9 @@ ViscousForce = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Control:
-    """What the actuators do; leading dimensions are the batch. What the vehicle does
-    not have is None.
+    """State of the actuators; leading dimensions are the batch.
+
+    What the vehicle does not have is None.
 
     Thrusters: either the pulses `thruster_pwm_us` (..., n), with `voltage_v` (...) or
     None for the voltage of the thrust curve, or the forces along the axes
@@ -46,8 +47,9 @@ class Control:
 
 @dataclass(frozen=True)
 class ForceComponents:
-    """The parts of (4.4), each (..., 6) [N, N m]; None for an actuator that the vehicle
-    does not have.
+    """The parts of (4.4), each (..., 6) [N, N m].
+
+    None for an actuator that the vehicle does not have.
 
     tau_bar = rigid_body_inertia + added_mass_inertia + rigid_body_coriolis +
     added_mass_coriolis
@@ -77,8 +79,9 @@ def inertia_force(M: ArrayLike, nu_dot: ArrayLike) -> Array:
 
 
 def actuator_force(vehicle: Vehicle, nu: ArrayLike, control: Control) -> dict[str, Array]:
-    """tau_U by actuator (2.57): `fins`, `propeller`, `thrusters`, each (..., 6), for
-    those that the vehicle has.
+    """Return tau_U by actuator (2.57), for those that the vehicle has.
+
+    `fins`, `propeller`, `thrusters`, each (..., 6).
 
     Raises `DataError` when the vehicle has an actuator whose command is missing.
     """
@@ -108,8 +111,9 @@ def actuator_force(vehicle: Vehicle, nu: ArrayLike, control: Control) -> dict[st
 def residual_force(
     vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control
 ) -> ForceComponents:
-    """The residual force (4.4), tau_bar = M nu_dot + C(nu) nu - tau_G - tau_U, with all
-    its components.
+    """Return the residual force (4.4) with all its components.
+
+    tau_bar = M nu_dot + C(nu) nu - tau_G - tau_U.
 
     eta, nu, nu_dot (..., 6); it is the force that a viscous model has to explain.
     Errors as `actuator_force`.
@@ -146,8 +150,9 @@ def inverse_dynamics(
 def forward_dynamics(
     vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, control: Control, viscous_force: ArrayLike
 ) -> Array:
-    """nu_dot (..., 6) of (2.60): M^-1 (-C(nu) nu + tau_G + tau_U + tau_nu);
-    `viscous_force` tau_nu (..., 6) at this nu [N, N m].
+    """Return nu_dot (..., 6) of (2.60): M^-1 (-C(nu) nu + tau_G + tau_U + tau_nu).
+
+    `viscous_force` is tau_nu (..., 6) at this nu [N, N m].
 
     Errors as `actuator_force`.
     """
@@ -164,8 +169,9 @@ def forward_dynamics(
 def state_derivative(
     vehicle: Vehicle, state: ArrayLike, control: Control, viscous_force: ViscousForce
 ) -> Array:
-    """Rate of the state [eta, nu] (..., 12) under `control`, with tau_nu =
-    viscous_force(nu). nan at singular pitch.
+    """Return the rate of the state [eta, nu] (..., 12) under `control`.
+
+    tau_nu = viscous_force(nu). nan at singular pitch.
     """
     state = np.asarray(state, dtype=np.float64)
     eta, nu = state[..., :6], state[..., 6:]

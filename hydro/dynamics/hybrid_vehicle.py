@@ -1,5 +1,6 @@
-"""The hybrid vehicle of Al Makdah 2016, thrust or glide: its equations of motion
-(2.59)-(2.64), (3.1) on the common ones.
+"""The hybrid vehicle of Al Makdah 2016, thrust or glide: (2.59)-(2.64), (3.1).
+
+Its equations of motion build on the common ones.
 
 State chi = [nu, eta] (12), input U = [X_thrust, delta_r, delta_s_right, delta_s_left]
 in N and rad; the mass of the buoyancy engine and x_G are inputs too. Leading dimensions
@@ -38,10 +39,11 @@ PARAMETER_SETS = ("as_printed", "as_simulated", "corrected")
 
 @dataclass(frozen=True)
 class HybridVehicle:
-    """Constants of the motion. `added_mass` (..., 6, 6) McCarter's sign; `viscous`
-    (..., 6, n) for the basis terms `terms`; `fins` (..., 6, 3): force per u^2 and rad
-    of delta_r, delta_s_right, delta_s_left. The leading dimensions, if any, are
-    members.
+    """Constants of the motion of a hybrid vehicle.
+
+    `added_mass` (..., 6, 6) McCarter's sign; `viscous` (..., 6, n) for the basis terms
+    `terms`; `fins` (..., 6, 3): force per u^2 and rad of delta_r, delta_s_right,
+    delta_s_left. The leading dimensions, if any, are members.
     """
 
     vehicle: Vehicle
@@ -68,8 +70,9 @@ class HybridVehicle:
         )
 
     def rigid_body(self, mass_kg: ArrayLike, x_G_m: ArrayLike) -> Array:
-        """M_RB (..., 6, 6) at this mass; the moments of inertia stay those of Table
-        2.5, as in the thesis.
+        """Return M_RB (..., 6, 6) at this mass.
+
+        The moments of inertia stay those of Table 2.5, as in the thesis.
         """
         return rigid_body_matrix(mass_kg, self.r_G(x_G_m), self.vehicle.inertia)
 
@@ -78,8 +81,9 @@ class HybridVehicle:
         return np.asarray(self.rigid_body(mass_kg, x_G_m) - self.added_mass)
 
     def with_viscous(self, coefficients: Coefficients, *, name: str) -> HybridVehicle:
-        """The same vehicle with another viscous model, for example an identified one:
-        axis -> term -> coefficient.
+        """Return the same vehicle with another viscous model.
+
+        The model is axis -> term -> coefficient, for example an identified one.
         """
         model = IdentifiedModel(name, coefficients)
         return replace(self, terms=model.terms, viscous=model.matrix, parameter_set=name)
@@ -119,8 +123,9 @@ def hybrid_vehicle(vehicle: Vehicle, parameter_set: str = "as_simulated") -> Hyb
 
 
 def parameter_coefficients(vehicle: Vehicle, parameter_set: str) -> tuple[Coefficient, ...]:
-    """Return all coefficients of a vehicle under a parameter set, published ones in
-    place of those of strip theory where the set says so.
+    """Return all coefficients of a vehicle under a parameter set.
+
+    Published ones replace those of strip theory where the set demands it.
 
     Raises `CampaignError` for an unknown set and for a vehicle without geometry or
     without coefficients of the set.
@@ -165,8 +170,9 @@ def nu_dot(
     force_ned_N: ArrayLike | None = None,
     current_ned_m_s: ArrayLike | None = None,
 ) -> Array:
-    """Acceleration (..., 6) of (2.59)-(2.64): chi (..., 12), U (..., 4), mass (...)
-    [kg], x_G (...) [m].
+    """Return the acceleration (..., 6) of (2.59)-(2.64).
+
+    Shapes: chi (..., 12), U (..., 4), mass (...) [kg], x_G (...) [m].
 
     Default mass: neutral; default x_G: (3.12) of the mass. `force_ned_N` (..., 3):
     force field at the centre of gravity (2.55)-(2.58). `current_ned_m_s` (..., 3):
@@ -216,8 +222,9 @@ def chi_dot(
     force_ned_N: ArrayLike | None = None,
     current_ned_m_s: ArrayLike | None = None,
 ) -> Array:
-    """F(chi, U, m) + Delta d of (3.1): (..., 12), arguments as `nu_dot`. nan at
-    singular pitch.
+    """Return F(chi, U, m) + Delta d of (3.1): (..., 12), arguments as `nu_dot`.
+
+    nan at singular pitch.
     """
     chi = np.asarray(chi, dtype=np.float64)
     rate = nu_dot(

@@ -1,5 +1,6 @@
-"""Partial derivatives of the parts of the equations of motion, for linearisation about
-a motion.
+"""Partial derivatives of the parts of the equations of motion.
+
+They serve to linearise about a motion.
 
 They are analytic because the moduli in drag make complex steps wrong; at the kink of a
 modulus the derivative is that of its middle, 0. All functions take leading batch
@@ -38,8 +39,9 @@ def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:
 def restoring_jacobian(
     eta: ArrayLike, *, weight: ArrayLike, buoyancy: ArrayLike, r_G: ArrayLike, r_B: ArrayLike
 ) -> Array:
-    """d(tau_G)/d(eta) of (2.44): (..., 6) -> (..., 6, 6); only the columns of phi and
-    theta are not 0.
+    """Return d(tau_G)/d(eta) of (2.44): (..., 6) -> (..., 6, 6).
+
+    Only the columns of phi and theta are not 0.
     """
     attitude = np.asarray(eta, dtype=np.float64)[..., 3:]
     heavy, lift = np.asarray(weight, dtype=np.float64), np.asarray(buoyancy, dtype=np.float64)
@@ -74,8 +76,9 @@ def restoring_jacobian(
 
 
 def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
-    """d(eta_dot)/d(nu) and d(eta_dot)/d(eta) of (2.11): (..., 6), (..., 6) -> (..., 6,
-    6) each. nan at singular pitch.
+    """Return d(eta_dot)/d(nu) and d(eta_dot)/d(eta) of (2.11).
+
+    (..., 6), (..., 6) -> (..., 6, 6) each. nan at singular pitch.
     """
     eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
     attitude, v, omega = eta[..., 3:], nu[..., :3], nu[..., 3:]

@@ -1,5 +1,6 @@
-"""Read the numbers of a vehicle document: converted to SI, checked for shape, with the
-assumed ones remembered.
+"""Quantities of a vehicle document as numbers.
+
+They are converted to SI and checked for shape; the assumed ones are remembered.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from auvid.hydro.arrays import Array, read_only
 
 
 class Quantities:
-    """Quantities {value, unit, source, assumed} under one key of a document; `assumed`
-    collects a sentence for each assumed number.
+    """Quantities {value, unit, source, assumed} under one key of a document.
+
+    `assumed` collects a sentence for each assumed number.
     """
 
     def __init__(
@@ -48,8 +50,9 @@ class Quantities:
         return default if value is None else value
 
     def array(self, key: str, unit: str, *, shape: tuple[int, ...], default: Any = None) -> Array:
-        """The quantity in `unit` as a read-only array. A length of -1 in `shape` may be
-        any. Raises `CampaignError` naming the key.
+        """Return the quantity in `unit` as a read-only array.
+
+        A length of -1 in `shape` may be any. Raises `CampaignError` naming the key.
         """
         if key not in self:
             if default is None:
