@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import Flown, fly_case, models_of
 from auvid.stages.control.presentation import at_turns
@@ -18,7 +19,9 @@ from auvid.stages.control.presentation import at_turns
 ROOT = Path(__file__).parents[2]
 TRUE, IDENTIFIED = "as_simulated", "identified (prestero)"
 FLIGHTS = ("undisturbed", "side_force_observer")
-VEHICLE = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8"))
+VEHICLE = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8"))
+)
 
 
 def flown(

@@ -108,9 +108,9 @@ def _intact(source: SmallLog, ranges: _Ranges) -> tuple[Mask, Ints]:
     places = source.places
     # A range that begins one byte before the file (the line feed of the first line) has
     # no such byte to lose.
-    intact, shift = ranges.whole(np.maximum(places.start, 0), places.stop)
+    intact, shift = ranges.intact(np.maximum(places.start, 0), places.stop)
     defined = np.array(
-        [ranges.whole(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs],
+        [ranges.intact(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs],
         np.bool_,
     )
     return intact & defined[places.type], places.first + shift

@@ -53,4 +53,4 @@ def test_strip_theory_beside_the_published_tables():
     values = {row["quantity"]: row["value"] for row in part.rows}
     assert values["Y_v|v|, as_printed"] == pytest.approx(-246.574, abs=1e-3)
     assert values["M_q|q|, corrected"] == pytest.approx(-65.670, abs=1e-3)
-    assert len(part.blocks[0]["rows"]) == len(HAUV["published"])
+    assert len(part.blocks[0]["rows"]) == len(HAUV.document.published)
