@@ -1,0 +1,1 @@
+"""Documents that users write, as models, and the way to check any document."""

@@ -1,0 +1,309 @@
+"""What all documents share: a strict model, quantities with units, faults with rows.
+
+pydantic finds the faults of a document; `parse` reports them as ours: file, row and
+field, what was found, what is allowed, and the remedy.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import CoreSchema, ErrorDetails
+from pydantic_core.core_schema import no_info_after_validator_function
+
+from auvid.data_schemas.errors import (
+    CampaignError,
+    PipelineError,
+    SchemaError,
+    nearest,
+    raise_faults,
+)
+from auvid.data_schemas.units import convertible, factor_and_offset
+
+QUANTITY_REMEDY = "Every number needs value, unit and source."
+TYPE_NAMES = {
+    "string_type": "string",
+    "float_type": "number",
+    "int_type": "integer",
+    "int_from_float": "integer",
+    "bool_type": "boolean",
+    "list_type": "list",
+    "dict_type": "mapping",
+}
+"""Type of a pydantic error -> what the field takes, as a user calls it."""
+Path = tuple[str | int, ...]
+
+
+class Model(BaseModel):
+    """A document, or a mapping inside one. Unknown keys are faults; nothing is coerced."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
+
+
+M = TypeVar("M", bound=Model)
+
+
+class Faults(ValueError):
+    """Faults that a validator raises; their fields count from the checked value."""
+
+    def __init__(self, *faults: PipelineError) -> None:
+        self.faults = faults
+        super().__init__(*map(str, faults))
+
+    def raise_any(self) -> None:
+        """Raise these faults if there are any."""
+        if self.faults:
+            raise self
+
+
+def fault(message: str, at: str = "", value: object = None, **more: Any) -> CampaignError:
+    """Return a fault of a document at a field that counts from the checked value."""
+    return CampaignError(message, field=at, value=value, **more)
+
+
+@dataclass(frozen=True)
+class Range:
+    """Bounds of a number, ends included; None where there is none."""
+
+    low: float | None = None
+    high: float | None = None
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return no_info_after_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        bounds = {"minimum": self.low, "maximum": self.high}
+        return handler(schema) | {key: end for key, end in bounds.items() if end is not None}
+
+    def _checked(self, value: float) -> float:
+        low, high = self.low, self.high
+        if (low is None or value >= low) and (high is None or value <= high):
+            return value
+        ends = f"at least {low}" if high is None else f"{low} to {high}"
+        raise Faults(
+            SchemaError(
+                "out of range", value=value, allowed=ends if low is not None else f"at most {high}"
+            )
+        )
+
+
+class Quantity(Model):
+    """A number, or an array of them, with its unit and where it comes from."""
+
+    value: float | list[Any]
+    """One number, or lists of numbers."""
+    unit: str
+    """Unit text, as pint reads it."""
+    source: str
+    """Where the number comes from."""
+    assumed: bool = False
+    """Whether the number is assumed; the report lists those."""
+    note: str | None = None
+    """What is to be said of the number."""
+    _si: npt.NDArray[np.float64] = PrivateAttr(default_factory=lambda: np.zeros(()))
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _numbers(cls, value: Any, handler: Callable[[Any], Quantity]) -> Quantity:
+        if not isinstance(value, Mapping | Quantity):
+            raise Faults(
+                SchemaError("not a quantity", value=value, remedy="Give {value, unit, source}.")
+            )
+        if isinstance(value, Mapping) and "value" in value:
+            _array(value["value"])
+        return handler(value)
+
+    @property
+    def si(self) -> float:
+        """The number in the unit of the schema."""
+        return float(self._si)
+
+    @property
+    def array(self) -> npt.NDArray[np.float64]:
+        """The numbers in the unit of the schema, read-only."""
+        return self._si
+
+
+def _array(value: object) -> npt.NDArray[np.float64]:
+    try:
+        found = np.array(value)
+    except ValueError:  # rows of different lengths
+        found = np.array(None)
+    if found.dtype.kind not in "iuf":
+        raise Faults(SchemaError("not numbers", field="value", value=value))
+    found = found.astype(np.float64)
+    if not np.all(np.isfinite(found)):
+        raise Faults(SchemaError("not finite", field="value", value=value))
+    return found
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The unit that a quantity is read in, and its shape; -1 is any length."""
+
+    unit: str
+    shape: tuple[int, ...] = ()
+    positive: bool = False
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return no_info_after_validator_function(self._read, handler(source))
+
+    def _read(self, quantity: Quantity) -> Quantity:
+        """Return the quantity with its numbers in the unit of the schema."""
+        value = _array(quantity.value)
+        if value.ndim != len(self.shape) or any(
+            want not in (-1, have) for want, have in zip(self.shape, value.shape, strict=True)
+        ):
+            raise Faults(
+                SchemaError("wrong shape", field="value", value=value.shape, allowed=self.shape)
+            )
+        if not convertible(quantity.unit, self.unit):
+            raise Faults(
+                SchemaError(
+                    "wrong unit",
+                    field="unit",
+                    value=quantity.unit,
+                    allowed=f"a unit of {self.unit}",
+                )
+            )
+        factor, offset = factor_and_offset(quantity.unit, self.unit)
+        quantity._si = np.asarray(value * factor + offset)
+        quantity._si.flags.writeable = False
+        if self.positive and not np.all(quantity._si > 0.0):
+            allowed = f"more than 0 {self.unit}"
+            raise Faults(fault("must be positive", "value", quantity.value, allowed=allowed))
+        return quantity
+
+
+def assumed_numbers(model: Model, path: str = "") -> Iterator[str]:
+    """Yield a sentence for each assumed number of a document, in its own order."""
+    if isinstance(model, Quantity):
+        if model.assumed:
+            yield f"{path} = {model.value} {model.unit} ({model.source.strip()})"
+        return
+    for key, value in model:
+        if isinstance(value, Model):
+            yield from assumed_numbers(value, f"{path}.{key}" if path else key)
+
+
+def parse(
+    kind: type[M],
+    document: object,
+    *,
+    file: object = None,
+    row: Callable[[str], int | None] = lambda field: None,
+) -> M:
+    """Return the document as a checked model, or raise all of its faults together.
+
+    `row`: dotted path of a field -> its row in the file.
+    """
+    try:
+        return kind.model_validate(document)
+    except ValidationError as found:
+        faults = [each for error in found.errors() for each in _faults(kind, error)]
+        # pydantic reports by field; a user reads by row
+        for each in faults:
+            each.file, each.row = file, row(each.field) if each.field else None
+            each.args = (str(each),)
+        raise_faults(faults, file=file)
+        raise  # pydantic found faults, so there are some
+
+
+def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
+    """Yield what one error of pydantic is to a user."""
+    place, code, value = error["loc"], error["type"], error["input"]
+    field = dotted(place) or None
+    if code == "value_error":
+        cause = error["ctx"]["error"]
+        if not isinstance(cause, Faults):
+            raise cause
+        for each in cause.faults:
+            inner = each.field or ""
+            each.field = f"{field or ''}{'.' if field and inner[:1] != '[' else ''}{inner}".strip(
+                "."
+            )
+            each.field = each.field or None
+            yield each
+    elif code in ("extra_forbidden", "invalid_key"):
+        known = _model(_annotation(kind, place[:-1]), Model).model_fields
+        remedy = nearest(str(place[-1]), known) or f"Known keys: {', '.join(known)}."
+        yield SchemaError("unknown key", field=field, remedy=remedy)
+    elif code == "missing":
+        owner = _model(_annotation(kind, place[:-1]), Model)
+        meaning = owner.model_fields[str(place[-1])].description
+        remedy = QUANTITY_REMEDY if owner is Quantity else meaning
+        yield SchemaError("missing key", field=field, remedy=remedy)
+    elif code == "literal_error":
+        allowed = get_args(_member(_annotation(kind, place), Literal))
+        remedy = nearest(str(value), map(str, allowed))
+        yield SchemaError("unknown value", field=field, value=value, allowed=allowed, remedy=remedy)
+    elif code in ("model_type", "model_attributes_type"):
+        yield SchemaError("not a mapping of keys to values", field=field, value=value)
+    elif code == "finite_number":
+        yield SchemaError("not finite", field=field, value=value)
+    else:
+        allowed_type = TYPE_NAMES.get(code, error["msg"])
+        yield SchemaError("wrong type", field=field, value=value, allowed=allowed_type)
+
+
+def dotted(place: Path) -> str:
+    """Return the dotted path of a place: ("logs", 0, "id") -> logs[0].id."""
+    text = ""
+    for step in place:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+def _annotation(kind: Any, place: Path) -> Any:
+    """Return the annotation of what stands at a place of a model."""
+    for step in place:
+        model = _member(kind, Model)
+        if model is not None:
+            kind = model.model_fields[str(step)].annotation
+        else:
+            kind = get_args(_member(kind, list) or _member(kind, dict))[-1]
+    return kind
+
+
+def _member(kind: Any, wanted: Any) -> Any:
+    """Return the part of an annotation that is of a kind, or None."""
+    origin = get_origin(kind)
+    if origin is Annotated:
+        return _member(get_args(kind)[0], wanted)
+    if origin in (Union, types.UnionType):
+        found = (_member(part, wanted) for part in get_args(kind))
+        return next((part for part in found if part is not None), None)
+    if wanted is Model:
+        return kind if isinstance(kind, type) and issubclass(kind, Model) else None
+    return kind if origin is wanted else None
+
+
+def _model(kind: Any, wanted: type[Model]) -> type[Model]:
+    found: type[Model] = _member(kind, wanted)
+    return found
