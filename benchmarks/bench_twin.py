@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
 from auvid.hydro.identification.bench.single_channel import symbols
 from auvid.stages import ingest, rlse

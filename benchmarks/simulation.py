@@ -34,7 +34,7 @@ import yaml
 
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs, integrate_open_loop
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 ROOT = Path(__file__).parents[1]

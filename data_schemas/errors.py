@@ -95,6 +95,7 @@ class ManyFaults(PipelineError):
     """All faults of one file together: the first twenty and the count."""
 
     def __init__(self, faults: Sequence[PipelineError] | str, *, file: object = None) -> None:
+        self.faults = () if isinstance(faults, str) else tuple(faults)
         if isinstance(faults, str):
             super().__init__(faults, file=file)
             return

@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import yaml
 
+from auvid.data_schemas.documents import MODELS, model_of
 from auvid.data_schemas.errors import SchemaError, nearest
 
 Kind = Literal["table", "document", "bytes"]
@@ -64,7 +65,7 @@ def expand_braces(name: str) -> list[tuple[str, tuple[str, ...]]]:
 
 def schema_names() -> tuple[str, ...]:
     """The names of all schemas, sorted."""
-    return tuple(sorted(_schema_files()))
+    return tuple(sorted({*_schema_files(), *MODELS}))
 
 
 @cache
@@ -100,6 +101,9 @@ def schema(name: str) -> Schema:
             allowed=schema_names(),
             remedy=nearest(name, schema_names()),
         )
+    if name in MODELS:
+        meaning = " ".join((model_of(name).__doc__ or "").split())
+        return Schema(name, "document", meaning, suffix=".json")
     raw = yaml.safe_load(schema_text(name))
     columns = _columns(raw["fields"]) if raw["kind"] == "table" else {}
     return Schema(

@@ -20,7 +20,6 @@ import numpy as np
 import yaml
 from scipy.interpolate import CubicSpline
 
-from auvid.data_schemas.documents import check_document
 from auvid.hydro.control.closed_loop import fly
 from auvid.hydro.control.controllers import design
 from auvid.hydro.control.equilibrium import equilibrium
@@ -28,7 +27,7 @@ from auvid.hydro.control.paths.paths import Curve, helix, path_of_pieces, saw_to
 from auvid.hydro.control.paths.trajectories import fly_path
 from auvid.hydro.control.plants import HybridPlant
 from auvid.hydro.dynamics.simulation.simulation import Inputs, Motion
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.cases import limits_of, weights_of
 from auvid.stages.control.flying import models_of
 from auvid.stages.simulate.dataflash_writer import write_dataflash
@@ -98,11 +97,10 @@ class Logged:
 def flights() -> dict[str, bytes]:
     """Log files by name."""
     document = yaml.safe_load((HERE / "vehicle.yaml").read_text())
-    check_document(document, "vehicle", file="vehicle.yaml")
     vehicle = vehicle_from_document(document)
     cases = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
     plant = models_of(
-        yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()),
+        vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())),
         None,
         {**cases, "redesign": []},
         limits_of(cases),

@@ -75,6 +75,13 @@ class Faults(ValueError):
         if self.faults:
             raise self
 
+    def under(self, at: str) -> Iterator[PipelineError]:
+        """Yield the faults with fields that count from further outside."""
+        for each in self.faults:
+            inner = each.field or ""
+            each.field = at + ("." if at and inner and inner[0] != "[" else "") + inner or None
+            yield each
+
 
 def fault(message: str, at: str = "", value: object = None, **more: Any) -> CampaignError:
     """Return a fault of a document at a field that counts from the checked value."""
@@ -172,9 +179,9 @@ class Unit:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return no_info_after_validator_function(self._read, handler(source))
+        return no_info_after_validator_function(self.read, handler(source))
 
-    def _read(self, quantity: Quantity) -> Quantity:
+    def read(self, quantity: Quantity) -> Quantity:
         """Return the quantity with its numbers in the unit of the schema."""
         value = _array(quantity.value)
         if value.ndim != len(self.shape) or any(
@@ -201,15 +208,16 @@ class Unit:
         return quantity
 
 
-def assumed_numbers(model: Model, path: str = "") -> Iterator[str]:
-    """Yield a sentence for each assumed number of a document, in its own order."""
-    if isinstance(model, Quantity):
-        if model.assumed:
-            yield f"{path} = {model.value} {model.unit} ({model.source.strip()})"
-        return
-    for key, value in model:
-        if isinstance(value, Model):
-            yield from assumed_numbers(value, f"{path}.{key}" if path else key)
+def assumed_quantities(
+    part: object, place: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Quantity]]:
+    """Yield each assumed number of a part of a document, with its place."""
+    if isinstance(part, Quantity):
+        if part.assumed:
+            yield place, part
+    elif isinstance(part, Model | dict):
+        for key, value in part.items() if isinstance(part, dict) else part:
+            yield from assumed_quantities(value, (*place, key))
 
 
 def parse(
@@ -227,11 +235,12 @@ def parse(
         return kind.model_validate(document)
     except ValidationError as found:
         faults = [each for error in found.errors() for each in _faults(kind, error)]
-        # pydantic reports by field; a user reads by row
+        rows = {id(each): row(each.field) if each.field else None for each in faults}
         for each in faults:
-            each.file, each.row = file, row(each.field) if each.field else None
+            each.file, each.row = file, rows[id(each)]
             each.args = (str(each),)
-        raise_faults(faults, file=file)
+        # pydantic reports in the order of the model; a user reads by row
+        raise_faults(sorted(faults, key=lambda each: rows[id(each)] or 0), file=file)
         raise  # pydantic found faults, so there are some
 
 
@@ -243,13 +252,7 @@ def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
         cause = error["ctx"]["error"]
         if not isinstance(cause, Faults):
             raise cause
-        for each in cause.faults:
-            inner = each.field or ""
-            each.field = f"{field or ''}{'.' if field and inner[:1] != '[' else ''}{inner}".strip(
-                "."
-            )
-            each.field = each.field or None
-            yield each
+        yield from cause.under(field or "")
     elif code in ("extra_forbidden", "invalid_key"):
         known = _model(_annotation(kind, place[:-1]), Model).model_fields
         remedy = nearest(str(place[-1]), known) or f"Known keys: {', '.join(known)}."
@@ -257,12 +260,12 @@ def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
     elif code == "missing":
         owner = _model(_annotation(kind, place[:-1]), Model)
         meaning = owner.model_fields[str(place[-1])].description
-        remedy = QUANTITY_REMEDY if owner is Quantity else meaning
-        yield SchemaError("missing key", field=field, remedy=remedy)
+        needed = QUANTITY_REMEDY if owner is Quantity else meaning
+        yield SchemaError("missing key", field=field, remedy=needed)
     elif code == "literal_error":
         allowed = get_args(_member(_annotation(kind, place), Literal))
-        remedy = nearest(str(value), map(str, allowed))
-        yield SchemaError("unknown value", field=field, value=value, allowed=allowed, remedy=remedy)
+        close = nearest(str(value), map(str, allowed))
+        yield SchemaError("unknown value", field=field, value=value, allowed=allowed, remedy=close)
     elif code in ("model_type", "model_attributes_type"):
         yield SchemaError("not a mapping of keys to values", field=field, value=value)
     elif code == "finite_number":

@@ -8,33 +8,25 @@ are the batch; parameters may differ from member to member.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import Array, cross, matrix_product, read_only
-from auvid.hydro.dynamics.actuators.buoyancy_engine import (
-    BuoyancyEngine,
-    buoyancy_engine_from_document,
-)
+from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
-from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis
 from auvid.hydro.dynamics.viscous.coefficients import (
     Coefficient,
     added_mass_matrix,
     control_matrix,
-    term_of,
-    unit_of,
     viscous_terms,
 )
 from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
@@ -93,25 +85,25 @@ class HybridVehicle:
         return replace(self, terms=model.terms, viscous=model.matrix, parameter_set=name)
 
 
-def hybrid_vehicle(
-    document: Mapping[str, Any], parameter_set: str = "as_simulated"
-) -> HybridVehicle:
-    """The vehicle of a document with `geometry`, `buoyancy_engine` and `propulsion`,
-    under one of the PARAMETER_SETS.
+def hybrid_vehicle(vehicle: Vehicle, parameter_set: str = "as_simulated") -> HybridVehicle:
+    """Return the hybrid vehicle under one of the PARAMETER_SETS.
 
     `as_printed`: published coefficients, lift by the printed formulas. `as_simulated`:
     the same with the values that the source's own simulations need. `corrected`: strip
-    theory with the errata applied. Raises `CampaignError` for other names, for missing
-    blocks, and for a mass of the vehicle that its engine cannot hold.
+    theory with the errata applied. Raises `CampaignError` for other names, for a
+    vehicle without geometry, buoyancy engine, propulsion or thruster, and for a mass of
+    the vehicle that its engine cannot hold.
     """
-    vehicle = vehicle_from_document(document)
-    chosen = parameter_coefficients(document, parameter_set)
+    chosen = parameter_coefficients(vehicle, parameter_set)
     model = IdentifiedModel(parameter_set, viscous_terms(chosen))
+    engine, roll_moment_Nm = vehicle.buoyancy_engine, vehicle.propeller_roll_moment_Nm
     if vehicle.thrusters is None or vehicle.thrusters.curve.force_N[-1] <= 0.0:
         raise CampaignError(
             "a hybrid vehicle needs a thruster", field="actuators.thrusters", value=vehicle.name
         )
-    engine = buoyancy_engine_from_document(document)
+    if engine is None or roll_moment_Nm is None:
+        missing = "buoyancy_engine" if engine is None else "propulsion"
+        raise CampaignError(f"a hybrid vehicle needs {missing}", field=missing)
     engine.check(vehicle.mass_kg, field="rigid_body.mass")
     return HybridVehicle(
         vehicle=vehicle,
@@ -122,20 +114,16 @@ def hybrid_vehicle(
         viscous=read_only(model.matrix),
         fins=read_only(control_matrix(chosen)),
         maximum_thrust_N=float(vehicle.thrusters.curve.force_N[-1]),
-        propeller_roll_moment_Nm=Quantities(document)
-        .part("propulsion")
-        .number("roll_moment", "N*m"),
+        propeller_roll_moment_Nm=roll_moment_Nm,
     )
 
 
-def parameter_coefficients(
-    document: Mapping[str, Any], parameter_set: str
-) -> tuple[Coefficient, ...]:
-    """All coefficients of a vehicle under a parameter set, published ones in place of
-    those of strip theory where the set says so.
+def parameter_coefficients(vehicle: Vehicle, parameter_set: str) -> tuple[Coefficient, ...]:
+    """Return all coefficients of a vehicle under a parameter set, published ones in
+    place of those of strip theory where the set says so.
 
-    Raises `CampaignError` for an unknown set, a document without geometry, or a
-    published name that is no coefficient.
+    Raises `CampaignError` for an unknown set and for a vehicle without geometry or
+    without coefficients of the set.
     """
     if parameter_set not in PARAMETER_SETS:
         raise CampaignError(
@@ -145,43 +133,26 @@ def parameter_coefficients(
             allowed=PARAMETER_SETS,
             remedy=nearest(parameter_set, PARAMETER_SETS),
         )
-    computed = strip_theory_of(document, corrected=parameter_set == "corrected")
+    computed = strip_theory_of(vehicle, corrected=parameter_set == "corrected")
     if parameter_set == "corrected":
         return computed
-    if not document.get("as_simulated" if parameter_set == "as_simulated" else "published"):
+    key = "as_simulated" if parameter_set == "as_simulated" else "published"
+    given = dict(vehicle.published)
+    if not getattr(vehicle, key):
         raise CampaignError(
             "the vehicle file lists no coefficients for this parameter set",
-            field="as_simulated" if parameter_set == "as_simulated" else "published",
+            field=key,
             value=parameter_set,
             remedy="Take `corrected`, which needs the geometry alone.",
         )
-    given = dict(published_coefficients(document, "published"))
     if parameter_set == "as_simulated":
-        given |= published_coefficients(document, "as_simulated")
+        given |= vehicle.as_simulated
     kept = tuple(
         item
         for item in computed
         if item.name not in given or item.kind in ("body_lift", "surface_lift")
     )
     return (*kept, *given.values())
-
-
-def published_coefficients(
-    document: Mapping[str, Any], key: str = "published"
-) -> dict[str, Coefficient]:
-    """The coefficients that a vehicle document lists under `key`, by name; empty if
-    there are none.
-    """
-    read = Quantities(document).part(key)
-    found: dict[str, Coefficient] = {}
-    for name, entry in (document.get(key) or {}).items():
-        term = term_of(name)
-        kind = "added_mass" if term.endswith("dot") else "control" if "delta" in term else "drag"
-        value = read.number(name, unit_of(name))
-        found[name] = Coefficient(
-            name, value, unit_of(name), kind, "", str(entry.get("source", ""))
-        )
-    return found
 
 
 def nu_dot(

@@ -19,6 +19,7 @@ from auvid.data_schemas.errors import (
     nearest,
     raise_faults,
 )
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
@@ -59,7 +60,7 @@ class Campaign:
     folder: Path
     file: YamlFile
     vehicle_file: Path
-    vehicle: Mapping[str, Any]
+    vehicle: Vehicle
     twin: Mapping[str, Any] | None = None
     documents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """The documents that the manifest names, by schema."""
@@ -129,20 +130,20 @@ def load_campaign(
     faults = [file.located(fault) for fault in _faults(file, kinds)]
     raise_faults(faults, file=file.path)
     vehicle_file = _vehicle_path(file, folder, vehicles)
-    vehicle = load_vehicle(vehicle_file, named_in=file.path)
+    vehicle = load_vehicle(vehicle_file, named_in=file.path).vehicle
     twin = None
     if SIMULATE in kinds[file.value["kind"]]:
         plan = inside(folder, file.value[SIMULATE]["plan"], file.path)
         twin = load_twin(
             file.value[SIMULATE],
-            vehicle.value,
+            vehicle,
             plan=plan,
             vehicle_file=vehicle_file,
             folder=folder,
             file=file.path,
         )
     return Campaign(
-        folder.name, folder, file, vehicle_file, vehicle.value, twin, _documents(file, folder)
+        folder.name, folder, file, vehicle_file, vehicle, twin, _documents(file, folder)
     )
 
 

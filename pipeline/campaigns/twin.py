@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.pipeline.store.atomic_files import readable
@@ -23,7 +23,7 @@ REFIT = "refit:"
 
 def load_twin(
     entry: Mapping[str, Any],
-    vehicle: Mapping[str, Any],
+    vehicle: Vehicle,
     *,
     plan: Path,
     vehicle_file: Path,
@@ -59,13 +59,13 @@ def load_twin(
     }
 
 
-def load_plan(path: Path, vehicle: Mapping[str, Any], *, file: object) -> YamlFile:
+def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> YamlFile:
     """A plan that agrees with its schema and that this vehicle can fly."""
     found = load_yaml(path, named_in=file, what="plan")
     found.check("plan")
     try:
         check = bench_plan if "bench" in found.value else plan_from_document
-        check(found.value, vehicle_from_document(vehicle), file=path)
+        check(found.value, vehicle, file=path)
     except CampaignError as fault:
         raise found.located(fault) from None
     return found

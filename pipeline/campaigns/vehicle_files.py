@@ -1,28 +1,45 @@
-"""Vehicle files, with the documents that they name put in their place."""
+"""Vehicle files: read, checked, and with the documents that they name put in place."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
+from auvid.data_schemas.documents.inertia import InertiaDocument
+from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 
 
-def load_vehicle(path: Path, *, named_in: object = None) -> YamlFile:
-    """A vehicle file, checked, with the moments of inertia of the document that its key
+@dataclass(frozen=True)
+class VehicleFile:
+    """A vehicle and the file that it was read from."""
+
+    file: YamlFile
+    vehicle: Vehicle
+
+
+def load_vehicle(path: Path, *, named_in: object = None) -> VehicleFile:
+    """Read a vehicle file, with the moments of inertia of the document that its key
     `rigid_body.measured_inertia` names.
 
     That path counts from the vehicle file. Raises `PipelineError` for a file that
-    cannot be read or does not agree with its schema.
+    cannot be read and for what cannot be a vehicle.
     """
     file = load_yaml(path, named_in=named_in, what="vehicle")
-    file.check("vehicle")
-    named = file.value["rigid_body"].get("measured_inertia")
-    if named is None:
-        return file
-    measured = load_yaml(
-        path.parent / Path(named).expanduser(), named_in=path, what="rigid_body.measured_inertia"
-    )  # JSON is YAML
-    measured.check("inertia")
-    return replace(file, value=with_measured_inertia(file.value, measured.value))
+    document = file.parse(VehicleDocument)
+    named = document.rigid_body.measured_inertia
+    if named is not None:
+        measured = load_yaml(
+            path.parent / Path(named).expanduser(),
+            named_in=path,
+            what="rigid_body.measured_inertia",
+        )  # JSON is YAML
+        document = with_measured_inertia(document, measured.parse(InertiaDocument))
+    try:
+        return VehicleFile(file, vehicle_from_document(document))
+    except PipelineError as fault:
+        raise file.located(fault) from None

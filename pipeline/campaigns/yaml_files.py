@@ -12,7 +12,8 @@ from typing import Any
 import yaml
 
 from auvid.data_schemas.documents import check_document
-from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.documents.model import M, parse
+from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError
 from auvid.pipeline.store.atomic_files import readable
 
 
@@ -35,11 +36,18 @@ class YamlFile:
         return None
 
     def located(self, fault: PipelineError) -> PipelineError:
-        """The same fault with its line, where the field is known."""
-        if fault.row is None and fault.field is not None and type(fault).__name__ != "ManyFaults":
+        """Return the same fault with this file and its line, where the field is known."""
+        if isinstance(fault, ManyFaults):
+            return ManyFaults([self.located(each) for each in fault.faults], file=self.path)
+        fault.file = self.path if fault.file is None else fault.file
+        if fault.row is None and fault.field is not None and fault.file == self.path:
             fault.row = self.line(fault.field)
-            fault.args = (str(fault),)
+        fault.args = (str(fault),)
         return fault
+
+    def parse(self, kind: type[M]) -> M:
+        """Return the value as a checked model."""
+        return parse(kind, self.value, file=self.path, row=self.line)
 
     def check(self, schema: str) -> None:
         """Check the value against a document schema."""

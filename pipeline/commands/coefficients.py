@@ -9,12 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
-from auvid.hydro.dynamics.hybrid_vehicle import (
-    PARAMETER_SETS,
-    parameter_coefficients,
-    published_coefficients,
-)
+from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, parameter_coefficients
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient, viscous_terms
 from auvid.pipeline.campaigns.twin import published_coefficients as coefficient_files
@@ -46,13 +43,13 @@ def coefficients_of(
     a vehicle without geometry, and geometry that cannot be.
     """
     path = vehicle_file_of(vehicle)
-    document = load_vehicle(path)
+    loaded = load_vehicle(path)
+    known = loaded.vehicle
     try:
-        used = _used(document.value, parameter_set)
-        published = published_coefficients(document.value)
+        used = _used(known, parameter_set)
     except PipelineError as fault:
-        raise document.located(_in_file(fault, path)) from None
-    rows = [_row(item, published.get(item.name)) for item in used]
+        raise loaded.file.located(fault) from None
+    rows = [_row(item, known.published.get(item.name)) for item in used]
     files = coefficient_files(path)
     if model is not None and model not in files:
         raise CampaignError(
@@ -65,8 +62,8 @@ def coefficients_of(
     terms = viscous_terms(used)
     compared = [] if model is None else _beside(terms, read_coefficients(files[model]))
     return {
-        "vehicle": document.value["name"],
-        "title": document.value["title"],
+        "vehicle": known.name,
+        "title": known.title,
         "file": str(path),
         "parameter_set": parameter_set,
         "coefficients": rows,
@@ -83,23 +80,16 @@ def print_coefficients(
     print(json.dumps(found, indent=2) if as_json else _text(found))
 
 
-def _in_file(fault: PipelineError, path: object) -> PipelineError:
-    if fault.file is None:
-        fault.file = path
-        fault.args = (str(fault),)
-    return fault
-
-
-def _used(document: Mapping[str, Any], parameter_set: str) -> tuple[Coefficient, ...]:
+def _used(vehicle: Vehicle, parameter_set: str) -> tuple[Coefficient, ...]:
     """What the set gives: formulas for `as_printed` and `corrected`; `as_simulated` is
     the published set with its replacements.
     """
     if parameter_set in PARAMETER_SETS and parameter_set != "as_simulated":
-        return strip_theory_of(document, corrected=parameter_set == "corrected")
+        return strip_theory_of(vehicle, corrected=parameter_set == "corrected")
     order = list(KINDS)
     return tuple(
         sorted(
-            parameter_coefficients(document, parameter_set), key=lambda item: order.index(item.kind)
+            parameter_coefficients(vehicle, parameter_set), key=lambda item: order.index(item.kind)
         )
     )
 

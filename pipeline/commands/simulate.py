@@ -60,10 +60,10 @@ def write_campaign(
                 remedy=nearest(value, allowed),
             )
     vehicle_file = vehicle_file_of(vehicle)
-    document = load_vehicle(vehicle_file)
+    known = load_vehicle(vehicle_file).vehicle
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
     twin = load_twin(
-        entry, document.value, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
+        entry, known, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
     )
     if "bench" in twin["plan"]:
         remedy = (
@@ -75,7 +75,7 @@ def write_campaign(
             field="bench",
             remedy=remedy,
         )
-    results = simulate.run(simulate.Inputs(document.value, twin), simulate.Params())
+    results = simulate.run(simulate.Inputs(known, twin), simulate.Params())
     for name, content in results.logs.items():
         write_atomically(folder / "logs" / name, content)
     if format == "csv":

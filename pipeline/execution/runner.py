@@ -29,6 +29,7 @@ from auvid.pipeline.execution.task_inputs import (
     Value,
     log_files,
     log_source,
+    vehicle_source,
 )
 from auvid.pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
 from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
@@ -248,7 +249,7 @@ class Run:
         if feed.schema == "twin":
             return Value(self.campaign.twin)
         if feed.schema == "vehicle":
-            return Value(self.campaign.vehicle)
+            return vehicle_source(self.campaign.vehicle)
         if feed.schema == "campaign":
             return Value(self.campaign.seen_by(place.log, place.leg))
         if feed.schema == "leg":
@@ -289,7 +290,7 @@ class Run:
         }
         return {
             "logs": logs,
-            "vehicle": hash_value(self.campaign.vehicle),
+            "vehicle": vehicle_source(self.campaign.vehicle).fingerprint,
             "stages": stages,
             "packages": package_versions(),
         }

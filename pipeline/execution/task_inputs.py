@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from auvid.data_schemas.errors import DataError, LogError, PipelineError
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile
 from auvid.pipeline.store import artefacts
 from auvid.pipeline.store.atomic_files import contents, readable
@@ -33,16 +34,24 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class Value:
-    """A document of the manifest, or None for an optional input that nothing feeds."""
+    """A document of the manifest, or None for an optional input that nothing feeds;
+    `written` is what its fingerprint is formed of, where the value has no plain form.
+    """
 
     value: Any
+    written: object = None
 
     @property
     def fingerprint(self) -> Any:
-        return None if self.value is None else hash_value(self.value)
+        return None if self.value is None else hash_value(self.written or self.value)
 
     def load(self) -> Any:
         return self.value
+
+
+def vehicle_source(vehicle: Vehicle) -> Value:
+    """Return the source of a vehicle; its fingerprint follows its document."""
+    return Value(vehicle, vehicle.document.model_dump(exclude_unset=True))
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.documents import MODELS, model_of
 from auvid.data_schemas.schemas import schema_text
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Stage, ports
@@ -24,6 +25,8 @@ FLOORS = ("auvid.data_schemas", "auvid.hydro", "auvid.stages")
 DATA_SUFFIXES = (".yaml", ".json", ".css", ".js", ".html", ".j2", ".csv", ".svg")
 PACKAGES = ("numpy", "scipy", "pyarrow", "auvid")
 SETTLED_S = 2.0
+READERS = {"vehicle": "auvid.hydro.dynamics.vehicle.from_document"}
+"""What makes the value that a port delivers, where that is not the document's model."""
 
 
 def hash_bytes(content: bytes) -> str:
@@ -112,10 +115,16 @@ def stage_schemas(stage: Stage[Any, Any, Any]) -> dict[str, str]:
     named = {
         spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()
     }
-    return {
-        name: hash_bytes(schema_text(name).encode())
-        for name in sorted(named - {"table", "raw_log"})
-    }
+    return {name: _schema_hash(name) for name in sorted(named - {"table", "raw_log"})}
+
+
+@cache
+def _schema_hash(name: str) -> str:
+    """Hash of a schema's text, or of the code that reads a document."""
+    if name not in MODELS:
+        return hash_bytes(schema_text(name).encode())
+    module = READERS.get(name) or model_of(name).__module__
+    return hash_value({part: hash_file(path) for part, path in import_closure(module).items()})
 
 
 @cache

@@ -17,7 +17,7 @@ import pyarrow.compute as pc
 
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import AXES, Array
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.check_truth.bounds import Bounds, checks
 from auvid.stages.check_truth.errors import Errors, Sums
@@ -31,7 +31,7 @@ TAU_BAR = force_columns("tau_bar")
 
 @dataclass(frozen=True)
 class Inputs:
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     simulation: Document = port("simulation")
     truth: Collection[pa.Table] = port("truth", many=True)
     segment: Collection[Document] = port("segment", many=True)
@@ -81,7 +81,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     errors, moved = Sums(), {}
     plots: list[Block] = []
     rotation, drawn = (
-        vehicle_from_document(inputs.vehicle).imu.rotation,
+        inputs.vehicle.imu.rotation,
         drawn_biases(inputs.simulation),
     )
     judged = any(item["use"] == "validation" for item in inputs.segment.values())

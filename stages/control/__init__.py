@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.control.plants import HybridPlant
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
 from auvid.stages.control.flying import (
@@ -41,7 +42,7 @@ from auvid.stages.presentation import Block, remark, section, text
 class Inputs:
     """The cases are needed; a model card for every vehicle without a buoyancy engine."""
 
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     cases: Document | None = port("control_cases", optional=True)
     model_card: Document | None = port("model_card", optional=True)
 

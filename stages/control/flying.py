@@ -25,7 +25,7 @@ from auvid.hydro.control.plants import (
 )
 from auvid.hydro.control.riccati import STATES
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
@@ -70,7 +70,7 @@ class Flown:
         return f"{self.case.name}-{self.flight.name}"
 
 
-def models_of(vehicle: Document, card: Document | None, cases: Document, limits: Limits) -> Models:
+def models_of(vehicle: Vehicle, card: Document | None, cases: Document, limits: Limits) -> Models:
     """The plant and the designs of a campaign.
 
     A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
@@ -78,7 +78,7 @@ def models_of(vehicle: Document, card: Document | None, cases: Document, limits:
     flies its model card. Raises `CampaignError` where there is neither a buoyancy
     engine nor a card.
     """
-    if "buoyancy_engine" in vehicle:
+    if vehicle.buoyancy_engine is not None:
         own = str(cases.get("parameter_set", "as_simulated"))
 
         def plant(name: str) -> HybridPlant:
@@ -107,9 +107,8 @@ def models_of(vehicle: Document, card: Document | None, cases: Document, limits:
                 "Name a model card: model: PATH (runs/CAMPAIGN/synthesise/model_card/MODEL.json)."
             ),
         )
-    known = vehicle_from_document(vehicle)
     flown = identified_plant(
-        known, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s
+        vehicle, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s
     )
     return Models(flown, {str(card["name"]): flown})
 

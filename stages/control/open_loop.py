@@ -20,9 +20,9 @@ from auvid.hydro.control.open_loop import (
 from auvid.hydro.dynamics.hybrid_vehicle import (
     PARAMETER_SETS,
     hybrid_vehicle,
-    published_coefficients,
 )
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, panel, plot, remark, series, table
@@ -45,7 +45,7 @@ class Part:
     runs: tuple[OpenLoopRun, ...] = ()
 
 
-def open_loop_part(cases: Document, vehicle: Document) -> Part:
+def open_loop_part(cases: Document, vehicle: Vehicle) -> Part:
     """Fly the cases under key `open_loop` of a cases document with every parameter set
     of the vehicle that has them.
 
@@ -68,7 +68,7 @@ def open_loop_part(cases: Document, vehicle: Document) -> Part:
     return Part(tuple(blocks), tuple(_row(item) for item in found), shown)
 
 
-def coefficients_part(vehicle: Document) -> Part:
+def coefficients_part(vehicle: Vehicle) -> Part:
     """Strip theory by the printed and by the corrected formulas beside the coefficients
     that the vehicle file has as published.
 
@@ -77,7 +77,6 @@ def coefficients_part(vehicle: Document) -> Part:
     printed, corrected = (
         _by_name(strip_theory_of(vehicle, corrected=flag)) for flag in (False, True)
     )
-    published = published_coefficients(vehicle)
     rows = [
         [
             name,
@@ -88,7 +87,7 @@ def coefficients_part(vehicle: Document) -> Part:
             item.source,
             corrected[name].source,
         ]
-        for name, item in published.items()
+        for name, item in vehicle.published.items()
         if name in printed
     ]
     heads = (

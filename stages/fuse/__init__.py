@@ -23,7 +23,7 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array, Mask, cross
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
@@ -39,7 +39,7 @@ LEAST_EDGE_S = 0.5
 class Inputs:
     segment: Document = port("segment")
     resampled: pa.Table = port("resampled")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     log_info: Document = port("log_info")
     samples_imu: pa.Table | None = port("samples_imu", optional=True)
     samples_velocity: pa.Table | None = port("samples_velocity", optional=True)
@@ -130,7 +130,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 value=f"method {params.method}",
                 remedy=f"Set method: {method}, or leave {key} out.",
             )
-    vehicle = vehicle_from_document(inputs.vehicle)
+    vehicle = inputs.vehicle
     motion = sensor_motion(
         inputs.resampled,
         vehicle,

@@ -13,6 +13,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import NEEDED, STREAMS
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawLog, Stage, param, port
 from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
 from auvid.stages.ingest.health.log_info import (
@@ -41,7 +42,7 @@ class Inputs:
 
     raw_log: RawLog = port("raw_log")
     campaign: Document | None = port("campaign", optional=True)
-    vehicle: Document | None = port("vehicle", optional=True)
+    vehicle: Vehicle | None = port("vehicle", optional=True)
 
 
 @dataclass(frozen=True)

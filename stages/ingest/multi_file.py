@@ -12,6 +12,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, LogError, nearest
 from auvid.data_schemas.streams import STREAMS
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawFile, RawLog
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.csv.reader import NAME as CSV_NAME
@@ -78,14 +79,13 @@ def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
     }
 
 
-def vehicle_sources(vehicle: Document | None) -> Mapping[str, str]:
+def vehicle_sources(vehicle: Vehicle | None) -> Mapping[str, str]:
     """The source of depth that the vehicle prefers: the instance of the barometer that
     sits in the water.
     """
-    instance = (
-        vehicle.get("sensors", {}).get("depth", {}).get("barometer_instance") if vehicle else None
-    )
-    return {} if instance is None else {"depth": f"BARO[{instance}]"}
+    if vehicle is None or vehicle.barometer_instance is None:
+        return {}
+    return {"depth": f"BARO[{vehicle.barometer_instance}]"}
 
 
 def read_part(file: RawFile, forced: str | None, wanted: Mapping[str, str]) -> Part:

@@ -8,6 +8,7 @@ import platform
 from collections.abc import Mapping
 from typing import Any
 
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, section, table
 
@@ -156,15 +157,10 @@ def provenance_section(
     return section("Provenance", blocks, order=LAST)
 
 
-def vehicle_line(vehicle: Document) -> str:
-    """The vehicle in one line: its title, and the mass where the document has one."""
-    parts = [str(vehicle.get("title") or vehicle.get("name") or "Vehicle")]
-    mass = (vehicle.get("rigid_body") or {}).get("mass")
-    if isinstance(mass, Mapping) and "value" in mass:
-        parts.append(
-            f"{mass['value']:g} {mass['unit']}" + (" (assumed)" if mass.get("assumed") else "")
-        )
-    return ", ".join(parts)
+def vehicle_line(vehicle: Vehicle) -> str:
+    """Return the vehicle in one line: its title and mass."""
+    mass = vehicle.document.rigid_body.mass
+    return f"{vehicle.title}, {mass.value:g} {mass.unit}{' (assumed)' if mass.assumed else ''}"
 
 
 def _setting(value: Any) -> str:

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.stages.base import Collection, Document, Stage, port
 from auvid.stages.pipendulum.decays import Decayed, decay_figures, decays_of
@@ -26,7 +26,7 @@ class Inputs:
     """What hung, the vehicle, and the gyros and attitudes of all logs."""
 
     campaign: Document = port("campaign")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     log_info: Collection[Document] = port("log_info", many=True)
     apparatus: Document | None = port("apparatus", optional=True)
     imu: Collection[pa.Table] | None = port("imu", many=True, optional=True)
@@ -58,7 +58,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     apparatus = inputs.apparatus
     if apparatus is None:
         return Outputs()
-    vehicle = vehicle_from_document(inputs.vehicle)
+    vehicle = inputs.vehicle
     legs = {str(leg["id"]): leg for leg in inputs.campaign["legs"]}
     logs = Logs(legs, inputs.log_info, inputs.imu, inputs.attitude)
     swings = (

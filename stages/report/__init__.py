@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Summary
@@ -26,7 +27,7 @@ NO_MORE: Mapping[str, Document] = {}
 @dataclass(frozen=True)
 class Inputs:
     campaign: Document = port("campaign")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     provenance: Document = port("provenance")
     sections: Collection[Document] = every("section")
     views: Collection[Document] = every("views")
@@ -92,17 +93,21 @@ def tell(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> Told:
         dict(inputs.segment or {}),
         dict(inputs.log_info or {}),
     )
-    title = str(
-        inputs.campaign.get("title") or inputs.vehicle.get("title") or inputs.campaign["vehicle"]
-    )
+    title = str(inputs.campaign.get("title") or inputs.vehicle.title)
     sections["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
     if logs:
         sections["campaign"] = legs_section(segments, logs)
     if results:
-        summary = summarise_results(results, logs, sections, inputs.vehicle)
+        summary = summarise_results(results, logs, sections, inputs.vehicle.document)
     else:
         summary = summarise(
-            cards, inputs.error_table, segments, logs, sections, inputs.vehicle, inputs.free_run
+            cards,
+            inputs.error_table,
+            segments,
+            logs,
+            sections,
+            inputs.vehicle.document,
+            inputs.free_run,
         )
     return Told(title, summary, {**sections, **more}, segments, logs)
 

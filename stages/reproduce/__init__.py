@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, port
 from auvid.stages.page.campaign_sections import provenance_section, vehicle_line
 from auvid.stages.page.html import render
@@ -32,7 +32,7 @@ class Inputs:
 
     reproduction: Document = port("reproduction")
     published: Document = port("published_tables")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     campaign: Document = port("campaign")
     provenance: Document = port("provenance")
     plans: Collection[Document] = port("plan", many=True)
@@ -70,7 +70,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     told = Told(
         document,
         inputs.published,
-        vehicle_from_document(inputs.vehicle),
+        inputs.vehicle,
         dict(inputs.plans.items()),
         found,
         tuple(held),

@@ -14,7 +14,6 @@ import numpy as np
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.stages.base import Document
 from auvid.stages.columns import VELOCITY, clock, force_columns, forces
 from auvid.stages.truth_lookup import bias_errors, drawn_biases, true_values
@@ -118,7 +117,7 @@ def measure(key: str, inputs: Inputs) -> Found:
     turn: list[tuple[Array, Array, Array]] = []
     warnings: list[str] = []
     rotation, biases = (
-        vehicle_from_document(inputs.vehicle).imu.rotation,
+        inputs.vehicle.imu.rotation,
         drawn_biases(inputs.simulation[plan]),
     )
     for segment_key in inputs.residual:

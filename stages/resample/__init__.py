@@ -20,8 +20,21 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
-from auvid.hydro.identification.signals.resampling import hold, linear
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.resampling import (
+    hold,
+    linear,
+    smooth_attitude,
+    uniform_clock,
+    unwrap_angles,
+)
+from auvid.hydro.identification.signals.splines import (
+    cutoff_from_lambda,
+    lambda_from_cutoff,
+    smoothing_spline,
+)
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import leg_window
 from auvid.stages.resample.segments import (
@@ -48,7 +61,7 @@ class Inputs:
 
     leg: Document = port("leg")
     log_info: Document = port("log_info")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     imu: pa.Table | None = port("imu", optional=True)
     attitude: pa.Table | None = port("attitude", optional=True)
     depth: pa.Table | None = port("depth", optional=True)
@@ -115,7 +128,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     Raises `DataError` for a leg outside its log, without attitude or depth, or with no
     part that all sensors cover long enough.
     """
-    vehicle = vehicle_from_document(inputs.vehicle)
+    vehicle = inputs.vehicle
     lags = sensor_lags(vehicle, params.lag_s)
     signals, notes = _signals(inputs, params, vehicle, lags)
     covering = [item for stream, item in signals.items() if stream in COVERING]

@@ -15,7 +15,7 @@ from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages.base import Document, Stage, param, port
@@ -38,7 +38,7 @@ class Inputs:
     fused: pa.Table = port("fused")
     fusion: Document = port("fusion")
     resampled: pa.Table = port("resampled")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     log_info: Document = port("log_info")
 
 
@@ -69,7 +69,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     Raises `DataError` where commands are missing, or no actuator acts.
     """
     vehicle, direction_note = with_logged_directions(
-        vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"]
+        inputs.vehicle, inputs.log_info["parameters"]
     )
     voltage, bare = _voltage(inputs.resampled)
     control, level = _control(inputs, vehicle, params, voltage)

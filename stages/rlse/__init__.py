@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import (
     DAMPING,
     ChannelEstimate,
@@ -33,7 +33,7 @@ class Inputs:
 
     leg: Document = port("leg")
     log_info: Document = port("log_info")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     velocity: pa.Table | None = port("velocity", optional=True)
     imu: pa.Table | None = port("imu", optional=True)
     attitude: pa.Table | None = port("attitude", optional=True)
@@ -94,9 +94,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
     if channel is None:
         return Outputs()
-    vehicle, said = with_logged_directions(
-        vehicle_from_document(inputs.vehicle), inputs.log_info["parameters"]
-    )
+    vehicle, said = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
     start_us = int(inputs.log_info["start_us"])
     names = ("velocity", "imu", "attitude", "depth", "actuators", "battery")
     tables = {name: getattr(inputs, name) for name in names}

@@ -15,7 +15,7 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.actuators.propeller import level_speed
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.base import Document, Stage, port
 from auvid.stages.columns import ATTITUDE, VELOCITY
@@ -37,7 +37,7 @@ class Inputs:
     the pendulums of a bench campaign.
     """
 
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     twin: Document = port("twin")
     apparatus: Document | None = port("apparatus", optional=True)
 
@@ -65,7 +65,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     flown before is kept. Raises `CampaignError` for a plan that asks for the
     impossible, and `DataError` where no leg was reached at all.
     """
-    vehicle, twin = vehicle_from_document(inputs.vehicle), inputs.twin
+    vehicle, twin = inputs.vehicle, inputs.twin
     check_document(twin["plan"], "plan", file="the plan")
     if "bench" in twin["plan"]:
         return _bench(vehicle, twin, inputs.apparatus)

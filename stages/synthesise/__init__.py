@@ -17,7 +17,7 @@ from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.tables import has_columns
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_term_names
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
 from auvid.hydro.dynamics.viscous.models import MODELS, ViscousModel, without_propeller_terms
@@ -34,7 +34,7 @@ PRIORS = ("none", "strip_theory")
 class Inputs:
     residual: Collection[pa.Table] = port("residual", many=True)
     segment: Collection[Document] = port("segment", many=True)
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `CampaignError` for unknown models, `DataError` without a training leg.
     """
-    vehicle = vehicle_from_document(inputs.vehicle)
+    vehicle = inputs.vehicle
     declared = _chosen(params.models)
     means = viscous_terms(strip_theory_of(inputs.vehicle)) if params.prior == "strip_theory" else {}
     training = [key for key, segment in inputs.segment.items() if segment["use"] == "training"]

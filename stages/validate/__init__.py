@@ -20,7 +20,7 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
 from auvid.hydro.identification.regression.error_measures import ErrorAccumulator
 from auvid.hydro.identification.regression.least_squares import CONSTANT
@@ -50,7 +50,7 @@ class Inputs:
     segment: Collection[Document] = port("segment", many=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     controls: Collection[pa.Table] | None = port("controls", many=True, optional=True)
-    vehicle: Document | None = port("vehicle", optional=True)
+    vehicle: Vehicle | None = port("vehicle", optional=True)
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def _free_runs(
     ):
         return None
     return run_segment(
-        vehicle_from_document(inputs.vehicle),
+        inputs.vehicle,
         models,
         trims,
         inputs.fused[key],

@@ -26,7 +26,7 @@ from tests.support.motions import (
     resampled_table,
     rich_motion,
     segment_document,
-    vehicle_document,
+    shipped_vehicle,
 )
 
 RANK = {
@@ -55,7 +55,7 @@ def residuals(truth: IdentifiedModel) -> dict[str, pa.Table]:
             fused_table(motion),
             fusion_document(),
             resampled_table(motion),
-            vehicle_document("vt690"),
+            shipped_vehicle("vt690"),
             log_document(),
         )
         tables[name] = residual.run(inputs, residual.Params()).residual
@@ -72,7 +72,7 @@ def fit(
         name: segment_document(name, "validation" if name == "check" else "training")
         for name in tables
     }
-    inputs = synthesise.Inputs(collection(tables), collection(segments), vehicle_document("vt690"))
+    inputs = synthesise.Inputs(collection(tables), collection(segments), shipped_vehicle("vt690"))
     fitted = synthesise.run(inputs, synthesise.Params(models=models, **params))
     judged = validate.run(
         validate.Inputs(

@@ -19,7 +19,7 @@ from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis

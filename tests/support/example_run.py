@@ -4,6 +4,7 @@ model cards. Seeded; nothing is physical.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,11 +13,16 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from auvid.data_schemas.documents.model import assumed_quantities, parse
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.base import collection
 from auvid.stages.presentation import equation, panel, plot, remark, section, series, table, text
 from auvid.stages.report import Inputs
+from tests.support.motions import vehicle_document
 
 Array = npt.NDArray[np.float64]
 AXES = ("X", "Y", "Z", "K", "M", "N")
@@ -42,7 +48,7 @@ class ExampleRun:
     """
 
     campaign: dict[str, Any] = field(default_factory=dict)
-    vehicle: dict[str, Any] = field(default_factory=dict)
+    vehicle: Vehicle = field(default_factory=lambda: _vehicle())
     logs: dict[str, dict[str, Any]] = field(default_factory=dict)
     segments: dict[str, dict[str, Any]] = field(default_factory=dict)
     fused: dict[str, pa.Table] = field(default_factory=dict)
@@ -148,12 +154,15 @@ def _campaign() -> dict[str, Any]:
     }
 
 
-def _vehicle() -> dict[str, Any]:
-    return {
-        "name": "bluerov2_heavy",
-        "title": "BlueROV2 Heavy",
-        "rigid_body": {"mass": {"value": 13.5, "unit": "kg", "source": "example", "assumed": True}},
-    }
+def _vehicle() -> Vehicle:
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    for place, item in assumed_quantities(parse(VehicleDocument, document)):
+        part = document
+        for key in place:
+            part = part[key]
+        part["assumed"] = place == ("rigid_body", "mass")
+    document["title"] = "BlueROV2 Heavy"
+    return vehicle_from_document(document)
 
 
 def _log(seconds: float) -> dict[str, Any]:

@@ -25,7 +25,8 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
     rotation_body_to_ned,
 )
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import (
@@ -55,7 +56,13 @@ def vehicle_document(name: str) -> dict[str, Any]:
     return document
 
 
-VT690 = vehicle_from_document(vehicle_document("vt690"))
+@cache
+def shipped_vehicle(name: str) -> Vehicle:
+    """Return a vehicle of the project."""
+    return vehicle_from_document(vehicle_document(name))
+
+
+VT690 = shipped_vehicle("vt690")
 
 
 def published(name: str) -> IdentifiedModel:
@@ -185,8 +192,8 @@ ODD = Sensors(
 )
 
 
-def mounted_vehicle(sensors: Sensors, name: str = "vt690") -> dict[str, Any]:
-    """The vehicle document with the sensors at these places."""
+def mounted_vehicle(sensors: Sensors, name: str = "vt690", *, dvl_lag_s: float = 0.0) -> Vehicle:
+    """Return the vehicle with the sensors at these places."""
 
     def quantity(value: Array, unit: str) -> dict[str, Any]:
         return {"value": [float(x) for x in value], "unit": unit, "source": "test"}
@@ -196,11 +203,13 @@ def mounted_vehicle(sensors: Sensors, name: str = "vt690") -> dict[str, Any]:
         "mounting": quantity(sensors.imu_mounting, "rad"),
         "accelerometer": sensors.convention,
     }
-    dvl = {"arm": quantity(sensors.dvl_arm, "m"), "mounting": quantity(sensors.dvl_mounting, "rad")}
-    return {
-        **vehicle_document(name),
-        "sensors": {"dvl": dvl, "imu": imu, "depth": {"arm": quantity(sensors.depth_arm, "m")}},
+    dvl = {
+        "arm": quantity(sensors.dvl_arm, "m"),
+        "mounting": quantity(sensors.dvl_mounting, "rad"),
+        "lag": {"value": dvl_lag_s, "unit": "s", "source": "test"},
     }
+    mounted = {"dvl": dvl, "imu": imu, "depth": {"arm": quantity(sensors.depth_arm, "m")}}
+    return vehicle_from_document({**vehicle_document(name), "sensors": mounted})
 
 
 def resampled_table(

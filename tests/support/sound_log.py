@@ -15,6 +15,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
     rotation_body_to_ned,
 )
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.ingest.health.health_check import check_health
 from auvid.stages.ingest.streams.mapping import OtherSource
 
@@ -67,7 +68,7 @@ class Log:
     info: dict[str, Any]
     dropped: list[dict[str, Any]] = field(default_factory=list)
     others: list[OtherSource] = field(default_factory=list)
-    vehicle: dict[str, Any] | None = None
+    vehicle: Vehicle | None = None
 
     def t_s(self, stream: str) -> Array:
         """Times of a stream in s."""

@@ -18,6 +18,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import Graph
@@ -95,7 +96,7 @@ def cut(inputs: CutInputs, params: CutParams) -> CutOutputs:
 @dataclass(frozen=True)
 class SpreadInputs:
     samples_depth: pa.Table = port("samples_depth")
-    vehicle: Document = port("vehicle")
+    vehicle: Vehicle = port("vehicle")
     depth: pa.Table = port("depth")
     battery: pa.Table | None = port("battery", optional=True)
 

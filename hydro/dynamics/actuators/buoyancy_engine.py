@@ -4,16 +4,13 @@ gravity then is: Al Makdah 2016 (3.11)-(3.12).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.quantities import Quantities
 
 
 @dataclass(frozen=True)
@@ -67,24 +64,3 @@ class BuoyancyEngine:
                 allowed=f"{self.low_kg:g} (empty) to {self.high_kg:g} kg (full)",
             )
         return mass
-
-
-def buoyancy_engine_from_document(document: Mapping[str, Any]) -> BuoyancyEngine:
-    """The engine of a vehicle document (key `buoyancy_engine`). Raises `CampaignError`
-    when it is missing or its masses do not ascend.
-    """
-    read = Quantities(document).part("buoyancy_engine")
-    engine = BuoyancyEngine(
-        low_kg=read.number("mass_empty", "kg"),
-        neutral_kg=read.number("mass_neutral", "kg"),
-        high_kg=read.number("mass_full", "kg"),
-        x_G_m_per_kg=read.number("x_G_per_mass", "m/kg"),
-    )
-    if not 0.0 < engine.low_kg < engine.neutral_kg < engine.high_kg:
-        raise CampaignError(
-            "the masses of the buoyancy engine do not ascend",
-            field="buoyancy_engine",
-            value=(engine.low_kg, engine.neutral_kg, engine.high_kg),
-            allowed="0 < mass_empty < mass_neutral < mass_full",
-        )
-    return engine

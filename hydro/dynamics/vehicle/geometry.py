@@ -8,23 +8,104 @@ Equations of Al Makdah 2016.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.quantities import Quantities
 
-HULL_SHAPES = ("cylinder", "myring", "stations")
-LAYOUTS = ("cruciform", "horizontal", "vertical")
 NODES = 32
 """Gauss-Legendre nodes per piece: exact for the polynomial pieces of cylinders and
 Myring tails, 1e-5 for a round Myring nose.
 """
+
+
+class Profile(Protocol):
+    """The radius of a hull along x; `knots_m` bound its smooth pieces, tail to nose."""
+
+    @property
+    def diameter_m(self) -> float: ...
+
+    @property
+    def knots_m(self) -> tuple[float, ...]: ...
+
+    def __call__(self, x_m: ArrayLike) -> Array:
+        """Return the radius (...) [m] at x (...) [m], 0 outside the hull."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stations:
+    """A hull through stations: radius (n,) at ascending x (n,) [m], linear between."""
+
+    x_m: Array
+    station_radius_m: Array
+
+    @property
+    def diameter_m(self) -> float:
+        return 2.0 * float(self.station_radius_m.max())
+
+    @property
+    def knots_m(self) -> tuple[float, ...]:
+        return tuple(self.x_m.tolist())
+
+    def __call__(self, x_m: ArrayLike) -> Array:
+        x = np.asarray(x_m, dtype=np.float64)
+        return np.interp(x, self.x_m, self.station_radius_m, left=0.0, right=0.0)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A hull of one diameter."""
+
+    tail_x_m: float
+    nose_x_m: float
+    diameter_m: float
+
+    @property
+    def knots_m(self) -> tuple[float, ...]:
+        return (self.tail_x_m, self.nose_x_m)
+
+    def __call__(self, x_m: ArrayLike) -> Array:
+        return np.where(self._inside(x_m), 0.5 * self.diameter_m, 0.0)
+
+    def _inside(self, x_m: ArrayLike) -> NDArray[np.bool_]:
+        x = np.asarray(x_m, dtype=np.float64)
+        return (x >= self.tail_x_m) & (x <= self.nose_x_m)
+
+
+@dataclass(frozen=True)
+class Myring(Cylinder):
+    """Myring's nose and tail about a cylinder (Prestero 2001, section 2.2).
+
+    nose  r = d/2 [1 - ((x - x_n + a)/a)^2]^(1/n)
+    tail  r = d/2 - (3d/(2c^2) - tan(alpha)/c) s^2 + (d/c^3 - tan(alpha)/c^2) s^3
+
+    a nose length `nose_m`, n `exponent`, c tail length `tail_m`, alpha its half-angle
+    at the end; s counts from the fore end of the tail backwards.
+    """
+
+    nose_m: float
+    exponent: float
+    tail_m: float
+    angle_rad: float
+
+    @property
+    def knots_m(self) -> tuple[float, ...]:
+        tail, nose = self.tail_x_m, self.nose_x_m
+        return (tail, tail + self.tail_m, nose - self.nose_m, nose)
+
+    def __call__(self, x_m: ArrayLike) -> Array:
+        x, d, c = np.asarray(x_m, dtype=np.float64), self.diameter_m, self.tail_m
+        into_nose = np.clip((x - (self.nose_x_m - self.nose_m)) / self.nose_m, 0.0, 1.0)
+        s = np.clip((self.tail_x_m + c) - x, 0.0, c)
+        slope = np.tan(self.angle_rad)
+        front = 0.5 * d * (1.0 - into_nose**2) ** (1.0 / self.exponent)
+        back = 0.5 * d - (1.5 * d / c**2 - slope / c) * s**2 + (d / c**3 - slope / c**2) * s**3
+        return np.where(self._inside(x), np.minimum(front, np.maximum(back, 0.0)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -36,7 +117,7 @@ class Hull:
     `cross_flow_drag` is C_dc of (2.84).
     """
 
-    radius_m: Callable[[ArrayLike], Array]
+    radius_m: Profile
     tail_x_m: float
     nose_x_m: float
     diameter_m: float
@@ -114,182 +195,3 @@ class Geometry:
         node, weight = np.polynomial.legendre.leggauss(NODES)
         half, middle = 0.5 * np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
         return float(half @ (function(middle[:, None] + half[:, None] * node) @ weight))
-
-
-def geometry_from_document(document: Mapping[str, Any]) -> Geometry:
-    """The geometry of a vehicle document (schema `vehicle`, key `geometry`).
-
-    Raises `CampaignError` when there is none, when an area, length or diameter is not
-    positive, when a surface lies ahead of or behind the hull, does not rise above it or
-    does not touch it, and when a profile's pieces do not fit its length.
-    """
-    read = Quantities(document).part("geometry")
-    if "hull" not in read:
-        raise CampaignError(
-            "the vehicle has no geometry",
-            field="geometry.hull",
-            remedy=(
-                "Strip theory needs the shape of the hull and its fins: give the block `geometry`"
-                " in the vehicle file."
-            ),
-        )
-    hull = _hull(read.part("hull"))
-    surfaces = read.part("surfaces")
-    names = list(document["geometry"].get("surfaces") or {})
-    return Geometry(hull, tuple(_surface(name, surfaces.part(name), hull) for name in names))
-
-
-def _positive(read: Quantities, key: str, unit: str, *, default: float | None = None) -> float:
-    value = read.number(key, unit, default=default)
-    if value <= 0.0:
-        raise CampaignError(
-            "must be positive",
-            field=f"{read.where(key)}.value",
-            value=value,
-            allowed=f"more than 0 {unit}",
-        )
-    return value
-
-
-def _hull(read: Quantities) -> Hull:
-    shape = str(read.plain("shape", "cylinder"))
-    if shape not in HULL_SHAPES:
-        raise CampaignError(
-            "unknown hull shape", field=read.where("shape"), value=shape, allowed=HULL_SHAPES
-        )
-    if shape == "stations":
-        x, r = (
-            read.array("station_x", "m", shape=(-1,)),
-            read.array("station_radius", "m", shape=(-1,)),
-        )
-        if (
-            len(x) < 2
-            or len(x) != len(r)
-            or np.any(np.diff(x) <= 0.0)
-            or np.any(r < 0.0)
-            or not np.any(r > 0.0)
-        ):
-            raise CampaignError(
-                "stations need two or more ascending x with a radius, not negative, each",
-                field=read.where("station_x"),
-                value=x.tolist(),
-            )
-        tail, nose, diameter = float(x[0]), float(x[-1]), 2.0 * float(r.max())
-        profile, knots = _through_stations(x, r), tuple(x.tolist())
-    else:
-        length, diameter = _positive(read, "length", "m"), _positive(read, "diameter", "m")
-        nose = read.number("nose_x", "m", default=0.5 * length)
-        tail = nose - length
-        profile, knots = _cylinder(tail, nose, diameter), (tail, nose)
-        if shape == "myring":
-            profile, knots = _myring(read, tail=tail, nose=nose, diameter=diameter)
-    return Hull(
-        radius_m=profile,
-        tail_x_m=tail,
-        nose_x_m=nose,
-        diameter_m=diameter,
-        knots_m=knots,
-        frontal_area_m2=_positive(read, "frontal_area", "m^2", default=0.25 * np.pi * diameter**2),
-        cross_flow_drag=_positive(read, "cross_flow_drag", "1", default=1.1),
-    )
-
-
-def _through_stations(x: Array, r: Array) -> Callable[[ArrayLike], Array]:
-    return lambda at: np.interp(np.asarray(at, dtype=np.float64), x, r, left=0.0, right=0.0)
-
-
-def _cylinder(tail: float, nose: float, diameter: float) -> Callable[[ArrayLike], Array]:
-    def radius(at: ArrayLike) -> Array:
-        x = np.asarray(at, dtype=np.float64)
-        return np.where((x >= tail) & (x <= nose), 0.5 * diameter, 0.0)
-
-    return radius
-
-
-def _myring(
-    read: Quantities, *, tail: float, nose: float, diameter: float
-) -> tuple[Callable[[ArrayLike], Array], tuple[float, ...]]:
-    """Myring's nose and tail about a cylinder (Prestero 2001, section 2.2): nose length
-    a, exponent n, tail length c, tail half-angle.
-    """
-    a, c = _positive(read, "nose_length", "m"), _positive(read, "tail_length", "m")
-    n, angle = _positive(read, "nose_exponent", "1"), _positive(read, "tail_angle", "rad")
-    if a + c > nose - tail:
-        raise CampaignError(
-            "nose and tail are longer than the hull",
-            field=read.where("tail_length"),
-            value=a + c,
-            allowed=f"at most {nose - tail:g} m together",
-        )
-
-    def radius(at: ArrayLike) -> Array:
-        x = np.asarray(at, dtype=np.float64)
-        into_nose = np.clip((x - (nose - a)) / a, 0.0, 1.0)
-        s = np.clip((tail + c) - x, 0.0, c)
-        front = 0.5 * diameter * (1.0 - into_nose**2) ** (1.0 / n)
-        slope = np.tan(angle)
-        back = (
-            0.5 * diameter
-            - (1.5 * diameter / c**2 - slope / c) * s**2
-            + (diameter / c**3 - slope / c**2) * s**3
-        )
-        inside = (x >= tail) & (x <= nose)
-        return np.where(inside, np.minimum(front, np.maximum(back, 0.0)), 0.0)
-
-    return radius, (tail, tail + c, nose - a, nose)
-
-
-def _surface(name: str, read: Quantities, hull: Hull) -> Surface:
-    layout = str(read.plain("layout", ""))
-    if layout not in LAYOUTS:
-        raise CampaignError(
-            "unknown layout of surfaces", field=read.where("layout"), value=layout, allowed=LAYOUTS
-        )
-    rear, front = read.number("x_rear", "m"), read.number("x_front", "m")
-    surface = Surface(
-        name=name,
-        layout=layout,
-        span_m=_positive(read, "span", "m"),
-        area_m2=_positive(read, "area", "m^2"),
-        tip_height_m=_positive(read, "tip_height", "m"),
-        rear_x_m=rear,
-        front_x_m=front,
-        force_x_m=read.number("x_force", "m", default=0.5 * (rear + front)),
-        taper=_positive(read, "taper", "1", default=1.0),
-        controlled=bool(read.plain("controlled", False)),
-    )
-    if front <= rear:
-        raise CampaignError(
-            "the front of a surface is not ahead of its rear",
-            field=read.where("x_front"),
-            value=front,
-            allowed=f"above {rear:g} m",
-        )
-    if rear < hull.tail_x_m or front > hull.nose_x_m:
-        raise CampaignError(
-            "the surface lies outside the hull",
-            field=read.where("x_rear"),
-            value=(rear, front),
-            allowed=f"{hull.tail_x_m:g} to {hull.nose_x_m:g} m",
-            remedy="x counts from the body origin, positive forward.",
-        )
-    below = hull.radius_m(np.linspace(rear, front, NODES))
-    if surface.tip_height_m <= float(below.max()):
-        raise CampaignError(
-            "the surface does not rise above the hull",
-            field=read.where("tip_height"),
-            value=surface.tip_height_m,
-            allowed=f"more than {float(below.max()):g} m, the radius of the hull there",
-        )
-    root = surface.tip_height_m - surface.span_m
-    if root > 0.5 * hull.diameter_m * (1.0 + 1e-6):
-        raise CampaignError(
-            "the surface does not touch the hull",
-            field=read.where("span"),
-            value=surface.span_m,
-            allowed=(
-                f"at least {surface.tip_height_m - 0.5 * hull.diameter_m:g} m, so that its root"
-                " reaches the hull"
-            ),
-        )
-    return surface

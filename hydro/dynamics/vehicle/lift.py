@@ -127,7 +127,7 @@ def surface_lift(geometry: Geometry, *, water_density: float) -> tuple[Coefficie
     return tuple(found)
 
 
-def fins_from_geometry(geometry: Geometry, *, water_density: float) -> Fins:
+def fins_from_geometry(geometry: Geometry | None, *, water_density: float) -> Fins:
     """The control fins of a geometry in McCarter's form (2.45): columns starboard,
     port, bottom, top; angles as in (2.61)-(2.64).
 
@@ -136,8 +136,8 @@ def fins_from_geometry(geometry: Geometry, *, water_density: float) -> Fins:
     stern fin up. Raises `CampaignError` when no cruciform surface is marked
     `controlled`.
     """
-    fins = geometry.fins
-    if fins is None or fins.layout != "cruciform":
+    fins = None if geometry is None else geometry.fins
+    if geometry is None or fins is None or fins.layout != "cruciform":
         raise CampaignError(
             "the geometry has no cruciform control fins",
             field="geometry.surfaces",

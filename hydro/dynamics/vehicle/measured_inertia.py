@@ -2,40 +2,36 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Mapping
-from typing import Any
-
-from auvid.hydro.dynamics.quantities import Quantities
+from auvid.data_schemas.documents.inertia import InertiaDocument
+from auvid.data_schemas.documents.model import Quantity, Unit
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 
 INERTIAS = ("I_x", "I_y", "I_z")
 
 
-def with_measured_inertia(vehicle: Mapping[str, Any], inertia: Mapping[str, Any]) -> dict[str, Any]:
-    """The vehicle document with the axes that document `inertia` holds (schema
-    `inertia`), in kg m^2.
+def with_measured_inertia(vehicle: VehicleDocument, measured: InertiaDocument) -> VehicleDocument:
+    """Return the vehicle document with the moments that were measured, in kg m^2.
 
-    Measured is about the centre of gravity; the vehicle's matrix is about the body
-    origin, so m (|r_G|^2 - r_G,i^2) is added. Products of inertia, and axes that were
-    not swung, stay. Raises `CampaignError` for a number that is missing or has a wrong
-    unit or shape.
+    Measured is about the centre of gravity, the vehicle's matrix is about the body
+    origin (Steiner): I_0,ii = I_G,ii + m (|r_G|^2 - r_G,i^2). Products of inertia, and
+    axes that were not swung, stay.
     """
-    body = Quantities(vehicle).part("rigid_body")
-    arm = body.array("centre_of_gravity", "m", shape=(3,))
-    matrix = body.array("inertia", "kg*m^2", shape=(3, 3)).tolist()
-    read = Quantities(inertia)
-    measured = [name for name in INERTIAS if name in read]
-    for index, name in enumerate(INERTIAS):
-        if name in measured:
-            matrix[index][index] = read.number(name, "kg*m^2") + body.number("mass", "kg") * float(
-                arm @ arm - arm[index] ** 2
-            )
-    out = copy.deepcopy(dict(vehicle))
-    old = out["rigid_body"]["inertia"]
-    source = f"{', '.join(measured)}: {inertia['source']}"
-    if len(measured) < len(INERTIAS):
-        source += f"; the rest: {old['source']}"
-    out["rigid_body"]["inertia"] = {**old, "value": matrix, "unit": "kg*m^2", "source": source}
-    if len(measured) == len(INERTIAS):
-        out["rigid_body"]["inertia"].pop("assumed", None)
-    return out
+    body = vehicle.rigid_body
+    arm, matrix, old = body.centre_of_gravity.array, body.inertia.array.copy(), body.inertia
+    moments = {name: getattr(measured, name) for name in INERTIAS}
+    for i, moment in enumerate(moments.values()):
+        if moment is not None:
+            matrix[i, i] = moment.si + body.mass.si * float(arm @ arm - arm[i] ** 2)
+    names = [name for name, moment in moments.items() if moment is not None]
+    source = f"{', '.join(names)}: {measured.source}"
+    if len(names) < len(INERTIAS):
+        source += f"; the rest: {old.source}"
+    inertia = Quantity(
+        value=matrix.tolist(),
+        unit="kg*m^2",
+        source=source,
+        assumed=old.assumed and len(names) < len(INERTIAS),
+        note=old.note,
+    )
+    changed = {"inertia": Unit("kg*m^2", (3, 3)).read(inertia)}
+    return vehicle.model_copy(update={"rigid_body": body.model_copy(update=changed)})

@@ -9,16 +9,16 @@ the hull radius for a: only that reproduces Table 2.9.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
+from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
-from auvid.hydro.dynamics.quantities import Quantities
-from auvid.hydro.dynamics.vehicle.geometry import Geometry, Surface, geometry_from_document
+from auvid.hydro.dynamics.vehicle.geometry import Geometry, Surface
 from auvid.hydro.dynamics.vehicle.lift import body_lift, surface_lift
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient, unit_of
 
 SKIN_FRICTION = 3.397e-3
@@ -40,16 +40,18 @@ def strip_theory(
     )
 
 
-def strip_theory_of(
-    document: Mapping[str, Any], *, corrected: bool = True
-) -> tuple[Coefficient, ...]:
-    """Strip theory of a vehicle document with `geometry`. Errors as
-    `geometry_from_document`.
-    """
-    density = Quantities(document).part("environment").number("water_density", "kg/m^3")
-    return strip_theory(
-        geometry_from_document(document), water_density=density, corrected=corrected
-    )
+def strip_theory_of(vehicle: Vehicle, *, corrected: bool = True) -> tuple[Coefficient, ...]:
+    """Return strip theory of a vehicle; `CampaignError` where it has no geometry."""
+    if vehicle.geometry is None:
+        raise CampaignError(
+            "the vehicle has no geometry",
+            field="geometry.hull",
+            remedy=(
+                "Strip theory needs the shape of the hull and its fins: give the block `geometry`"
+                " in the vehicle file."
+            ),
+        )
+    return strip_theory(vehicle.geometry, water_density=vehicle.water_density, corrected=corrected)
 
 
 def finned_circle(a: Array, b: float) -> Array:

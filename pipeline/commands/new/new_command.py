@@ -9,7 +9,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.execution.generate_dvc import dvc_yaml, params_yaml
 from auvid.pipeline.store.atomic_files import write_atomically
@@ -36,9 +36,9 @@ def make_workspace(folder: Path) -> None:
     for name, text in made.items():
         write_atomically(folder / name, text.encode())
     _copy(resources.files("auvid.pipeline") / "templates", folder)
-    vehicle = load_yaml(folder / "vehicles" / "example_rov.yaml")
+    vehicle = load_vehicle(folder / "vehicles" / "example_rov.yaml").vehicle
     write_atomically(
-        folder / "campaigns" / EXAMPLE / "logs" / "synthetic_run.csv", example_log(vehicle.value)
+        folder / "campaigns" / EXAMPLE / "logs" / "synthetic_run.csv", example_log(vehicle)
     )
 
 

@@ -5,14 +5,12 @@ thrusters, simulated and measured with noise.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 SEED, RATE_HZ, DURATION_S, HOLD_S = 7, 10.0, 90.0, 3.0
 LINEAR = np.array([-8.0, -14.0, -18.0, -0.6, -0.6, -0.9])
@@ -21,7 +19,7 @@ NOISE = {"gyro": 0.002, "attitude": 0.05, "depth": 0.005, "velocity": 0.01}
 HEADER = "time_s,pulse_1,pulse_2,pulse_3,pulse_4,roll_deg,pitch_deg,yaw_deg,gyro_x,gyro_y,gyro_z,depth_m,u,v,w"
 
 
-def example_log(vehicle: Mapping[str, Any]) -> bytes:
+def example_log(vehicle: Vehicle) -> bytes:
     """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s,
     depth in m, velocity in m/s; body FRD.
     """
@@ -31,7 +29,7 @@ def example_log(vehicle: Mapping[str, Any]) -> bytes:
     pulses: Array = 1500.0 + np.round(np.repeat(steps, int(HOLD_S * RATE_HZ), axis=0)).astype(
         np.float64
     )
-    state = simulate(vehicle_from_document(vehicle), pulses)
+    state = simulate(vehicle, pulses)
 
     def noisy(values: Array, sensor: str) -> Array:
         return values + rng.normal(0.0, NOISE[sensor], values.shape)

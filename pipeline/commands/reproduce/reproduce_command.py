@@ -30,7 +30,7 @@ from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress
 from auvid.pipeline.execution.runner import InternalFault, Run, StageFault
 from auvid.pipeline.execution.task import Outcome, Task, execute
-from auvid.pipeline.execution.task_inputs import Artefact, Many, Source, Value
+from auvid.pipeline.execution.task_inputs import Artefact, Many, Source, Value, vehicle_source
 from auvid.pipeline.graph import WHOLE, Graph, Port
 from auvid.pipeline.store.artefacts import load
 from auvid.pipeline.store.atomic_files import prune
@@ -203,7 +203,7 @@ def _sources(
     return {
         "reproduction": Value(setting.document.value),
         "published": Value(published),
-        "vehicle": Value(campaign.vehicle),
+        "vehicle": vehicle_source(campaign.vehicle),
         "campaign": Value(first.campaign.document),
         "provenance": Value(first.provenance()),
         "plans": Documents(

@@ -14,6 +14,7 @@ import pyarrow as pa
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.streams.mapping import OtherSource
@@ -38,7 +39,7 @@ class Recorded:
     tables: Mapping[str, pa.Table]
     info: Document
     dropped: pa.Table
-    vehicle: Document | None = None
+    vehicle: Vehicle | None = None
     others: Sequence[OtherSource] = ()
     _times: dict[str, Array] = field(default_factory=dict, repr=False)
 
@@ -94,7 +95,8 @@ class Recorded:
         the vehicle's parameters, else outputs 1 to 8.
         """
         there = self.tables["actuators"].column_names if self.has("actuators") else []
-        named = ((self.vehicle or {}).get("actuators") or {}).get("thrusters", {}).get("outputs")
+        entry = self.vehicle and self.vehicle.document.actuators.thrusters
+        named = entry.outputs if entry else None
         if named is None:
             functions = {
                 number: self.info["parameters"].get(f"SERVO{number}_FUNCTION")

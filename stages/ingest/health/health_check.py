@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.checks import SEVERITIES, checks
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import ON_CHANGE, Finding, Recorded
@@ -85,7 +86,7 @@ def check_health(
     info: Document,
     dropped: pa.Table,
     *,
-    vehicle: Document | None = None,
+    vehicle: Vehicle | None = None,
     others: Sequence[OtherSource] = (),
 ) -> dict[str, Any]:
     """The `health` document of one log from its streams, its `log_info`, what was

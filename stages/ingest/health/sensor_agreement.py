@@ -157,9 +157,9 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
     if found is None:
         return
     size = found.magnitude
-    said = log.info["accelerometer"] or ((log.vehicle or {}).get("sensors") or {}).get(
-        "imu", {}
-    ).get("accelerometer")
+    said = log.info["accelerometer"] or (
+        log.vehicle and log.vehicle.document.sensors.imu.accelerometer
+    )
     if abs(size - 1.0) < limit("accelerometer_unit"):
         text = (
             f"The accelerometer reads {size:.3f} (median length) and not {STANDARD_GRAVITY:.2f}: it is"
@@ -272,9 +272,7 @@ def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
         own = _spread(values)
         pressures = BAROMETER.match(other.source) and (BAROMETER.match(used) or used == "CTUN")
         if pressures and log.under_water is not False and _in_housing(found, own, moved):
-            named = log.vehicle is not None and "barometer_instance" in (
-                (log.vehicle.get("sensors") or {}).get("depth") or {}
-            )
+            named = log.vehicle is not None and log.vehicle.barometer_instance is not None
             reason = _choice(named, any(item.source == "CTUN" for item in others))
             text = (
                 f"{other.source} reads {_range(values)} while {used} reads {_range(depth)}: it sits"

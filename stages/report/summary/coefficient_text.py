@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
+from auvid.data_schemas.documents.model import Quantity, assumed_quantities
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
@@ -160,12 +162,12 @@ def _figure(symbol: str, value: float, error: float, unit: str, *, interval: boo
     return true_minus(words)
 
 
-def assumed_words(vehicle: Document) -> tuple[int, str]:
+def assumed_words(vehicle: VehicleDocument) -> tuple[int, str]:
     """How many figures of a vehicle document are assumed, and which: names and values,
     grouped, without their sources.
     """
     groups: dict[str, list[str]] = {}
-    for path, quantity in _assumed(vehicle, ()):
+    for path, quantity in assumed_quantities(vehicle):
         groups.setdefault("".join(path[-2:-1]).replace("_", " "), []).append(
             f"{_name(path[-1])}{_value(quantity)}"
         )
@@ -176,24 +178,15 @@ def assumed_words(vehicle: Document) -> tuple[int, str]:
     return sum(len(items) for items in groups.values()), "; ".join(words)
 
 
-def _assumed(part: Document, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Document]]:
-    for key, value in part.items():
-        if isinstance(value, Mapping):
-            if value.get("assumed") and "value" in value:
-                yield (*path, str(key)), value
-            else:
-                yield from _assumed(value, (*path, str(key)))
-
-
 def _name(field: str) -> str:
     return field if field != field.lower() else field.replace("_", " ")
 
 
-def _value(quantity: Document) -> str:
+def _value(quantity: Quantity) -> str:
     """` 13.5 kg`, ` diag(0.26, 0.23, 0.37) kg m²`; nothing for a longer list, which the
     vehicle file holds.
     """
-    value = np.asarray(quantity["value"], dtype=float)
+    value = np.asarray(quantity.value, dtype=float)
     if (
         value.ndim == 2
         and value.shape[0] == value.shape[1]
@@ -204,7 +197,7 @@ def _value(quantity: Document) -> str:
         return ""
     else:
         words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:.4g}"
-    unit = str(quantity.get("unit", "1")).replace("*", " ").replace("^2", "²").replace("^3", "³")
+    unit = quantity.unit.replace("*", " ").replace("^2", "²").replace("^3", "³")
     return true_minus(words if unit == "1" else f"{words} {unit}")
 
 

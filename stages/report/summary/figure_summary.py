@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.base import Document
 from auvid.stages.page.first_screen import Fact, Figure, Level, Summary
@@ -28,7 +29,7 @@ def summarise_results(
     results: Mapping[str, Document],
     logs: Mapping[str, Document],
     sections: Mapping[str, Document],
-    vehicle: Document,
+    vehicle: VehicleDocument,
 ) -> Summary:
     """The summary of documents of schema `results`, keyed `stage/item`: of their
     headlines, or of all figures where there is none.

@@ -16,6 +16,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
@@ -32,7 +33,7 @@ def summarise(
     segments: Mapping[str, Document],
     logs: Mapping[str, Document],
     sections: Mapping[str, Document],
-    vehicle: Document,
+    vehicle: VehicleDocument,
     free_run: pa.Table | None = None,
 ) -> Summary:
     """The summary of one campaign."""
@@ -309,7 +310,7 @@ def _unbounded(take: ModelScore | None, free_run: pa.Table | None) -> list[str]:
     ]
 
 
-def assumed_figures(vehicle: Document) -> tuple[str, ...]:
+def assumed_figures(vehicle: VehicleDocument) -> tuple[str, ...]:
     count, words = assumed_words(vehicle)
     if not count:
         return ()

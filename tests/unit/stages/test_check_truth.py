@@ -4,23 +4,28 @@ truth that is missing is named.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.arrays import Array
 from auvid.stages import check_truth
 from auvid.stages.base import Collection, collection
-from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
-
-VEHICLE: dict[str, Any] = yaml.safe_load(
-    (Path(__file__).parents[3] / "vehicles/vt690.yaml").read_text(encoding="utf-8")
+from auvid.stages.columns import (
+    ACCELERATION,
+    POSE,
+    POSE_RATE,
+    VELOCITY,
+    Array,
+    force_columns,
+    named,
 )
+from tests.support.motions import shipped_vehicle
+
+VEHICLE = shipped_vehicle("vt690")
 START_S = 2.0
 T = np.arange(0.0, 4.0, 0.02)
 OFFSET = {"u_m_s": 0.03, "psi_rad": 0.01, "tau_bar_Y_N": 2.0}

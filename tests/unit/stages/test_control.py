@@ -16,6 +16,7 @@ import yaml
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.tables import column
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import control
 from auvid.stages.control.cases import trajectories_of
 
@@ -73,7 +74,8 @@ def short_vt690() -> dict[str, Any]:
 
 def run(vehicle: Any, cases: Any, card: Any = None, **params: Any) -> control.Outputs:
     return control.run(
-        control.Inputs(vehicle, cases, card), control.Params(**{"members": 20, **params})
+        control.Inputs(vehicle_from_document(vehicle), cases, card),
+        control.Params(**{"members": 20, **params}),
     )
 
 

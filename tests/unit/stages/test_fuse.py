@@ -116,8 +116,7 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     fusing give the truth back.
     """
     lag, sensors = 0.2, ODD
-    vehicle = mounted_vehicle(sensors)
-    vehicle["sensors"]["dvl"]["lag"] = {"value": lag, "unit": "s", "source": "test"}
+    vehicle = mounted_vehicle(sensors, dvl_lag_s=lag)
     dense = resampled_table(motion, sensors, sensor_axes=True)
     streams = sampled(dense, lag)
     log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)

@@ -5,14 +5,12 @@ recorder, and what it refuses.
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.documents import check_document
@@ -27,11 +25,10 @@ from auvid.hydro.dynamics.simulation.bench_motion import (
 )
 from auvid.stages import pipendulum
 from auvid.stages.base import collection
+from tests.support.motions import shipped_vehicle
 
 Array = npt.NDArray[np.float64]
-VEHICLE = yaml.safe_load(
-    (Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8")
-)
+VEHICLE = shipped_vehicle("thaus")
 G, START_US, HELD_S = 9.80665, 3_000_000, 2.0
 ARM, WEIGHT = 3.66, 10.55
 INERTIA = {"tray": 2.1970, "tube": 2.8590, "vehicle": 2.1970 + 1.7428}

@@ -14,7 +14,7 @@ import yaml
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import make_table, matrix
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.pipeline.commands.reproduce.reproduce_command import open_setting
 from auvid.stages import replace_state
 from auvid.stages.base import collection

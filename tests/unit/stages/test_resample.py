@@ -5,13 +5,11 @@ and what it refuses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
@@ -19,8 +17,9 @@ from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages import resample
 from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
+from tests.support.motions import shipped_vehicle
 
-VEHICLE = yaml.safe_load((Path(__file__).parents[3] / "vehicles/bluerov2_heavy.yaml").read_text())
+VEHICLE = shipped_vehicle("bluerov2_heavy")
 DVL_LAG_S = 0.15
 START_US = 50_000_000
 OMEGA = 2.0 * np.pi * 0.1

@@ -16,7 +16,6 @@ from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import residual
 from auvid.stages.columns import forces
@@ -30,10 +29,10 @@ from tests.support.motions import (
     resampled_table,
     rich_motion,
     segment_document,
-    vehicle_document,
+    shipped_vehicle,
 )
 
-ROV = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+ROV = shipped_vehicle("bluerov2_heavy")
 PULSES = tuple(f"pwm_{number}_us" for number in range(1, 9))
 
 
@@ -78,7 +77,7 @@ def run(
         fused_table(motion),
         fusion_document(**(fusion or {})),
         table,
-        vehicle_document(vehicle),
+        shipped_vehicle(vehicle),
         log_document(parameters=dict(parameters or {})),
     )
     return residual.run(given, residual.Params(**params))
@@ -108,7 +107,7 @@ def test_components_add_up_to_the_residual_force(motion: Motion) -> None:
     )  # N, N m; parts up to 500
     assert "thrusters_X_N" not in found.column_names
     np.testing.assert_allclose(column(found, "eta_ratio"), ratio_of(motion), rtol=1e-14)
-    vehicle = vehicle_from_document(vehicle_document("vt690"))
+    vehicle = shipped_vehicle("vt690")
     control = Control(propeller_rev_s=motion.rev_s, fins_rad=motion.fins)
     expected = inverse_dynamics(vehicle, motion.eta, motion.nu, motion.nu_dot, control)
     np.testing.assert_allclose(forces(found, "tau_bar"), expected, rtol=0.0, atol=1e-9)
@@ -143,7 +142,7 @@ def test_actuators_pass_the_filter_of_the_state(motion: Motion) -> None:
     fins = zero_phase_lowpass(motion.t_s, motion.fins, cutoff_hz=1.0)
     control = Control(propeller_rev_s=rev_s, fins_rad=fins)
     expected = inverse_dynamics(
-        vehicle_from_document(vehicle_document("vt690")),
+        shipped_vehicle("vt690"),
         motion.eta,
         motion.nu,
         motion.nu_dot,
@@ -168,7 +167,7 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
         fused_table(inner),
         fusion_document(),
         resampled_table(motion),
-        vehicle_document("vt690"),
+        shipped_vehicle("vt690"),
         log_document(),
     )
     cut = residual.run(given, residual.Params()).residual

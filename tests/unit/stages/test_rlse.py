@@ -18,7 +18,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.single_channel import ChannelRun, estimate_channel
 from auvid.stages import rlse
@@ -117,7 +117,9 @@ def run(
 ) -> rlse.Outputs:
     end = max(int(column(table, "time_us")[-1]) for table in tables.values())
     info = {"start_us": START_US, "end_us": end, "parameters": {}}
-    return rlse.run(rlse.Inputs(leg, info, vehicle, **tables), rlse.Params(**params))
+    return rlse.run(
+        rlse.Inputs(leg, info, vehicle_from_document(vehicle), **tables), rlse.Params(**params)
+    )
 
 
 def figures(outputs: rlse.Outputs) -> dict[str, dict[str, Any]]:

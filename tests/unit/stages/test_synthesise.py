@@ -41,7 +41,7 @@ from tests.support.motions import (
     residual_table,
     rich_motion,
     segment_document,
-    vehicle_document,
+    shipped_vehicle,
 )
 
 Leg = tuple[Array, Array, Array | None]
@@ -57,7 +57,7 @@ def run(
 ) -> synthesise.Outputs:
     tables = {name: residual_table(nu, force, ratio) for name, (nu, force, ratio) in legs.items()}
     segments = {name: segment_document(name, (use or {}).get(name, "training")) for name in legs}
-    inputs = synthesise.Inputs(collection(tables), collection(segments), vehicle_document(vehicle))
+    inputs = synthesise.Inputs(collection(tables), collection(segments), shipped_vehicle(vehicle))
     found = synthesise.run(inputs, synthesise.Params(**params))
     for card in found.model_card.values():
         check_document(card, "model_card")
@@ -179,7 +179,7 @@ def lazy_inputs(legs: int) -> synthesise.Inputs:
     return synthesise.Inputs(
         Collection({name: partial(lazy_leg, seed) for seed, name in enumerate(names)}),
         collection({name: segment_document(name) for name in names}),
-        vehicle_document("bluerov2_heavy"),
+        shipped_vehicle("bluerov2_heavy"),
     )
 
 
@@ -445,7 +445,7 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
     known = table
     for name, sd in zip(VELOCITY_SD, (0.01, 0.05, 0.01, 0.002, 0.002, 0.002), strict=True):
         known = known.append_column(name, pa.array(np.full(len(nu), sd)))
-    segment, vehicle = {"one": segment_document("one")}, vehicle_document("bluerov2_heavy")
+    segment, vehicle = {"one": segment_document("one")}, shipped_vehicle("bluerov2_heavy")
     cards = [
         synthesise.run(
             synthesise.Inputs(collection({"one": item}), collection(segment), vehicle),

@@ -16,7 +16,13 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
 from auvid.stages.base import collection
-from tests.support.motions import residual_table, rich_motion, segment_document, vehicle_document
+from auvid.stages.columns import AXES, Array
+from tests.support.motions import (
+    residual_table,
+    rich_motion,
+    segment_document,
+    shipped_vehicle,
+)
 
 LEGS = {"one": "training", "two": "training", "check": "validation", "far": "validation"}
 MODELS = ("linear", "fossen", "pitch_yaw")
@@ -51,7 +57,7 @@ def run(
     params = synthesise.Params(models=MODELS, trim=trim)
     cards = dict(
         synthesise.run(
-            synthesise.Inputs(tables, segments, vehicle_document("bluerov2_heavy")), params
+            synthesise.Inputs(tables, segments, shipped_vehicle("bluerov2_heavy")), params
         ).model_card
     )
     found = validate.run(validate.Inputs(collection(cards), tables, segments), validate.Params())

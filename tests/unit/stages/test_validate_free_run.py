@@ -11,11 +11,10 @@ from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
 from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
-from tests.support.motions import vehicle_document
+from tests.support.motions import shipped_vehicle
 
 STABLE = {
     "X": {"u": -40.0},
@@ -26,7 +25,7 @@ STABLE = {
     "N": {"r": -3.0},
 }
 UNSTABLE = {**STABLE, "N": {"r": 30.0}}
-VEHICLE = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+VEHICLE = shipped_vehicle("bluerov2_heavy")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import Flight, Plant, fly
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
 VT690 = vehicle_from_document(

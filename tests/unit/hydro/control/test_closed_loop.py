@@ -29,13 +29,15 @@ from auvid.hydro.control.reference import ModeSwitch, Waiting
 from auvid.hydro.control.riccati import uncontrollable_states
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
 CARD = json.loads((ROOT / "campaigns/vt690_control/linear.json").read_text())
 LIMITS = {"fin_limit_rad": np.radians(20.0), "fin_rate_rad_s": 1.0}
 HAUV = hybrid_plant(
-    hybrid_vehicle(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())),
+    hybrid_vehicle(
+        vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()))
+    ),
     thrust_rate_N_s=100.0,
     **LIMITS,
 )

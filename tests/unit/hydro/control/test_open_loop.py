@@ -12,9 +12,10 @@ import yaml
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.control.open_loop import findings, fly_open_loop, open_loop_cases
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
-HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
+HAUV = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()))
 CASES = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
 SIMULATED, CORRECTED = hybrid_vehicle(HAUV, "as_simulated"), hybrid_vehicle(HAUV, "corrected")
 BY_NAME = {case.name: case for case in open_loop_cases(CASES, SIMULATED)}

@@ -25,7 +25,7 @@ from auvid.hydro.dynamics.equations_of_motion import (
 )
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 ROOT = Path(__file__).parents[4]

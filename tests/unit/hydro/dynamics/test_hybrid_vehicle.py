@@ -11,7 +11,6 @@ import pytest
 import yaml
 from scipy.optimize import fsolve
 
-from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.hybrid_vehicle import (
     PARAMETER_SETS,
@@ -21,10 +20,12 @@ from auvid.hydro.dynamics.hybrid_vehicle import (
     parameter_coefficients,
 )
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis
 
 ROOT = Path(__file__).parents[4]
-HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
+DOCUMENT = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
+HAUV = vehicle_from_document(DOCUMENT)
 SIMULATED = hybrid_vehicle(HAUV, "as_simulated")
 
 
@@ -261,9 +262,9 @@ def test_the_force_field_acts_at_the_centre_of_gravity():
 
 
 def test_the_propeller_rolls_the_vehicle_only_while_it_pushes():
-    document = copy.deepcopy(HAUV)
+    document = copy.deepcopy(DOCUMENT)
     document["propulsion"]["roll_moment"]["value"] = 2.0
-    turning = hybrid_vehicle(document)
+    turning = hybrid_vehicle(vehicle_from_document(document))
     M = turning.mass_matrix(72.5, 0.0)
     for thrust, moment in ((150.0, 2.0), (0.0, 0.0)):
         U = np.array([thrust, 0.0, 0.0, 0.0])
@@ -292,22 +293,21 @@ def test_an_identified_model_takes_the_place_of_strip_theory():
 
 
 def test_documents_that_cannot_be_are_refused():
-    check_document(HAUV, "vehicle")
     with pytest.raises(CampaignError, match=r"unknown parameter set.*corrected"):
         hybrid_vehicle(HAUV, "correct")
     for key, message in (
-        ("buoyancy_engine", "buoyancy_engine.mass_empty"),
-        ("propulsion", "propulsion.roll_moment"),
+        ("buoyancy_engine", "needs buoyancy_engine"),
+        ("propulsion", "needs propulsion"),
     ):
-        broken = copy.deepcopy(HAUV)
+        broken = copy.deepcopy(DOCUMENT)
         del broken[key]
         with pytest.raises(CampaignError, match=message):
-            hybrid_vehicle(broken)
-    heavy = copy.deepcopy(HAUV)
+            hybrid_vehicle(vehicle_from_document(broken))
+    heavy = copy.deepcopy(DOCUMENT)
     heavy["rigid_body"]["mass"]["value"] = 80.0
     with pytest.raises(CampaignError, match=r"rigid_body.mass.*71.5 .empty. to 73.5 kg"):
-        hybrid_vehicle(heavy)
-    swapped = copy.deepcopy(HAUV)
+        hybrid_vehicle(vehicle_from_document(heavy))
+    swapped = copy.deepcopy(DOCUMENT)
     swapped["buoyancy_engine"]["mass_full"]["value"] = 70.0
     with pytest.raises(CampaignError, match="do not ascend"):
-        hybrid_vehicle(swapped)
+        vehicle_from_document(swapped)

@@ -22,7 +22,7 @@ from auvid.hydro.dynamics.simplified import (
     simplified_of,
     state_rate,
 )
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 
 THAUS = vehicle_from_document(

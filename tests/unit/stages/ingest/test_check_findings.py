@@ -4,6 +4,7 @@ the sound log has none.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 
 from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.streams.mapping import OtherSource
+from tests.support.motions import vehicle_document
 from tests.support.sound_log import DELAY_S, FIRST_US, LENGTH_S, Log, micro, sound
 
 IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
@@ -407,7 +410,13 @@ def test_thrusters_come_from_the_vehicle_file_then_from_parameters() -> None:
     log = sound()
     log.streams["actuators"]["pwm_10_us"] = np.full(log.t_s("actuators").size, 1900.0)
     assert "outputs_saturated" not in log.ids()
-    log.vehicle = {"actuators": {"thrusters": {"outputs": [1, 2, 10]}}}
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    thrusters = document["actuators"]["thrusters"]
+    for key in ("position", "axis", "direction"):
+        thrusters[key]["value"] = thrusters[key]["value"][:3]
+    log.vehicle = vehicle_from_document(
+        {**document, "actuators": {"thrusters": {**thrusters, "outputs": [1, 2, 10]}}}
+    )
     assert "output 10 in 100 %" in log.finding("outputs_saturated")["text"]
     log.vehicle = None
     log.info["parameters"] |= {"SERVO1_FUNCTION": 33.0, "SERVO10_FUNCTION": 34.0}

@@ -12,8 +12,11 @@ import yaml
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, LogError
 from auvid.data_schemas.tables import column
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
+from tests.support.motions import vehicle_document
 
 ROOT = Path(__file__).parents[4]
 SMALL = ROOT / "tests/data/bluerov2_ugps_small/small.BIN"
@@ -48,7 +51,7 @@ def range_csv(text: str = "t,h\n1.5,2\n2.5,3\n", **time: Any) -> RawFile:
 def run(
     *files: RawFile,
     sources: dict[str, str] | None = None,
-    vehicle: dict[str, Any] | None = None,
+    vehicle: Vehicle | None = None,
     **params: Any,
 ) -> ingest.Outputs:
     campaign = {"logs": [{"id": "dive", "sources": sources or {}}]}
@@ -177,7 +180,9 @@ def test_the_manifest_chooses_sources() -> None:
 
 
 def test_the_vehicle_names_its_barometer() -> None:
-    vehicle = {"sensors": {"depth": {"barometer_instance": 0}}}
+    vehicle = vehicle_from_document(
+        {**vehicle_document("bluerov2_heavy"), "sensors": {"depth": {"barometer_instance": 0}}}
+    )
     assert run(raw_file(SMALL), vehicle=vehicle).log_info["streams"]["depth"]["source"] == "BARO[0]"
     assert (
         run(raw_file(SMALL), vehicle=vehicle, sources={"depth": "BARO[1]"}).log_info["streams"][

@@ -17,7 +17,7 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import ingest, simulate
 from auvid.stages.base import RawFile, RawLog
 from auvid.stages.simulate.bench import pendulum_of

@@ -20,7 +20,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.sensor_models import specific_force
 from auvid.hydro.dynamics.simulation.simulation import Plant
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.signals.bias import inertial_acceleration
 from auvid.pipeline.campaigns.twin import load_twin
 from auvid.stages import ingest, simulate

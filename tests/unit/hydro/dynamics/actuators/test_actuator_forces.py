@@ -15,7 +15,7 @@ from auvid.hydro.dynamics.actuators.thrusters import (
     thruster_forces,
 )
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[5]
 VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))

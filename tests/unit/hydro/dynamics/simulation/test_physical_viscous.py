@@ -16,7 +16,8 @@ from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous, physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle, vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis

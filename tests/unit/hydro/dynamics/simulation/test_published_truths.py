@@ -17,7 +17,7 @@ import yaml
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.actuators.propeller import level_speed
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.pipeline.campaigns.twin import load_truth, published_coefficients, read_coefficients

@@ -30,7 +30,7 @@ from auvid.hydro.dynamics.simulation.simulation import (
     integrate_open_loop,
     motion_at,
 )
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 

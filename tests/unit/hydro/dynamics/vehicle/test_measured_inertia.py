@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 import yaml
 
+from auvid.data_schemas.documents.inertia import InertiaDocument
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 
 THAUS = Path(__file__).parents[5] / "vehicles" / "thaus.yaml"
@@ -25,15 +28,14 @@ MEASURED = {
 def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
     document = yaml.safe_load(THAUS.read_text(encoding="utf-8"))
     document["rigid_body"]["centre_of_gravity"]["value"] = [0.1, 0.0, 0.05]
-    before = json.dumps(document)
-    found = vehicle_from_document(with_measured_inertia(document, MEASURED))
+    given, measured = parse(VehicleDocument, document), parse(InertiaDocument, MEASURED)
+    before = given.model_dump_json()
+    changed = with_measured_inertia(given, measured)
+    found = vehicle_from_document(changed)
     # I_x about the origin: I_x + m (y^2 + z^2).
     np.testing.assert_allclose(np.diag(found.inertia), [1.8 + 38.10 * 0.05**2, 2.2278, 1.4046])
-    assert json.dumps(document) == before
-    assert (
-        "the rest: Table 7"
-        in with_measured_inertia(document, MEASURED)["rigid_body"]["inertia"]["source"]
-    )
+    assert given.model_dump_json() == before
+    assert "the rest: Table 7" in changed.rigid_body.inertia.source
 
 
 def test_vehicle_file_names_the_document(tmp_path: Path) -> None:
@@ -44,7 +46,7 @@ def test_vehicle_file_names_the_document(tmp_path: Path) -> None:
     with pytest.raises(PipelineError, match=r"measured\.json"):
         load_vehicle(tmp_path / "mine.yaml")
     (tmp_path / "measured.json").write_text(json.dumps(MEASURED), encoding="utf-8")
-    assert vehicle_from_document(load_vehicle(tmp_path / "mine.yaml").value).inertia[0, 0] == 1.8
+    assert load_vehicle(tmp_path / "mine.yaml").vehicle.inertia[0, 0] == 1.8
     (tmp_path / "measured.json").write_text(
         json.dumps({**MEASURED, "I_w": MEASURED["I_x"]}), encoding="utf-8"
     )

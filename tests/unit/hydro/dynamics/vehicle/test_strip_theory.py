@@ -10,18 +10,19 @@ import pytest
 import yaml
 
 from auvid.data_schemas.documents import check_document
-from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.vehicle import GeometryEntry
+from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.dynamics.actuators.fins import fin_force
-from auvid.hydro.dynamics.hybrid_vehicle import published_coefficients
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
-from auvid.hydro.dynamics.vehicle.geometry import geometry_from_document
+from auvid.hydro.dynamics.vehicle.from_document import geometry_from_entry, vehicle_from_document
 from auvid.hydro.dynamics.vehicle.lift import fins_from_geometry, lift_slope
 from auvid.hydro.dynamics.vehicle.strip_theory import (
     finned_circle,
     finned_circle_roll,
     strip_theory,
+    strip_theory_of,
 )
-from auvid.hydro.dynamics.vehicle.vehicle import vehicle_from_document
 from auvid.hydro.dynamics.viscous.coefficients import (
     added_mass_matrix,
     term_of,
@@ -64,19 +65,21 @@ def quantity(value, unit):
     return {"value": value, "unit": unit, "source": "test"}
 
 
+def geometry_of(document):
+    return geometry_from_entry(parse(GeometryEntry, document["geometry"]))
+
+
 def computed(*, corrected, document=HAUV):
     kinds = ("added_mass", "drag")
     return {
         item.name: item
-        for item in strip_theory(
-            geometry_from_document(document), water_density=RHO, corrected=corrected
-        )
+        for item in strip_theory(geometry_of(document), water_density=RHO, corrected=corrected)
         if item.kind in kinds
     }
 
 
 def test_every_printed_coefficient_is_judged():
-    assert set(published_coefficients(HAUV)) == {*LAST_DIGIT, *NEARLY, *NOT}
+    assert set(vehicle_from_document(HAUV).published) == {*LAST_DIGIT, *NEARLY, *NOT}
 
 
 @pytest.mark.parametrize("name", LAST_DIGIT)
@@ -99,7 +102,7 @@ def test_what_cannot_be_reproduced_differs_as_the_page_says():
     assert ours["X_udot"].value == pytest.approx(-0.889, abs=5e-4)
     assert ours["Y_rdot"].value == pytest.approx(-HAUV["published"]["Y_rdot"]["value"], rel=1e-4)
     page = (ROOT / "docs/strip_theory.md").read_text()
-    for name in published_coefficients(HAUV):
+    for name in vehicle_from_document(HAUV).published:
         assert f"`{name}`" in page
 
 
@@ -126,7 +129,7 @@ def test_the_vehicle_file_holds_the_corrected_added_mass():
 
 
 def test_lift_of_the_thesis():
-    geometry = geometry_from_document(HAUV)
+    geometry = geometry_of(HAUV)
     assert [lift_slope(item) for item in geometry.surfaces] == pytest.approx(
         [4.18819, 4.83222], rel=1e-5
     )
@@ -197,7 +200,7 @@ def test_sections_have_their_limits():
 
 
 def test_corrected_signs_damp_and_stabilise():
-    geometry = geometry_from_document(HAUV)
+    geometry = geometry_of(HAUV)
     terms = viscous_terms(strip_theory(geometry, water_density=RHO, corrected=True))
     for axis, term in (
         ("X", "u*|u|"),
@@ -234,7 +237,7 @@ def test_moving_the_origin_moves_the_moments():
 
 
 def test_fins_from_geometry_push_as_the_text_says():
-    fins = fins_from_geometry(geometry_from_document(HAUV), water_density=RHO)
+    fins = fins_from_geometry(geometry_of(HAUV), water_density=RHO)
     nu = np.array([1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     rudder = fin_force(fins, nu, [0.0, 0.0, 0.1, 0.1], water_density=RHO)
     assert rudder[1] == pytest.approx(RHO * 4.18819 * 0.0257 * 1.5**2 * 0.1, rel=1e-5)
@@ -269,14 +272,14 @@ def test_shipped_geometries_give_sane_coefficients(vehicle):
     document = yaml.safe_load((ROOT / f"vehicles/{vehicle}.yaml").read_text())
     check_document(document, "vehicle")
     density = document["environment"]["water_density"]["value"]
-    items = strip_theory(geometry_from_document(document), water_density=density)
+    items = strip_theory(geometry_of(document), water_density=density)
     assert np.linalg.eigvalsh(added_mass_matrix(items)).max() < 0.0
     assert all(item.formula and item.source and item.unit == unit_of(item.name) for item in items)
 
 
 def test_myring_hull_has_its_length_diameter_and_closed_ends():
     document = yaml.safe_load((ROOT / "vehicles/remus100.yaml").read_text())
-    hull = geometry_from_document(document).hull
+    hull = geometry_of(document).hull
     x = np.linspace(hull.tail_x_m, hull.nose_x_m, 501)
     radius = hull.radius_m(x)
     assert radius[0] == pytest.approx(0.0, abs=1e-7)
@@ -304,8 +307,8 @@ def edited(path, value):
         ("surfaces.fins.area", -0.0257, "must be positive"),
         ("surfaces.wings.span", 0.0, "must be positive"),
         ("hull.length", -2.0, "must be positive"),
-        ("hull.shape", "box", "unknown hull shape"),
-        ("surfaces.fins.layout", "ring", "unknown layout"),
+        ("hull.shape", "box", "unknown value.*cylinder, myring, stations"),
+        ("surfaces.fins.layout", "ring", "unknown value.*cruciform, horizontal, vertical"),
         ("surfaces.fins.x_rear", -1.2, "outside the hull"),
         ("surfaces.wings.x_front", 1.4, "outside the hull"),
         ("surfaces.wings.x_front", -0.2, "not ahead of its rear"),
@@ -314,12 +317,12 @@ def edited(path, value):
     ],
 )
 def test_geometry_that_cannot_be_is_refused_by_name(path, value, message):
-    with pytest.raises(CampaignError, match=message) as caught:
-        geometry_from_document(edited(path, value))
+    with pytest.raises(PipelineError, match=message) as caught:
+        vehicle_from_document(edited(path, value))
     assert f"geometry.{path.split('.')[0]}" in str(caught.value)
 
 
 def test_a_vehicle_without_geometry_says_what_is_missing():
     document = yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
     with pytest.raises(CampaignError, match=r"no geometry.*block `geometry`"):
-        geometry_from_document(document)
+        strip_theory_of(vehicle_from_document(document))
