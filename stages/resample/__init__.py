@@ -20,21 +20,8 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.signals.resampling import (
-    hold,
-    linear,
-    smooth_attitude,
-    uniform_clock,
-    unwrap_angles,
-)
-from auvid.hydro.identification.signals.splines import (
-    cutoff_from_lambda,
-    lambda_from_cutoff,
-    smoothing_spline,
-)
+from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import leg_window
 from auvid.stages.resample.segments import (

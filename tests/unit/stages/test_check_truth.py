@@ -19,7 +19,6 @@ from auvid.stages.columns import (
     POSE,
     POSE_RATE,
     VELOCITY,
-    Array,
     force_columns,
     named,
 )

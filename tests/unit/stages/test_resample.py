@@ -4,7 +4,6 @@ and what it refuses.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,13 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import resample
 from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
-from tests.support.motions import shipped_vehicle
+from tests.support.motions import shipped_vehicle, vehicle_document
 
-VEHICLE = shipped_vehicle("bluerov2_heavy")
+DOCUMENT, VEHICLE = vehicle_document("bluerov2_heavy"), shipped_vehicle("bluerov2_heavy")
 DVL_LAG_S = 0.15
 START_US = 50_000_000
 OMEGA = 2.0 * np.pi * 0.1
@@ -107,7 +108,7 @@ def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
 def run(
     leg: dict[str, Any] | None = None,
     params: dict[str, Any] | None = None,
-    vehicle: Mapping[str, Any] = VEHICLE,
+    vehicle: Vehicle = VEHICLE,
     **changes: pa.Table | None,
 ) -> resample.Outputs:
     info = {"start_us": START_US, "end_us": START_US + 60_000_000}
@@ -272,17 +273,18 @@ def test_without_a_gyro_the_attitude_gives_the_rates() -> None:
     assert any("no gyro" in note for note in outputs.segment["leg"]["notes"])
 
 
-MOUNTED = {
-    **VEHICLE,
-    "sensors": {
-        **VEHICLE["sensors"],
-        "imu": {"mounting": {"value": [0.0, 0.0, 1.0], "unit": "rad", "source": "test"}},
-        "dvl": {
-            **VEHICLE["sensors"]["dvl"],
-            "mounting": {"value": [np.pi, 0.0, 0.5], "unit": "rad", "source": "test"},
+MOUNTINGS = {"imu": [0.0, 0.0, 1.0], "dvl": [np.pi, 0.0, 0.5]}
+MOUNTED = vehicle_from_document(
+    {
+        **DOCUMENT,
+        "sensors": DOCUMENT["sensors"]
+        | {
+            key: DOCUMENT["sensors"].get(key, {})
+            | {"mounting": {"value": angles, "unit": "rad", "source": "test"}}
+            for key, angles in MOUNTINGS.items()
         },
-    },
-}
+    }
+)
 
 
 def test_vectors_are_turned_from_sensor_to_body_axes() -> None:
@@ -294,10 +296,7 @@ def test_vectors_are_turned_from_sensor_to_body_axes() -> None:
         run({}, {"smoothing": "none"}, vehicle=vehicle, water_velocity=water)
         for vehicle in (VEHICLE, MOUNTED)
     )
-    rotations = {
-        key: rotation_body_to_ned(np.array(MOUNTED["sensors"][key]["mounting"]["value"]))
-        for key in ("imu", "dvl")
-    }
+    rotations = {key: rotation_body_to_ned(np.array(angles)) for key, angles in MOUNTINGS.items()}
     for table, key, names in (
         ("resampled", "imu", VELOCITY[3:]),
         ("resampled", "imu", ACCELERATION[3:]),

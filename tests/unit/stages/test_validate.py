@@ -16,7 +16,6 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
 from auvid.stages.base import collection
-from auvid.stages.columns import AXES, Array
 from tests.support.motions import (
     residual_table,
     rich_motion,
