@@ -68,9 +68,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `DataError` where commands are missing, or no actuator acts.
     """
-    vehicle, direction_note = with_logged_directions(
-        inputs.vehicle, inputs.log_info["parameters"]
-    )
+    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
     voltage, bare = _voltage(inputs.resampled)
     control, level = _control(inputs, vehicle, params, voltage)
     fused = inputs.fused
