@@ -182,7 +182,7 @@ def smooth_velocity(
             used, water=np.maximum(smoothing_spline(tw, through).sigma, FLOOR["velocity"])
         )
     size, measured = (SIZE + CURRENT, MEASURED + CURRENT) if with_current else (SIZE, MEASURED)
-    transitions, processes = _transitions(t, angles, w, used, size)
+    transitions, processes = process_model(t, angles, w, used, size)
     zs, Rs = _measurements(
         t,
         a,
@@ -243,7 +243,7 @@ def _inside(t: Array, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array
     return stamp[keep], value[keep]
 
 
-def _transitions(
+def process_model(
     t: Array, euler: Array, omega: Array, noise: SmootherNoise, size: int
 ) -> tuple[Array, Array]:
     """Transition matrices (n, size, size) and process noise from step k - 1 to k; the

@@ -164,6 +164,25 @@ def test_a_channel_that_stays_still_is_not_excited() -> None:
     assert "u stayed at zero" in zero.words(("u", "X"))
 
 
+@pytest.mark.parametrize(
+    ("sizes", "status"), [([1.0, 0.5], NOT_PERSISTENT), ([1.0, 0.5, 0.3], PERSISTENT)]
+)
+def test_information_must_come_from_two_of_ten_windows(sizes: list[float], status: str) -> None:
+    """Two regressors that differ in one window each by these parts of the information.
+
+    Participation ratio (sum s)^2 / sum s^2: 1.5^2 / 1.25 = 1.8, 1.8^2 / 1.34 = 2.4.
+    """
+    t = np.linspace(0.0, 100.0, 10_001)
+    first = np.sin(2.0 * np.pi * t)
+    other = np.zeros_like(t)
+    for window, size in enumerate(sizes):
+        inside = (t > 20.0 * window) & (t <= 20.0 * window + 10.0)
+        other[inside] = np.sqrt(size) * np.cos(2.0 * np.pi * t[inside])
+    result = excitation(t, np.column_stack([first, other]) @ np.array([[1.0, 1.0], [1e-3, 0.0]]))
+    assert result.spread == pytest.approx(sum(sizes) ** 2 / np.sum(np.square(sizes)), rel=1e-3)
+    assert result.status == status
+
+
 def model(p: Array) -> tuple[Array, Array]:
     coefficients, by = np.zeros(5), np.zeros((5, 3))
     coefficients[[0, 1, 2]] = p

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from auvid.data_schemas.errors import DataError
@@ -22,6 +23,7 @@ from auvid.hydro.identification.regression.standard_errors import (
     automatic_lags,
     hac_covariance,
     long_run_moment,
+    stationary_covariance,
 )
 
 
@@ -57,6 +59,26 @@ def test_covariance_is_the_sandwich_and_segments_add() -> None:
 def test_no_lags_is_the_heteroscedastic_form() -> None:
     s = np.random.default_rng(4).standard_normal((50, 2))
     np.testing.assert_allclose(hac_covariance(s, np.eye(2), lags=0), s.T @ s * 50 / 48, rtol=1e-12)
+
+
+@pytest.mark.parametrize("lags", [0, 1, 6])
+def test_stationary_covariance_is_that_of_a_tapered_toeplitz_matrix(lags: int) -> None:
+    """bread J' R J bread n / (n - k), R_ij = r(|i - j|) (1 - |i - j| / (L + 1))."""
+    rng = np.random.default_rng(9)
+    jacobians = [rng.standard_normal((n, 2)) for n in (40, 25)]
+    residuals = [lfilter([1.0], [1.0, -0.8], rng.standard_normal(len(j))) for j in jacobians]
+    bread = np.linalg.inv(sum(j.T @ j for j in jacobians))
+    middle = np.zeros((2, 2))
+    for rows, error in zip(jacobians, residuals, strict=True):
+        n = len(error)
+        moments = [error[: n - lag] @ error[lag:] / n for lag in range(n)]
+        taper = np.maximum(1.0 - np.arange(n) / (lags + 1), 0.0)
+        middle += rows.T @ toeplitz(moments * taper) @ rows
+    np.testing.assert_allclose(
+        stationary_covariance(jacobians, residuals, bread, lags=lags),
+        bread @ middle @ bread * 65 / 63,
+        rtol=1e-11,
+    )
 
 
 def test_lags_follow_the_colour() -> None:

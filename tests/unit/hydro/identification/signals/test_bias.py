@@ -93,17 +93,32 @@ def test_inertial_acceleration_from_each_convention(motion: Motion, convention: 
     )
 
 
-def test_accelerometer_at_rest_reads_minus_gravity_along_down() -> None:
+@pytest.mark.parametrize("gravity", [STANDARD_GRAVITY, 9.81, 9.78])
+def test_accelerometer_at_rest_reads_minus_gravity_along_down(gravity: float) -> None:
     zero = np.zeros((1, 3))
     rate = inertial_acceleration(
-        np.array([[0.0, 0.0, -STANDARD_GRAVITY]]),
+        np.array([[0.0, 0.0, -gravity]]),
+        convention="specific_force",
+        euler=zero,
+        omega=zero,
+        omega_dot=zero,
+        velocity=zero,
+        gravity=gravity,
+    )
+    np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+
+
+def test_gravity_is_the_standard_one_unless_given() -> None:
+    zero = np.zeros((1, 3))
+    rate = inertial_acceleration(
+        zero,
         convention="specific_force",
         euler=zero,
         omega=zero,
         omega_dot=zero,
         velocity=zero,
     )
-    np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+    np.testing.assert_allclose(rate, [[0.0, 0.0, STANDARD_GRAVITY]], rtol=1e-15)
 
 
 def test_unknown_convention_is_named(motion: Motion) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.errors import DataError
@@ -19,6 +20,7 @@ from auvid.hydro.identification.signals.installation import estimate_installatio
 from auvid.hydro.identification.signals.smoother import (
     SmoothedVelocity,
     SmootherNoise,
+    process_model,
     smooth_velocity,
 )
 
@@ -305,3 +307,74 @@ def test_water_track_of_too_few_samples_is_refused(motion: Motion) -> None:
             t_water=motion.t[:3],
             water=motion.v[:3],
         )
+
+
+def process_matrices(euler: Array, omega: Array, noise: SmootherNoise) -> tuple[Array, Array]:
+    """Continuous A and noise density (13, 13) of the smoother's state at one attitude."""
+    A, density = np.zeros((13, 13)), np.zeros((13, 13))
+    A[0, 1:4] = rotation_body_to_ned(euler)[2]
+    A[1:4, 1:4] = -np.array(
+        [[0, -omega[2], omega[1]], [omega[2], 0, -omega[0]], [-omega[1], omega[0], 0]]
+    )
+    A[1:4, 4:7] = A[4:7, 7:10] = np.eye(3)
+    density[7:10, 7:10] = np.diag(noise.jerk_density)
+    density[10:13, 10:13] = noise.bias_density * np.eye(3)
+    return A, density
+
+
+def test_process_model_is_that_of_van_loan() -> None:
+    """Transition and process noise over a step from one matrix exponential (Van Loan 1978)."""
+    noise = SmootherNoise(jerk_density=np.array([0.3, 0.5, 0.7]), tilt_error_rad=0.02)
+    step, euler, omega = 0.1, np.array([0.1, -0.2, 0.5]), np.zeros(3)
+    A, density = process_matrices(euler, omega, noise)
+    block = expm(step * np.block([[-A, density], [np.zeros((13, 13)), A.T]]))
+    expected_F = block[13:, 13:].T
+    expected_Q = expected_F @ block[:13, 13:]
+    t = np.array([0.0, step])
+    F, Q = process_model(t, np.tile(euler, (2, 1)), np.tile(omega, (2, 1)), noise, 13)
+    np.testing.assert_allclose(F[0], np.eye(13), atol=0.0)
+    np.testing.assert_allclose(Q[0], 0.0, atol=0.0)
+    np.testing.assert_allclose(F[1], expected_F, atol=1e-12)
+    # What reaches depth through velocity is left out of the process noise.
+    np.testing.assert_allclose(Q[1][1:, 1:], expected_Q[1:, 1:], rtol=1e-9, atol=1e-18)
+
+
+def test_transition_turns_the_velocity_with_the_body() -> None:
+    noise = SmootherNoise(jerk_density=np.ones(3))
+    step, euler, omega = 0.02, np.array([0.1, -0.2, 0.5]), np.array([0.2, -0.3, 0.4])
+    A, _ = process_matrices(euler, omega, noise)
+    F, _ = process_model(
+        np.array([0.0, step]), np.tile(euler, (2, 1)), np.tile(omega, (2, 1)), noise, 13
+    )
+    # The series ends with (A h)^4; what follows is (A h)^5 / 120.
+    np.testing.assert_allclose(F[1], expm(step * A), rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("share", [-0.4, 0.4])
+def test_a_velocity_between_steps_is_carried_to_its_step(share: float) -> None:
+    """A straight run that gains 1 m/s^2, sampled off the grid by 0.4 of a step of 0.1 s.
+
+    Taken as of the step itself, the sample would be wrong by 0.04 m/s.
+    """
+    step = 0.1
+    t = np.arange(200) * step
+    a = np.tile([1.0, 0.0, 0.0], (len(t), 1))
+    times = t[5:-5:5] + share * step
+    zero = np.zeros_like(a)
+    result = smooth_velocity(
+        t,
+        a,
+        zero,
+        zero,
+        t_velocity=times,
+        velocity=np.outer(times, [1.0, 0.0, 0.0]),
+        t_depth=t,
+        depth=np.zeros_like(t),
+        noise=SmootherNoise(
+            accel=np.full(3, 1e-3),
+            velocity=np.full(3, 1e-3),
+            depth=1e-3,
+            jerk_density=np.full(3, 1e-6),
+        ),
+    )
+    np.testing.assert_allclose(result.velocity[20:-20, 0], t[20:-20], atol=1e-3)
