@@ -5,19 +5,18 @@ hauv_redesign designs, and that card is the truth.
 from __future__ import annotations
 
 import json
-import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
 from auvid.hydro.control.plants import card_coefficients
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
-from auvid.pipeline import cli
 
 ROOT = Path(__file__).parents[2]
+CARD = ROOT / "campaigns/hauv_redesign/prestero.json"
 LARGEST = {
     "X": ("u*|u|", 0.02),
     "Y": ("u*v", 0.2),
@@ -31,27 +30,27 @@ that was flown: measured 0.3 to 15 %.
 
 
 def test_card_of_the_redesign_is_what_the_chain_finds_in_the_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    committed_run: Callable[[str], Path],
 ) -> None:
-    shutil.copytree(ROOT / "campaigns/hauv_circle", tmp_path / "campaigns/hauv_circle")
-    (tmp_path / "params.yaml").write_text("campaigns: [hauv_circle]\n", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(
-        cli.app, ["run", "hauv_circle", "--until", "synthesise"], catch_exceptions=False
-    )
-    assert done.exit_code == 0, done.output
-    made = json.loads(
-        (tmp_path / "runs/hauv_circle/synthesise/model_card/prestero.json").read_text(
-            encoding="utf-8"
-        )
-    )
-    kept = json.loads((ROOT / "campaigns/hauv_redesign/prestero.json").read_text(encoding="utf-8"))
-    for axis, found in made["solution"].items():
-        assert found == pytest.approx(kept["solution"][axis], rel=1e-3, abs=1e-6), axis
+    """Each coefficient to 1 % of its standard error: what another processor's rounding
+    moves grows with what the data leave open. Terms that are not excited have no value.
+    """
+    file = "runs/hauv_circle/synthesise/model_card/prestero.json"
+    made = json.loads((committed_run("hauv_circle") / file).read_text(encoding="utf-8"))
+    kept = json.loads(CARD.read_text(encoding="utf-8"))
+    for axis, part in kept["axes"].items():
+        assert made["axes"][axis]["excitation"] == part["excitation"], axis
+        for new, old in zip(made["axes"][axis]["terms"], part["terms"], strict=True):
+            assert (new["term"], new["verdict"]) == (old["term"], old["verdict"]), axis
+            if old["value"] is None:
+                assert new["value"] is None
+                continue
+            assert abs(new["value"] - old["value"]) < 0.01 * old["standard_error"], new["term"]
+            assert new["standard_error"] == pytest.approx(old["standard_error"], rel=0.01)
 
 
 def test_card_of_the_redesign_has_the_coefficients_that_carry_the_motion() -> None:
-    card = json.loads((ROOT / "campaigns/hauv_redesign/prestero.json").read_text(encoding="utf-8"))
+    card = json.loads(CARD.read_text(encoding="utf-8"))
     found, _ = card_coefficients(card)
     true = hybrid_vehicle(
         yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8")), "as_simulated"

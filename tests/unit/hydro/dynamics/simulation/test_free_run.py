@@ -79,7 +79,9 @@ def test_the_true_model_follows_the_motion(
     vehicle: Vehicle, run: tuple[Array, Array, Array]
 ) -> None:
     found = runs(vehicle, run, STABLE)
-    assert np.nanmax(np.abs(found.errors)) < 1e-7  # RK4 at 50 Hz against DOP853
+    # RK4 at 50 Hz errs by 5e-8; 1000 steps of the reference, each good to 1e-10, by 1e-7
+    # more, which depends on where they fall.
+    assert np.nanmax(np.abs(found.errors)) < 3e-7
     assert np.isnan(found.errors[0, 2, 1]).all(), "12 s + 10 s lies beyond the data"
     assert np.isnan(found.diverged_s).all()
     assert found.rms().shape == (1, 2, 12)
