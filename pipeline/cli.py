@@ -1,5 +1,7 @@
-"""The command line. Heavy modules are imported by the command that needs them, so that
-help and refusals are quick.
+"""The command line: signatures and help of the commands.
+
+Heavy modules are imported by the command that needs them, so that help and refusals
+are quick.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import Annotated
 
 import typer
 
+from auvid import __version__
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.terminal import plain_lines
 
@@ -21,15 +24,30 @@ FAILED, WRONG_USE, LOSSES, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
     name="auvid",
-    help=(
-        "From an underwater vehicle's field logs to identified six-degree-of-freedom hydrodynamic"
-        " models."
-    ),
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"auvid {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """From field logs of underwater vehicles to identified hydrodynamic models."""
+
 
 CampaignName = Annotated[
     str,
@@ -45,7 +63,7 @@ def run(
     campaign: CampaignName,
     only: Annotated[
         str | None,
-        typer.Option(metavar="STAGE", help="Run this stage alone, on what the others left."),
+        typer.Option(metavar="STAGE", help="Run only this stage, on the results of the others."),
     ] = None,
     until: Annotated[
         str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")
@@ -63,12 +81,13 @@ def run(
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", help="How many processes; as many as cores unless said."),
+        typer.Option(metavar="N", help="How many processes. [default: one per core]"),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
 ) -> None:
-    """Run a campaign: only what is stale runs. Exits with 1 if a twin misses a bound
-    that its campaign sets.
+    """Run a campaign: only what is stale runs.
+
+    Exits with 1 if a twin misses a bound that its campaign sets.
     """
     from auvid.pipeline.commands.run.run_command import run_campaign
 
@@ -89,19 +108,19 @@ def run(
 def report(
     campaign: CampaignName,
     rebuild: Annotated[
-        bool, typer.Option("--rebuild", help="Make the report again from the artefacts.")
+        bool, typer.Option("--rebuild", help="Write the report again from the artefacts.")
     ] = False,
     open_it: Annotated[
         bool, typer.Option("--open", help="Open the report in the browser.")
     ] = False,
     compare: Annotated[
-        bool, typer.Option("--compare", help="Make a copy with a section against the run before.")
+        bool, typer.Option("--compare", help="Write a copy that compares with the run before.")
     ] = False,
     against: Annotated[
-        int | None, typer.Option(metavar="N", help="As --compare, against run N of auvid history.")
+        int | None, typer.Option(metavar="N", help="As --compare, with run N of auvid history.")
     ] = None,
 ) -> None:
-    """Say where the report of a campaign is, rebuild it, or open it."""
+    """Print the path of a campaign's report, rebuild it, or open it."""
     from auvid.pipeline.commands.run.run_command import report_file
 
     page = report_file(campaign, rebuild=rebuild, compare=compare, against=against)
@@ -135,8 +154,9 @@ def check(
         ),
     ] = False,
 ) -> None:
-    """Say what is wrong with logs and what they can be used for. Exits with 1 if one is
-    refused, 3 if there are losses or errors.
+    """Check what is wrong with logs and what they can be used for.
+
+    Exits with 1 if a log is refused, with 3 if there are losses or errors.
     """
     from auvid.pipeline.commands.check import check_command
 
@@ -178,7 +198,7 @@ def inspect(
     preview: Annotated[
         bool,
         typer.Option(
-            "--preview", help="Thin long series by minimum and maximum: small, and quick to draw."
+            "--preview", help="Thin long series by minimum and maximum: small and quick to draw."
         ),
     ] = False,
 ) -> None:
@@ -209,13 +229,13 @@ def diff(
         ),
     ],
     second: Annotated[
-        str, typer.Argument(metavar="B", help="What it is compared with, in the same words.")
+        str, typer.Argument(metavar="B", help="What A is compared with, written likewise.")
     ],
     save: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.rrd",
-            help="Write the recording: both over one another, and the difference.",
+            help="Write the recording: both runs overlaid, and their difference.",
         ),
     ] = None,
     screenshot: Annotated[
@@ -234,8 +254,9 @@ def diff(
         ),
     ] = 1e-6,
 ) -> None:
-    """Compare two runs, a run with its golden tables, two variants or two models. Exits
-    with 1 if anything left its tolerance.
+    """Compare two runs, a run with its golden tables, two variants or two models.
+
+    Exits with 1 if anything left its tolerance.
     """
     from auvid.pipeline.commands.diff import diff_command
 
@@ -251,13 +272,9 @@ def history(
     number: Annotated[
         int | None, typer.Option("--run", metavar="N", help="Show this run in full.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print all that is remembered as JSON.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print all runs as JSON.")] = False,
 ) -> None:
-    """List the earlier runs of a campaign: what was changed, and how good the best
-    model was.
-    """
+    """List the earlier runs of a campaign: changes and the best model."""
     from auvid.pipeline.commands.history import history_page
 
     history_page.show(campaign, number=number, as_json=as_json)
@@ -279,7 +296,7 @@ def regress(
         ),
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Write the golden tables anew; needs --message.")
+        bool, typer.Option("--update", help="Write the golden tables again; needs --message.")
     ] = False,
     message: Annotated[
         str | None,
@@ -289,12 +306,13 @@ def regress(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
-    """Hold the error tables against the golden ones. Exits with 1 and names every cell
-    that left its tolerance.
+    """Compare the error tables with the golden ones.
+
+    Exits with 1 and names every cell that left its tolerance.
     """
     if update != (message is not None):
         raise typer.BadParameter(
-            "--update and --message go together: a changed baseline is remembered in the changelog"
+            "--update and --message go together: a changed baseline goes into the changelog"
         )
     from auvid.pipeline.commands.regress import regress_command
 
@@ -315,7 +333,7 @@ def simulate(
     vehicle: Annotated[
         str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to its file.")
     ],
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Path of the plan to fly.")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Path of the plan.")],
     output: Annotated[
         Path,
         typer.Option(
@@ -347,8 +365,9 @@ def simulate(
         ),
     ] = "specific_force",
 ) -> None:
-    """Fly a plan with a twin and write its logs, the truth, and a campaign that is
-    ready to run. Exits with 3 if a leg was cut short.
+    """Simulate a plan: write logs, truth, and a campaign that is ready to run.
+
+    Exits with 3 if a leg was cut short.
     """
     from auvid.pipeline.commands.simulate import write_campaign
 
@@ -377,16 +396,15 @@ def reproduce(
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(metavar="N", help="How many processes; as many as cores unless said."),
+        typer.Option(metavar="N", help="How many processes. [default: one per core]"),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Make again what is up to date.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Make the page that puts published tables beside those of a twin. Exits with 1 if
-    a bound is missed and nothing says why.
+    """Compare published tables with those of a twin, on a page.
 
     A campaign with `published` in its manifest is run, and its results are printed
-    beside the published values.
+    with the published values. Exits with 1 if a bound is missed without a reason given.
     """
     from auvid.pipeline.commands.open_run import show_progress
     from auvid.pipeline.commands.reproduce import printed_values, reproduce_command
@@ -417,7 +435,7 @@ def reproduce(
 @app.command(epilog="Example: auvid stages fuse")
 def stages(
     name: Annotated[
-        str | None, typer.Argument(metavar="STAGE", help="Show this stage alone.")
+        str | None, typer.Argument(metavar="STAGE", help="Show only this stage.")
     ] = None,
 ) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
@@ -469,14 +487,12 @@ def coefficients(
         str | None,
         typer.Option(
             metavar="MODEL",
-            help="Put a published model of this vehicle beside it, for example prestero.",
+            help="Compare with a published model of this vehicle, for example prestero.",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Print what strip theory gives for a vehicle's geometry, beside what is published,
-    with formula and source.
-    """
+    """Print coefficients from strip theory and published ones, with formula and source."""
     from auvid.pipeline.commands.coefficients import print_coefficients
 
     print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
@@ -484,9 +500,7 @@ def coefficients(
 
 @app.command(epilog="Example: auvid new ~/campaigns_2026")
 def new(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder to make; it must not hold anything yet.")
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
 ) -> None:
     """Make a workspace with a small example campaign that runs."""
     from auvid.pipeline.commands.new.new_command import make_workspace
@@ -497,17 +511,16 @@ def new(
 
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
-    """Write runs/.code/STAGE.txt, a hash of the code of each stage, on which DVC
-    depends.
-    """
+    """Write the hash of each stage's code, on which DVC depends, to runs/.code."""
     from auvid.pipeline.commands.open_run import write_codes
 
     write_codes()
 
 
 def main() -> None:
-    """Entry point of `auvid`. Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished
-    with losses (--strict).
+    """Run the command line.
+
+    Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses, 130 interrupted.
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
@@ -531,7 +544,7 @@ def _interruptible() -> Iterator[None]:
 
 
 def _internal(crash: Exception) -> str:
-    """A fault of auvid in one line, or with its traceback if AUVID_TRACEBACK is set."""
+    """Return a fault of auvid in one line, with its traceback under AUVID_TRACEBACK."""
     import traceback
 
     trace = getattr(crash, "trace", "") or "".join(traceback.format_exception(crash))

@@ -61,8 +61,9 @@ def table(
         grid.add_column(Text(name), justify="right" if numbers else "left", overflow="fold")
     for row in cells:
         grid.add_row(*map(Text, row))
-    heading = [Text(plain(title), style="bold")] if title else []
-    show(*(Padding(part, (0, 0, 0, indent)) for part in (*heading, grid)))
+    if title:
+        show(Padding(Text(plain(title), style="bold"), (0, 0, 0, indent)))
+    show(Padding(grid, (0, 0, 0, indent)))
 
 
 def path_from_here(path: Path) -> str:

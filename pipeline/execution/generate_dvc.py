@@ -17,6 +17,20 @@ from auvid.stages.base import ports
 
 COMMENT_AT = 44
 CODE = "runs/.code"
+KEPT = "{cache: false, persist: true}"
+HEADER = """\
+# One entry per stage, for each campaign that has it. A stage whose inputs differ between
+# kinds of campaigns has an entry for each: STAGE-KIND, or STAGE-simulated for twins.
+# `auvid run CAMPAIGN` does the same in one process; either may follow the other, for what
+# is fresh is decided by the manifests under runs/. The hash of a stage's code (its own
+# imports and schemas) stands in a small file that `code` brings up to date each time: an
+# edited equation reruns what uses it.
+stages:
+  code:
+    desc: Hash of the code of each stage
+    cmd: auvid code
+    always_changed: true
+    outs:"""
 
 
 def default_of(item: Field[Any]) -> Any:
@@ -89,54 +103,29 @@ def _scalar(value: Any) -> str:
 def dvc_yaml(
     stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]
 ) -> str:
-    """dvc.yaml with an entry per stage, over the campaigns whose kind has that stage;
-    `campaigns`: name -> kind.
+    """Return dvc.yaml: an entry per stage, over the campaigns (name -> kind) that have it.
 
     Where a stage has other inputs in another kind of campaign, it has an entry of its
-    own there, named `STAGE-KIND`.
+    own there: `STAGE-simulated` for the kinds that simulate their logs, else
+    `STAGE-KIND`.
     """
-    used = tuple(
-        stage for stage in stages if any(stage.name in kinds[kind] for kind in campaigns.values())
-    )
     graphs = {
-        kind: Graph(stages_of_kind(stages, kinds, kind)) for kind in sorted(set(campaigns.values()))
+        kind: Graph(stages_of_kind(stages, kinds, kind))
+        for kind in kinds
+        if kind in campaigns.values()
     }
-    lines = [
-        (
-            "# One entry per stage, for each campaign that has it; STAGE-KIND where the stage has"
-            " other inputs in that kind of campaign."
-        ),
-        (
-            "# `auvid run CAMPAIGN` does the same in one process; either may follow the other, for"
-            " what is fresh is decided by the manifests"
-        ),
-        (
-            "# under runs/. The hash of a stage's code (its own imports and schemas) stands in a"
-            " small file that `code` brings up to date each"
-        ),
-        "# time: an edited equation reruns what uses it.",
-        "stages:",
-        "  code:",
-        "    desc: Hash of the code of each stage",
-        "    cmd: auvid code",
-        "    always_changed: true",
-        "    outs:",
-        *(f"      - {CODE}/{stage.name}.txt: {{cache: false, persist: true}}" for stage in stages),
-    ]
-    for stage in used:
+    lines = [HEADER, *(f"      - {CODE}/{stage.name}.txt: {KEPT}" for stage in stages)]
+    for stage in stages:
         bodies: dict[tuple[str, ...], list[str]] = {}
         for kind, graph in graphs.items():
             if stage.name in kinds[kind]:
                 bodies.setdefault(tuple(_entry(graph, stage)), []).append(kind)
         for index, (body, of) in enumerate(bodies.items()):
+            simulated = len(of) > 1 and all("simulate" in kinds[kind] for kind in of)
+            suffix = "" if index == 0 else "-simulated" if simulated else f"-{of[0]}"
             names = [name for name, kind in campaigns.items() if kind in of]
             each = "${campaigns}" if len(names) == len(campaigns) else f"[{', '.join(names)}]"
-            lines += [
-                "",
-                f"  {stage.name}:" if index == 0 else f"  {stage.name}-{of[0]}:",
-                f"    foreach: {each}",
-                *body,
-            ]
+            lines += ["", f"  {stage.name}{suffix}:", f"    foreach: {each}", *body]
     return "\n".join(lines) + "\n"
 
 

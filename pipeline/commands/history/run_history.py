@@ -8,6 +8,7 @@ since the last one. The last 200 are kept.
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -195,18 +196,17 @@ def _word(value: Any) -> str:
 
 
 def best(entry: Entry) -> tuple[str, float | None, float | None] | None:
-    """The model with the smallest J on validation (training without it), its J/J0 on
-    training and on validation.
+    """Return the model with the smallest J on validation, and its J/J0 of both uses.
+
+    Training counts where there is no validation.
     """
-    judged = entry.error_tables.get("validation") or entry.error_tables.get("training")
-    if not judged:
+    models = entry.error_tables.get("validation") or entry.error_tables.get("training")
+    if not models:
         return None
-    name = min(
-        judged,
-        key=lambda model: judged[model]["J"] if judged[model]["J"] is not None else float("inf"),
-    )  # type: ignore[return-value,arg-type]
-    ratios = [
+    errors = {name: math.inf if (j := row["J"]) is None else j for name, row in models.items()}
+    name = min(errors, key=lambda model: errors[model])
+    training, validation = (
         entry.error_tables.get(use, {}).get(name, {}).get("ratio")
         for use in ("training", "validation")
-    ]
-    return name, ratios[0], ratios[1]
+    )
+    return name, training, validation

@@ -96,7 +96,7 @@ def test_commands_are_those_that_are_tested() -> None:
 
 
 def test_help_loads_nothing_heavy() -> None:
-    program = "import sys; sys.argv = ['auvid', '--help']\nfrom pipeline import cli\n"
+    program = "import sys; sys.argv = ['auvid', '--help']\nfrom auvid.pipeline import cli\n"
     program += "try: cli.main()\nexcept SystemExit: pass\nprint(*sys.modules)"
     loaded = set(
         subprocess.run(

@@ -1,0 +1,109 @@
+"""Installed, auvid is one package, and each of its modules is loaded once."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+import auvid
+
+ROOT = Path(__file__).resolve().parents[2]
+FLOORS = ("data_schemas", "hydro", "stages", "pipeline", "vehicles")
+BUILD = "from setuptools import build_meta; print(build_meta.build_wheel({!r}))"
+MAIN = "from auvid.pipeline.cli import main; main()"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of packages that holds the wheel of auvid and nothing else."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source, target = folder / "source", folder / "site"
+    for name in ("auvid", *FLOORS):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    python("-c", BUILD.format(str(folder)), folder=source)
+    with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
+        wheel.extractall(target)
+    return target
+
+
+def python(*arguments: str, folder: Path, path: Path | None = None) -> str:
+    environment = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(path or "")}
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_wheel_holds_one_package(site: Path) -> None:
+    names = {path.name for path in site.iterdir() if path.suffix != ".dist-info"}
+    assert names == {"auvid"}
+
+
+def test_wheel_holds_every_file_of_the_package(site: Path) -> None:
+    """What lies in a floor and is no cache, note or stub travels with it."""
+    files = {path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.*")}
+    expected = {
+        path
+        for path in files
+        if (ROOT / path).is_file()
+        and "__pycache__" not in path.parts
+        and path.suffix not in (".md", ".pyc")
+    }
+    installed = {path.relative_to(site / "auvid") for path in (site / "auvid").rglob("*")}
+    assert sorted(map(str, expected - installed)) == []
+
+
+def test_installed_package_ignores_files_of_its_names(site: Path, tmp_path: Path) -> None:
+    """A stages.py beside a notebook neither harms the package nor is harmed."""
+    for floor in FLOORS:
+        (tmp_path / f"{floor}.py").write_text("MINE = True\n")
+    code = (
+        "import auvid, auvid.stages, auvid.pipeline.cli, stages, pipeline, hydro;"
+        "assert stages.MINE and pipeline.MINE and hydro.MINE;"
+        "print(auvid.__file__, auvid.stages.__file__)"
+    )
+    out = python("-c", code, folder=tmp_path, path=site)
+    assert out.split() == [str(site / "auvid/__init__.py"), str(site / "auvid/stages/__init__.py")]
+
+
+def test_installed_commands_work(site: Path, tmp_path: Path) -> None:
+    assert python("-c", MAIN, "--version", folder=tmp_path, path=site) == (
+        f"auvid {auvid.__version__}\n"
+    )
+    assert "reproduce" in python("-c", MAIN, "--help", folder=tmp_path, path=site)
+    assert "vt690" in python("-c", MAIN, "vehicles", folder=tmp_path, path=site)
+    python("-c", MAIN, "new", "workspace", folder=tmp_path, path=site)
+    assert (tmp_path / "workspace/campaigns/example/logs").is_dir()
+
+
+def test_modules_are_loaded_under_one_name() -> None:
+    """Under pytest too: no file of ours stands twice in `sys.modules`."""
+    for floor in FLOORS[:-1]:
+        package = importlib.import_module(f"auvid.{floor}")
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if not module.name.endswith("__main__"):
+                importlib.import_module(module.name)
+    ours = [
+        file
+        for module in list(sys.modules.values())
+        if (file := getattr(module, "__file__", None)) and Path(file).is_relative_to(ROOT)
+        if ".venv" not in Path(file).parts
+    ]
+    assert len(ours) > 200
+    assert [file for file, count in Counter(ours).items() if count > 1] == []
