@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.stages.base import RawFile
-from auvid.stages.ingest.formats.dataflash.columns import GATHER_BYTES
+from auvid.stages.ingest.formats.accounting import GATHER_BYTES
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH, Index, build_index
 from auvid.stages.ingest.formats.dataflash.scan import candidates, read_times
 from benchmarks.measuring import best, columns_bytes

@@ -1,20 +1,22 @@
-"""Decode the files of one log into sensor streams in SI, forward-right-down and
-north-east-down, each on its own clock.
+"""Decode the files of one log into sensor streams, each on its own clock.
+
+Streams are in SI, forward-right-down and north-east-down.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
-from auvid.data_schemas.streams import NEEDED, STREAMS
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawLog, Stage, param, port
+from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
 from auvid.stages.ingest.health.log_info import (
     dropped_table,
@@ -23,22 +25,22 @@ from auvid.stages.ingest.health.log_info import (
     report_views,
 )
 from auvid.stages.ingest.multi_file import (
-    Part,
+    DecodedFile,
+    chosen_sources,
+    decode_file,
     forced_readers,
-    merge_parts,
+    merge_streams,
     on_one_clock,
-    read_part,
     vehicle_sources,
-    wanted_sources,
 )
-from auvid.stages.ingest.rejection import Rejected, clean, clock_set
+from auvid.stages.ingest.rejection import Rejected, clock_set, reject_samples
+from auvid.stages.ingest.streams.common import Columns
+from auvid.stages.ingest.streams.mapping import Stream
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """One log; the manifest that may name the sources of its streams; the vehicle that
-    may name its barometer.
-    """
+    """One log; the manifest may name sources of its streams, the vehicle its barometer."""
 
     raw_log: RawLog = port("raw_log")
     campaign: Document | None = port("campaign", optional=True)
@@ -47,7 +49,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    """What may be rejected before a log is refused, and what counts as a gap."""
+    """Largest share of rejected samples, and what counts as a gap."""
 
     max_dropped_share: float = param(
         "1",
@@ -63,7 +65,7 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    """The streams that the log has, what was rejected, and what the log is."""
+    """The streams that the log has, rejected samples, and a description of the log."""
 
     dropped: pa.Table = port("dropped")
     log_info: dict[str, Any] = port("log_info")
@@ -84,51 +86,41 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Streams of one log.
+    """Return the streams of one log.
 
     Raises `LogError` for a file that is no log, `CampaignError` for a source that the
     log does not have, and `DataError` for a log without any usable sample or with too
     many unusable ones.
     """
     log = inputs.raw_log
-    wanted = wanted_sources(log, inputs.campaign)
-    preferred = {**vehicle_sources(inputs.vehicle), **wanted}
+    sources = chosen_sources(log, inputs.campaign)
+    preferred = {**vehicle_sources(inputs.vehicle), **sources}
     forced = forced_readers(log, inputs.campaign)
-    parts = on_one_clock(
-        [read_part(file, forced.get(file.name), preferred) for file in log.files], log=log.id
-    )
-    merged = merge_parts(parts, wanted, log=log.id)
-    set_us = clock_set({name: stream.columns for name, stream in merged.items()})
+    decoded = [decode_file(file, forced.get(file.name), preferred) for file in log.files]
+    files = on_one_clock(decoded, log=log.id)
+    merged = merge_streams(files, sources, log=log.id)
+    set_us = clock_set([stream.columns["time_us"] for stream in merged.values()])
     rejected: list[Rejected] = []
     streams = {}
-    for name in STREAMS:
-        if name in merged:
-            stream, lost = clean(merged[name], set_us=set_us)
-            rejected += lost
-            _check_share(lost, len(merged[name]), params.max_dropped_share, log.id)
-            if len(stream):
-                streams[name] = stream
+    for name, whole in merged.items():
+        stream, lost = reject_samples(whole, set_us=set_us)
+        rejected += lost
+        _check_share(lost, len(whole), params.max_dropped_share, log.id)
+        if len(stream):
+            streams[name] = stream
     if not streams:
-        raise _no_streams(log, parts)
-    tables = {
-        name: make_table(name, _columns(name, stream.columns)) for name, stream in streams.items()
-    }
-    info = log_info(log, parts, streams, rejected, gap_s=params.gap_s, set_us=set_us)
-    dropped = dropped_table(parts, rejected)
-    found = check_health(
-        tables,
-        info,
-        dropped,
-        vehicle=inputs.vehicle,
-        others=other_sources(parts, forced, set_us=set_us),
-    )
+        raise _no_streams(log, files)
+    tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
+    info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
+    dropped = dropped_table(files, rejected)
+    others = other_sources(files, forced, set_us=set_us)
+    health = check_health(tables, info, dropped, vehicle=inputs.vehicle, others=others)
+    blocks = health_blocks(health, force_model=not _is_bench(inputs.campaign))
     return Outputs(
         dropped=dropped,
         log_info=info,
-        health=found,
-        section=report_section(
-            info, rejected, health_blocks(found, force_model=not _is_bench(inputs.campaign))
-        ),
+        health=health,
+        section=report_section(info, rejected, blocks),
         views=report_views(tables),
         **tables,
     )
@@ -138,14 +130,10 @@ def _is_bench(campaign: Document | None) -> bool:
     return str((campaign or {}).get("kind", "")).startswith("bench")
 
 
-def _columns(stream: str, columns: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An inertial unit without accelerometer has NaN there, so that every reader of the
-    table finds the columns.
-    """
-    if stream != "imu":
-        return columns
-    empty = columns[NEEDED["imu"][0]] * float("nan")
-    return {**{f"accel_{axis}_m_s2": empty for axis in "xyz"}, **columns}
+def _columns(stream: Stream) -> Columns:
+    """Return the columns; NaN for a missing accelerometer, so that every reader finds it."""
+    absent = ACCELEROMETER if stream.name == "imu" else ()
+    return {**dict.fromkeys(absent, np.full(len(stream), np.nan)), **stream.columns}
 
 
 def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -> None:
@@ -164,12 +152,12 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
         )
 
 
-def _no_streams(log: RawLog, parts: list[Part]) -> DataError:
-    counts = {name: count for part in parts for name, count in part.log.counts.items()}
+def _no_streams(log: RawLog, files: Sequence[DecodedFile]) -> DataError:
+    counts = {name: count for item in files for name, count in item.log.counts.items()}
     most = sorted(counts, key=lambda name: -counts[name])[:8]
-    said = "".join(f". {note.rstrip('.')}" for part in parts for note in part.log.notes)
+    notes = "".join(f". {note.rstrip('.')}" for item in files for note in item.log.notes)
     return DataError(
-        f"the log has no message that fills a stream{said}",
+        f"the log has no message that fills a stream{notes}",
         file=", ".join(file.name for file in log.files) or f"log '{log.id}'",
         value=", ".join(f"{name} ({counts[name]})" for name in most) or "no records",
         remedy="docs/streams.md lists the messages that streams are made from.",

@@ -1,6 +1,4 @@
-"""The files of one log: each read by its reader, their streams put together on the one
-clock that they share.
-"""
+"""The files of one log: each decoded, their streams merged on one common clock."""
 
 from __future__ import annotations
 
@@ -15,22 +13,21 @@ from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawFile, RawLog
 from auvid.stages.ingest.decoded_log import DecodedLog
-from auvid.stages.ingest.formats.csv.reader import NAME as CSV_NAME
 from auvid.stages.ingest.formats.csv.reader import declared_start_us, read_csv
-from auvid.stages.ingest.registry import MAPPINGS, reader_of
-from auvid.stages.ingest.streams.mapping import Rules, Stream, map_streams
+from auvid.stages.ingest.registry import RULES, reader_of
+from auvid.stages.ingest.streams.mapping import ABSENT, Rules, Stream, map_streams
 
 LEFT_OUT = "none"  # as a source: the stream is not wanted
 FIRST_BYTES = 1 << 18  # enough to find the first time stamp of a log whatever it starts with
 
 
 @dataclass(frozen=True)
-class Part:
+class DecodedFile:
     """One decoded file of a log.
 
     `first_us` is the time of its first time-stamped record; `start_us` the time from
-    which legs count where the file's column map says so; `epoch` is what zero means on
-    its clock; `accelerometer` what its accelerometer measures (None without one).
+    which legs count where the file's column map declares it; `epoch` is what zero means
+    on its clock; `accelerometer` what its accelerometer measures (None without one).
     """
 
     file: RawFile
@@ -44,13 +41,13 @@ class Part:
     notes: tuple[str, ...] = ()
 
 
-def wanted_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
-    """The sources that the manifest names for the streams of this log. Raises
-    `CampaignError` for an unknown stream.
+def chosen_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
+    """Return the sources that the manifest names for the streams of this log.
+
+    Raises `CampaignError` for an unknown stream.
     """
-    found = _entry(log, campaign)
-    wanted = {str(stream): str(source) for stream, source in found.get("sources", {}).items()}
-    for stream in wanted:
+    sources = _entry(log, campaign).get("sources", {})
+    for stream in sources:
         if stream not in STREAMS:
             raise CampaignError(
                 "unknown stream",
@@ -59,51 +56,43 @@ def wanted_sources(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
                 allowed=STREAMS,
                 remedy=nearest(stream, STREAMS),
             )
-    return wanted
+    return {stream: str(source) for stream, source in sources.items()}
 
 
 def _entry(log: RawLog, campaign: Document | None) -> Mapping[str, Any]:
-    entries = campaign.get("logs", ()) if campaign else ()
+    entries = (campaign or {}).get("logs", ())
     return next((entry for entry in entries if entry.get("id") == log.id), {})
 
 
 def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
-    """File name -> reader, where the manifest forces one for the log or for a file of
-    several.
-    """
+    """Return the readers that the manifest forces, by file name."""
     forced = {} if log.reader is None else {file.name: log.reader for file in log.files}
-    return forced | {
-        item["file"]: item["reader"]
-        for item in _entry(log, campaign).get("files", ())
-        if "reader" in item
-    }
+    files = _entry(log, campaign).get("files", ())
+    return forced | {item["file"]: item["reader"] for item in files if "reader" in item}
 
 
 def vehicle_sources(vehicle: Vehicle | None) -> Mapping[str, str]:
-    """The source of depth that the vehicle prefers: the instance of the barometer that
-    sits in the water.
-    """
-    if vehicle is None or vehicle.barometer_instance is None:
-        return {}
-    return {"depth": f"BARO[{vehicle.barometer_instance}]"}
+    """Return the source of depth that the vehicle prefers: its barometer in the water."""
+    instance = vehicle and vehicle.barometer_instance
+    return {} if instance is None else {"depth": f"BARO[{instance}]"}
 
 
-def read_part(file: RawFile, forced: str | None, wanted: Mapping[str, str]) -> Part:
-    """Decode one file and map its messages to streams; only the message types that
-    streams need are decoded.
+def decode_file(file: RawFile, forced: str | None, sources: Mapping[str, str]) -> DecodedFile:
+    """Decode one file and map its messages to streams.
+
+    Only the message types that streams need are decoded.
     """
     reader = reader_of(file, forced)
-    if reader.name == CSV_NAME:
-        return _csv_part(file)
-    mapping, rules = MAPPINGS[reader.name]
-    log = reader.read(file, rules.messages(mapping))
-    streams = map_streams(log, mapping, rules, wanted)
-    first_us = (
-        _first_us(reader.read(replace(file, buffer=file.buffer[:FIRST_BYTES])), rules)
-        if streams
-        else None
-    )
-    return Part(
+    rules = RULES[reader.name]
+    if rules is None:
+        return _decode_csv(file)
+    log = reader.read(file, rules.messages)
+    streams = map_streams(log, rules, sources)
+    first_us = None
+    if streams:
+        head = reader.read(replace(file, buffer=file.buffer[:FIRST_BYTES]))
+        first_us = _first_us(head, rules)
+    return DecodedFile(
         file,
         log,
         streams,
@@ -113,23 +102,20 @@ def read_part(file: RawFile, forced: str | None, wanted: Mapping[str, str]) -> P
     )
 
 
-def _csv_part(file: RawFile) -> Part:
+def _decode_csv(file: RawFile) -> DecodedFile:
     log, mapping = read_csv(file)
     used = {"source": file.name, "columns": "", "status": "used"}
     streams = {
         name: Stream(name, dict(item.columns), item.offset, file.name, (used,))
         for name, item in log.messages.items()
     }
-    stamps = [
-        item.columns["time_us"][np.isfinite(item.columns["time_us"].astype(np.float64))]
-        for item in streams.values()
-    ]
-    first = min((float(values[0]) for values in stamps if values.size), default=None)
-    return Part(
+    stamps = [item.floats("time_us") for item in log.messages.values()]
+    first = [values[np.isfinite(values)][:1] for values in stamps]
+    return DecodedFile(
         file,
         log,
         streams,
-        None if first is None else round(first),
+        min((round(value) for values in first for value in values.tolist()), default=None),
         start_us=declared_start_us(mapping, file.name),
         epoch=mapping.epoch,
         utc_offset_us=0 if mapping.epoch == "unix" else None,
@@ -138,37 +124,37 @@ def _csv_part(file: RawFile) -> Part:
 
 
 def _first_us(log: DecodedLog, rules: Rules) -> int | None:
-    """Time of the first record, in the order of the file, that has a time stamp."""
-    found: list[tuple[int, int]] = []
+    """Return the time of the first record, in the order of the file, that has a time."""
+    first: list[tuple[int, int]] = []
     for messages in log.messages.values():
-        if len(messages):
-            stamps = rules.clock(messages, log)
-            if stamps is not None:
-                found.append((int(messages.offset[0]), int(stamps[0])))
-    return min(found)[1] if found else None
+        stamps = rules.clock(messages, log) if len(messages) else None
+        if stamps is not None:
+            first.append((int(messages.offset[0]), int(stamps[0])))
+    return min(first)[1] if first else None
 
 
-def merge_parts(parts: Sequence[Part], wanted: Mapping[str, str], *, log: str) -> dict[str, Stream]:
-    """Each stream from the one file that has it, or from the one that the manifest
-    names.
+def merge_streams(
+    files: Sequence[DecodedFile], sources: Mapping[str, str], *, log: str
+) -> dict[str, Stream]:
+    """Return each stream from the one file that has it, or that the manifest names.
 
     Raises `CampaignError` if several files have a stream and the manifest does not
     choose, or if it names a source that is not there.
     """
     merged = {}
     for name in STREAMS:
-        if wanted.get(name) == LEFT_OUT:
+        if sources.get(name) == LEFT_OUT:
             continue
-        holders = [part for part in parts if name in part.streams]
-        if name in wanted:
-            holders = [part for part in holders if _is_source(part, name, wanted[name])]
+        holders = [item for item in files if name in item.streams]
+        if name in sources:
+            holders = [item for item in holders if _is_source(item, name, sources[name])]
             if not holders:
-                raise _no_source(parts, name, wanted[name], log)
+                raise _no_source(files, name, sources[name], log)
         if len(holders) > 1:
             raise CampaignError(
                 f"several files of log '{log}' have stream '{name}'",
                 field=f"logs.{log}.sources.{name}",
-                value=", ".join(part.file.name for part in holders),
+                value=", ".join(item.file.name for item in holders),
                 remedy=f"Choose one: sources: {{{name}: {holders[0].file.name}}}.",
             )
         if holders:
@@ -176,71 +162,68 @@ def merge_parts(parts: Sequence[Part], wanted: Mapping[str, str], *, log: str) -
     return merged
 
 
-def _is_source(part: Part, stream: str, wanted: str) -> bool:
-    label = part.streams[stream].source
-    return wanted in (label, label.split("[")[0], part.file.name, part.file.name.rsplit("/", 1)[-1])
+def _is_source(item: DecodedFile, stream: str, source: str) -> bool:
+    label, name = item.streams[stream].source, item.file.name
+    return source in (label, label.split("[")[0], name, name.rsplit("/", 1)[-1])
 
 
-def _no_source(parts: Sequence[Part], stream: str, wanted: str, log: str) -> CampaignError:
-    there = [part.streams[stream] for part in parts if stream in part.streams]
+def _no_source(files: Sequence[DecodedFile], stream: str, source: str, log: str) -> CampaignError:
     labels = [
-        item["source"]
-        for one in there
-        for item in one.alternatives
-        if not item["status"].startswith(("not logged", "has no"))
+        other["source"]
+        for item in files
+        if stream in item.streams
+        for other in item.streams[stream].alternatives
+        if not other["status"].startswith(ABSENT)
     ]
     return CampaignError(
         f"log '{log}' has no such source of stream '{stream}'",
         field=f"logs.{log}.sources.{stream}",
-        value=wanted,
+        value=source,
         allowed=labels or "none: nothing in the log could fill this stream",
-        remedy=nearest(wanted, labels),
+        remedy=nearest(source, labels),
     )
 
 
-def on_one_clock(parts: Sequence[Part], *, log: str) -> list[Part]:
-    """The parts on one clock: files in Unix time are moved to the boot clock of the
-    file that knows its UTC offset.
+def on_one_clock(files: Sequence[DecodedFile], *, log: str) -> list[DecodedFile]:
+    """Return the files on one clock.
 
-    Raises `LogError` where the clocks differ and nothing ties them together.
+    Files in Unix time are moved to the boot clock of the file that knows its UTC
+    offset. Raises `LogError` where the clocks differ and nothing relates them.
     """
-    epochs = {part.epoch for part in parts}
+    epochs = {item.epoch for item in files}
     if len(epochs) <= 1:
-        return list(parts)
-    offset = next(
-        (
-            part.utc_offset_us
-            for part in parts
-            if part.epoch == "boot" and part.utc_offset_us is not None
-        ),
-        None,
-    )
+        return list(files)
+    known = [item.utc_offset_us for item in files if item.epoch == "boot"]
+    offset = next((value for value in known if value is not None), None)
     if epochs != {"boot", "unix"} or offset is None:
         raise LogError(
             f"the files of log '{log}' are not on one clock",
-            file=", ".join(part.file.name for part in parts),
-            value=", ".join(f"{part.file.name}: {part.epoch}" for part in parts),
+            file=", ".join(item.file.name for item in files),
+            value=", ".join(f"{item.file.name}: {item.epoch}" for item in files),
             remedy="Give them one epoch in their column maps, or make them separate logs.",
         )
-    return [_moved(part, offset) if part.epoch == "unix" else part for part in parts]
+    return [_moved(item, offset) if item.epoch == "unix" else item for item in files]
 
 
-def _moved(part: Part, offset: int) -> Part:
+def _moved(item: DecodedFile, offset: int) -> DecodedFile:
     streams = {
         name: replace(
             stream, columns={**stream.columns, "time_us": stream.columns["time_us"] - offset}
         )
-        for name, stream in part.streams.items()
+        for name, stream in item.streams.items()
     }
     note = (
-        f"{part.file.name}: moved from Unix time to the vehicle's boot clock by"
+        f"{item.file.name}: moved from Unix time to the vehicle's boot clock by"
         f" {-offset / 1e6:.3f} s"
     )
+    first_us, start_us = (
+        None if value is None else value - offset for value in (item.first_us, item.start_us)
+    )
     return replace(
-        part,
+        item,
         streams=streams,
-        first_us=None if part.first_us is None else part.first_us - offset,
-        start_us=None if part.start_us is None else part.start_us - offset,
+        first_us=first_us,
+        start_us=start_us,
         utc_offset_us=None,
         epoch="boot",
         notes=(note,),

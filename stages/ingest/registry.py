@@ -1,10 +1,6 @@
-"""The log readers in the order in which they are asked, and what each adds to the
-mapping of messages to streams.
-"""
+"""The log readers in the order in which they are tried, each with its streams."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 from auvid.data_schemas.errors import LogError, nearest
 from auvid.stages.base import RawFile
@@ -14,34 +10,42 @@ from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 from auvid.stages.ingest.formats.dataflash.text_reader import DATAFLASH_TEXT
 from auvid.stages.ingest.formats.tlog.reader import TLOG
 from auvid.stages.ingest.formats.ulog.reader import ULOG
-from auvid.stages.ingest.streams import dataflash as streams_dataflash
-from auvid.stages.ingest.streams import tlog as streams_tlog
-from auvid.stages.ingest.streams import ulog as streams_ulog
+from auvid.stages.ingest.streams import dataflash, tlog, ulog
 from auvid.stages.ingest.streams.mapping import Rules
 
-READERS: tuple[LogReader, ...] = (DATAFLASH, DATAFLASH_TEXT, ULOG, TLOG, CSV)
-MAPPINGS: Mapping[str, tuple[str, Rules]] = {
-    "dataflash": ("dataflash", streams_dataflash.RULES),
-    DATAFLASH_TEXT.name: ("dataflash", streams_dataflash.RULES),
-    "ulog": ("ulog", streams_ulog.RULES),
-    "tlog": ("tlog", streams_tlog.RULES),
-}
-"""Reader -> name of its mapping in formats/streams.yaml, and its rules. A reader that
-is not here (CSV) gives streams itself.
+FORMATS: tuple[tuple[LogReader, Rules | None], ...] = (
+    (DATAFLASH, dataflash.RULES),
+    (DATAFLASH_TEXT, dataflash.RULES),
+    (ULOG, ulog.RULES),
+    (TLOG, tlog.RULES),
+    (CSV, None),
+)
+"""Reader, and the rules that turn its messages into streams. A reader without rules
+(CSV) gives streams itself.
 """
-
+READERS = tuple(reader for reader, _ in FORMATS)
+RULES = {reader.name: rules for reader, rules in FORMATS}
 HEAD_BYTES = 1 << 16
 
 
 def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
-    """The reader for a file: by its content, or the one that the manifest forces.
+    """Return the reader for a file: by its content, or the one that the manifest forces.
+
     Raises `LogError` if there is none.
     """
     names = [reader.name for reader in READERS]
+    head = file.buffer[:HEAD_BYTES].tobytes()
+    if forced is None and not head.strip(b"\0\r\n\t "):
+        raise LogError(
+            "the file is empty",
+            file=file.name,
+            value=f"{file.buffer.size} bytes",
+            remedy="Copy the log from the vehicle again.",
+        )
+    for reader in READERS:
+        if reader.recognises(head) if forced is None else reader.name == forced:
+            return reader
     if forced is not None:
-        for reader in READERS:
-            if reader.name == forced:
-                return reader
         raise LogError(
             "unknown reader",
             file=file.name,
@@ -50,17 +54,6 @@ def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
             allowed=names,
             remedy=nearest(forced, names),
         )
-    head = file.buffer[:HEAD_BYTES].tobytes()
-    if not head.strip(b"\0\r\n\t "):
-        raise LogError(
-            "the file is empty",
-            file=file.name,
-            value=f"{file.buffer.size} bytes",
-            remedy="Copy the log from the vehicle again.",
-        )
-    for reader in READERS:
-        if reader.recognises(head):
-            return reader
     raise LogError(
         "no reader recognises this file",
         file=file.name,

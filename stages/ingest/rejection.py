@@ -1,21 +1,18 @@
-"""Samples that cannot be used: empty or non-finite cells, and time stamps that repeat,
-go backward or leap. Rejected and counted.
-"""
+"""Samples that cannot be used: incomplete, impossible, or with a wrong time stamp."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED
 from auvid.hydro.arrays import Ints, Mask
-from auvid.stages.ingest.streams.mapping import Columns, Stream
+from auvid.stages.ingest.decoded_log import Column
+from auvid.stages.ingest.streams.mapping import Stream
 
 EMPTY = "empty or non-finite cell"
 IMPOSSIBLE = "impossible value"
@@ -23,11 +20,8 @@ NO_TIME = "no time stamp"
 REPEATED = "repeated time stamp"
 BACKWARD = "time stamp out of order"
 BEFORE_LEAP = "before the clock was set"
-LEAP_US = (
-    30 * 86_400_000_000
-)  # no dive lasts 30 days; a clock that is set to Unix time leaps by 50 years
-# Limits that no underwater vehicle reaches; damaged records that still look like
-# records are far beyond them.
+LEAP_US = 30 * 86_400_000_000
+"""No dive lasts 30 days; a clock that is set to Unix time jumps by 50 years."""
 POSSIBLE: Mapping[str, tuple[float, float]] = {
     "gyro": (-100.0, 100.0),
     "accel": (-1000.0, 1000.0),
@@ -48,12 +42,16 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
     "fin": (-7.0, 7.0),
     "propeller_rev_s": (-1e3, 1e3),
 }
+"""Limits that no underwater vehicle reaches, by the beginning of the column's name.
+Damaged records that still look like records are far beyond them.
+"""
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """Samples of one stream that were rejected for one reason: how many, and where the
-    first and the last are in the file.
+    """Samples of one stream that were rejected for one reason.
+
+    How many, and where the first and the last are in the file.
     """
 
     stream: str
@@ -63,9 +61,10 @@ class Rejected:
     last: int
 
 
-def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
-    """The usable samples of a stream, and the account of the others. `set_us` is the
-    time to which a leaping clock was set.
+def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
+    """Return the usable samples of a stream, and the account of the others.
+
+    `set_us` is the time to which a jumping clock was set.
     """
     rejected: list[Rejected] = []
 
@@ -73,9 +72,8 @@ def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Re
         if good.all():
             return stream
         place = stream.place[~good]
-        rejected.append(
-            Rejected(stream.name, reason, int(place.size), int(place[0]), int(place[-1]))
-        )
+        first, last = int(place[0]), int(place[-1])
+        rejected.append(Rejected(stream.name, reason, int(place.size), first, last))
         return stream.rows(good)
 
     stamps = stream.columns["time_us"]
@@ -95,21 +93,20 @@ def clean(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Re
     return stream, rejected
 
 
-def complete_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
-    """Rows (n,) whose needed fields are all there; of a stream without needed fields,
-    rows with any field there.
+def complete_rows(stream: str, columns: Mapping[str, Column]) -> Mask:
+    """Return the rows (n,) whose needed fields are all there.
+
+    Of a stream without needed fields, rows with any field there.
     """
-    needed = [columns[name] for name in NEEDED[stream]]
-    if needed:
-        return np.asarray(np.all([_there(values) for values in needed], axis=0))
-    return np.asarray(
-        np.any([_there(values) for name, values in columns.items() if name != "time_us"], axis=0)
-    )
+    needed = NEEDED[stream]
+    there = [_there(columns[name]) for name in needed or columns if name != "time_us"]
+    return np.asarray(np.all(there, axis=0) if needed else np.any(there, axis=0))
 
 
-def possible_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
-    """Rows (n,) without a value outside the range of its schema, or outside what an
-    underwater vehicle can reach.
+def possible_rows(stream: str, columns: Mapping[str, Column]) -> Mask:
+    """Return the rows (n,) with all values in range.
+
+    The range is that of the schema, or what an underwater vehicle can reach.
     """
     good = np.ones(columns["time_us"].size, bool)
     for name, values in columns.items():
@@ -121,19 +118,17 @@ def possible_rows(stream: str, columns: Mapping[str, npt.NDArray[Any]]) -> Mask:
     return good
 
 
-def _there(values: npt.NDArray[Any]) -> Mask:
+def _there(values: Column) -> Mask:
     if values.dtype == object:
         return np.array([item is not None for item in values], bool)
-    finite: Mask = np.isfinite(values)
-    return finite
+    return np.asarray(np.isfinite(values))
 
 
 def increasing(stamps: Ints) -> Mask:
-    """A largest set of samples (n,) whose time stamps increase strictly, so that one
-    wrong stamp far ahead costs one sample.
+    """Return a largest set of samples (n,) whose time stamps increase strictly.
 
-    Samples that agree with all others are kept at once; the search for the longest
-    increasing sequence runs on the rest.
+    So one wrong stamp far ahead costs one sample. Samples that agree with all others
+    are kept at once; the search for the longest increasing sequence runs on the rest.
     """
     before = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(stamps)[:-1])
     after = np.append(np.minimum.accumulate(stamps[::-1])[::-1][1:], np.iinfo(np.int64).max)
@@ -145,7 +140,7 @@ def increasing(stamps: Ints) -> Mask:
 
 
 def _longest(values: list[int]) -> list[int]:
-    """Indexes of a longest strictly increasing subsequence (patience sorting)."""
+    """Return the indices of a longest strictly increasing subsequence (patience sort)."""
     tails: list[int] = []
     ends: list[int] = []
     previous = [-1] * len(values)
@@ -165,17 +160,15 @@ def _longest(values: list[int]) -> list[int]:
     return chain[::-1]
 
 
-def clock_set(streams: Mapping[str, Columns]) -> int | None:
-    """The time to which the clock was set during the log, seen in the longest stream as
-    a leap of more than 30 days; None if not.
+def clock_set(clocks: Sequence[Column]) -> int | None:
+    """Return the time to which the clock was set during the log; None if it was not.
+
+    The longest stream shows it as a jump of more than 30 days.
     """
-    if not streams:
+    if not clocks:
         return None
-    stamps = np.asarray(
-        max(streams.values(), key=lambda columns: columns["time_us"].size)["time_us"],
-        dtype=np.float64,
-    )
-    leap = np.flatnonzero(np.diff(stamps) > LEAP_US)
+    stamps = np.asarray(max(clocks, key=len), dtype=np.float64)
+    jumps = np.flatnonzero(np.diff(stamps) > LEAP_US)
     # One stamp far ahead comes back down; a clock that was set stays.
-    stays = [index for index in leap if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]
+    stays = [index for index in jumps if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]
     return int(np.rint(stamps[stays[0] + 1])) if stays else None

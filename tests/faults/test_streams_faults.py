@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.streams import STREAMS
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
 from auvid.stages.ingest.rejection import (
@@ -21,9 +23,11 @@ from auvid.stages.ingest.rejection import (
     EMPTY,
     IMPOSSIBLE,
     NO_TIME,
+    POSSIBLE,
     REPEATED,
-    clean,
     increasing,
+    possible_rows,
+    reject_samples,
 )
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -47,7 +51,7 @@ def stamps(**changes: int) -> np.ndarray[Any, Any]:
 
 def test_healthy_stream_is_left_alone() -> None:
     stream = depth_stream()
-    kept, rejected = clean(stream)
+    kept, rejected = reject_samples(stream)
     assert kept is stream
     assert rejected == []
 
@@ -59,7 +63,7 @@ def test_gyro_dropout(bad: float) -> None:
     """
     values = np.linspace(1.0, 2.0, COUNT)
     values[[3, 50, 60]] = bad
-    kept, rejected = clean(depth_stream(depth_m=values))
+    kept, rejected = reject_samples(depth_stream(depth_m=values))
     assert len(kept) == COUNT - 3
     assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [
         (EMPTY, 3, 150, 3000)
@@ -72,14 +76,14 @@ def test_dvl_spike() -> None:
     """
     values = np.linspace(1.0, 2.0, COUNT)
     values[[3, 4]] = [1e30, 25.0]
-    kept, rejected = clean(depth_stream(depth_m=values))
+    kept, rejected = reject_samples(depth_stream(depth_m=values))
     assert [(item.reason, item.count) for item in rejected] == [(IMPOSSIBLE, 1)]
     assert 25.0 in kept.columns["depth_m"]
 
 
 def test_clock_stuck() -> None:
     """CLOCK_STUCK: of samples with one time stamp the first is kept."""
-    kept, rejected = clean(depth_stream(time_us=stamps(at11=1_000_000, at12=1_000_000)))
+    kept, rejected = reject_samples(depth_stream(time_us=stamps(at11=1_000_000, at12=1_000_000)))
     assert [(item.reason, item.count, item.first, item.last) for item in rejected] == [
         (REPEATED, 2, 550, 600)
     ]
@@ -89,7 +93,7 @@ def test_clock_stuck() -> None:
 @pytest.mark.parametrize(("where", "value"), [(40, 10**15), (40, 0), (0, 10**12), (99, 5)])
 def test_clock_jump_of_one_sample(where: int, value: int) -> None:
     """CLOCK_JUMP: one wrong time stamp costs one sample, ahead or behind."""
-    kept, rejected = clean(depth_stream(time_us=stamps(**{f"at{where}": value})))
+    kept, rejected = reject_samples(depth_stream(time_us=stamps(**{f"at{where}": value})))
     assert [(item.reason, item.count, item.first) for item in rejected] == [
         (BACKWARD, 1, where * 50)
     ]
@@ -99,7 +103,7 @@ def test_clock_jump_of_one_sample(where: int, value: int) -> None:
 def test_restart_keeps_the_longer_part() -> None:
     """RESTART: the clock starts again; the longer of the two recordings stays."""
     time_us = np.concatenate([np.arange(30), np.arange(70)]) * 100_000
-    kept, rejected = clean(depth_stream(time_us=time_us))
+    kept, rejected = reject_samples(depth_stream(time_us=time_us))
     assert len(kept) >= 70
     assert (np.diff(kept.columns["time_us"]) > 0).all()
     assert sum(item.count for item in rejected) == COUNT - len(kept)
@@ -126,9 +130,26 @@ def test_clock_set_during_the_log() -> None:
     assert any("was set" in note for note in outputs.log_info["notes"])
 
 
+@pytest.mark.parametrize("column", sorted(POSSIBLE))
+def test_values_beyond_either_limit_are_impossible(column: str) -> None:
+    """IMPOSSIBLE: the value just below the lower limit goes, as does that above the upper."""
+    low, high = POSSIBLE[column]
+    named = [
+        (stream, name)
+        for stream in STREAMS
+        for name in schema(stream).columns
+        if name.startswith(column) and schema(stream).columns[name].range is None
+    ]
+    assert named, "no stream has a column of this name"
+    for stream, name in named:
+        values = np.array([low - 1e-6 * abs(low) - 1e-6, low, high, high + 1e-6 * high])
+        columns = {"time_us": np.arange(4) * 1000, name: values}
+        assert possible_rows(stream, columns).tolist() == [False, True, True, False], name
+
+
 def test_rows_without_a_time() -> None:
     """NO_TIME: a CSV row without a time stamp is rejected."""
-    kept, rejected = clean(
+    kept, rejected = reject_samples(
         depth_stream(time_us=np.where(np.arange(COUNT) == 7, np.nan, np.arange(COUNT) * 1e5))
     )
     assert [(item.reason, item.count, item.first) for item in rejected] == [(NO_TIME, 1, 350)]

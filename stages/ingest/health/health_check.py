@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,9 +43,9 @@ from auvid.stages.ingest.health.vehicle import (
     missing_findings,
     response_findings,
 )
-from auvid.stages.ingest.multi_file import Part
-from auvid.stages.ingest.registry import MAPPINGS, reader_of
-from auvid.stages.ingest.rejection import clean
+from auvid.stages.ingest.multi_file import DecodedFile
+from auvid.stages.ingest.registry import RULES, reader_of
+from auvid.stages.ingest.rejection import reject_samples
 from auvid.stages.ingest.streams.mapping import OtherSource, Stream, every_source
 from auvid.stages.presentation import Block, remark, table
 
@@ -55,30 +54,28 @@ LEVELS: Mapping[str, Any] = {"error": "warning", "warning": "warning", "note": "
 
 
 def other_sources(
-    parts: Sequence[Part], forced: Mapping[str, str], *, set_us: int | None
+    files: Sequence[DecodedFile], forced: Mapping[str, str], *, set_us: int | None
 ) -> list[OtherSource]:
-    """Every source of attitude, depth, velocity and position that the files hold, used
-    or not, without unusable samples.
+    """Return every source that the files hold for the compared streams, used or not.
+
+    Unusable samples are left out.
     """
-    return list(
-        chain.from_iterable(_others(part, forced.get(part.file.name), set_us) for part in parts)
-    )
+    return [other for item in files for other in _others(item, forced, set_us)]
 
 
-def _others(part: Part, forced: str | None, set_us: int | None) -> Iterator[OtherSource]:
-    reader = reader_of(part.file, forced).name
-    if reader not in MAPPINGS:
-        return
-    for item in every_source(part.log, *MAPPINGS[reader], COMPARED):
-        if item.columns is None:
-            yield item
+def _others(
+    item: DecodedFile, forced: Mapping[str, str], set_us: int | None
+) -> Iterator[OtherSource]:
+    rules = RULES[reader_of(item.file, forced.get(item.file.name)).name]
+    for other in every_source(item.log, rules, COMPARED) if rules else ():
+        if other.columns is None:
+            yield other
             continue
-        rows = item.columns["time_us"].size
-        stream, _ = clean(
-            Stream(item.stream, item.columns, np.arange(rows), item.source), set_us=set_us
-        )
+        rows = np.arange(other.columns["time_us"].size)
+        whole = Stream(other.stream, other.columns, rows, other.source)
+        stream, _ = reject_samples(whole, set_us=set_us)
         if len(stream):
-            yield replace(item, columns=stream.columns)
+            yield replace(other, columns=stream.columns)
 
 
 def check_health(

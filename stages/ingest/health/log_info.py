@@ -17,7 +17,7 @@ from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.base import RawLog
-from auvid.stages.ingest.multi_file import Part
+from auvid.stages.ingest.multi_file import DecodedFile
 from auvid.stages.ingest.rejection import Rejected
 from auvid.stages.ingest.streams.mapping import Stream
 from auvid.stages.presentation import Block, remark, section, table
@@ -36,7 +36,7 @@ SHOWN = ("depth", "velocity", "imu", "attitude", "actuators", "position", "range
 
 def log_info(
     log: RawLog,
-    parts: Sequence[Part],
+    parts: Sequence[DecodedFile],
     streams: Mapping[str, Stream],
     rejected: Sequence[Rejected],
     *,
@@ -76,7 +76,7 @@ def log_info(
     }
 
 
-def _file(part: Part) -> dict[str, Any]:
+def _file(part: DecodedFile) -> dict[str, Any]:
     account = part.log.account
     return {
         "name": part.file.name,
@@ -94,7 +94,10 @@ def _file(part: Part) -> dict[str, Any]:
 
 
 def _start_us(
-    parts: Sequence[Part], streams: Mapping[str, Stream], set_us: int | None, notes: list[str]
+    parts: Sequence[DecodedFile],
+    streams: Mapping[str, Stream],
+    set_us: int | None,
+    notes: list[str],
 ) -> int:
     """The time from which legs count: declared by a column map, else of the first
     time-stamped record, if that can be believed.
@@ -141,7 +144,7 @@ def _rate_hz(t_s: npt.NDArray[np.float64]) -> float | None:
     return None if clock is None else clock.rate_hz
 
 
-def dropped_table(parts: Sequence[Part], rejected: Sequence[Rejected]) -> pa.Table:
+def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) -> pa.Table:
     """The `dropped` table: bytes that gave no record (by file), and samples that were
     rejected (by stream).
     """

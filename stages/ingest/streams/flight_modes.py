@@ -1,5 +1,6 @@
-"""Names of flight modes by number (ArduSub/mode.h; PX4 vehicle_status). Other vehicles
-number theirs differently and keep the number.
+"""Names of flight modes by number (ArduSub/mode.h; PX4 vehicle_status).
+
+Other vehicles number theirs differently and keep the number.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ SUB_MODES = {
     20: "MOTOR_DETECT",
     21: "SURFTRAK",
 }
-
-
 PX4_MODES = {
     0: "MANUAL",
     1: "ALTCTL",
@@ -35,19 +34,3 @@ PX4_MODES = {
     17: "AUTO_TAKEOFF",
     18: "AUTO_LAND",
 }
-
-
-def px4_mode(number: int) -> str:
-    """The name of a PX4 navigation state (vehicle_status.nav_state); the number as text
-    where it is unknown.
-    """
-    return PX4_MODES.get(number, str(number))
-
-
-def mode_name(number: int | str, *, vehicle_type: int = SUBMARINE) -> str:
-    """The name of a mode; the number as text where it is unknown or the vehicle is no
-    submarine, a text as it is.
-    """
-    if isinstance(number, str):
-        return number
-    return SUB_MODES.get(number, str(number)) if vehicle_type == SUBMARINE else str(number)

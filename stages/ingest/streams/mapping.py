@@ -1,5 +1,4 @@
-"""From decoded messages to streams: the declared mapping
-(data_schemas/formats/streams.yaml) carried out.
+"""Streams from decoded messages, by the mapping in data_schemas/formats/streams.yaml.
 
 Values become SI, body frame forward-right-down and north-east-down here, once. Which
 source fills a stream is decided by the order of the mapping; the manifest can replace
@@ -10,48 +9,55 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import STREAMS, FormatStreams, Source, format_streams
 from auvid.data_schemas.units import convertible, factor_and_offset
-from auvid.stages.ingest.decoded_log import DecodedLog, Messages
+from auvid.hydro.arrays import Ints, Mask
+from auvid.stages.ingest.decoded_log import Column, DecodedLog, Messages
+from auvid.stages.ingest.streams.common import Columns
 
-Columns = dict[str, npt.NDArray[Any]]
-Compute = Callable[[Messages, DecodedLog], Columns]
+Compute = Callable[[Messages, Ints, DecodedLog], Columns]  # with the time of each record
 Condition = Callable[[Messages, DecodedLog], str | None]
 Score = Callable[[Messages, DecodedLog], float]
-Clock = Callable[[Messages, DecodedLog], npt.NDArray[np.int64] | None]
-FEW = 2
+Clock = Callable[[Messages, DecodedLog], Ints | None]
+MIN_INSTANCES = 2
 TEXTS = "TEXTS"
-WORDS = frozenset({"texts", "modes"})  # what computes streams from text
+TEXT_STREAMS = frozenset({"texts", "modes"})  # what computes streams from text
+ABSENT = ("not logged", "has no column")
+NO_CLOCK = "has no time stamp"
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What a format adds to its declared mapping: its clock, and the functions that the
-    mapping names.
+    """What a format adds to its section of streams.yaml.
+
+    Its clock, and the functions that the section (`mapping`) names. `utc` gives what to
+    add to the clock for microseconds since 1970 UTC, or None where the log does not
+    say. `also` are message types that the functions read besides those of the mapping.
     """
 
+    mapping: str
     clock: Clock
     compute: Mapping[str, Compute] = field(default_factory=dict)
     conditions: Mapping[str, Condition] = field(default_factory=dict)
     scores: Mapping[str, Score] = field(default_factory=dict)
     utc: Callable[[DecodedLog], int | None] = lambda log: None
-    """What to add to the clock to get microseconds since 1970 UTC, or None where the
-    log does not say.
-    """
     also: frozenset[str] = frozenset()
-    """Message types that the functions read besides those of the mapping."""
 
-    def messages(self, mapping: str) -> frozenset[str]:
-        """All message types that have to be decoded for the streams of a format."""
-        spec = format_streams(mapping)
+    @property
+    def spec(self) -> FormatStreams:
+        """Return the section of streams.yaml."""
+        spec = format_streams(self.mapping)
         assert spec is not None
-        return spec.messages | self.also
+        return spec
+
+    @property
+    def messages(self) -> frozenset[str]:
+        """Return all message types that the streams of the format need."""
+        return self.spec.messages | self.also
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class Stream:
 
     name: str
     columns: Columns
-    place: npt.NDArray[np.int64]
+    place: Ints
     source: str
     alternatives: tuple[dict[str, str], ...] = ()
     notes: tuple[str, ...] = ()
@@ -73,19 +79,17 @@ class Stream:
     def __len__(self) -> int:
         return int(self.place.size)
 
-    def rows(self, kept: npt.NDArray[Any]) -> Stream:
-        """The stream with these rows only."""
-        return replace(
-            self,
-            columns={key: values[kept] for key, values in self.columns.items()},
-            place=self.place[kept],
-        )
+    def rows(self, kept: Mask) -> Stream:
+        """Return the stream with these rows only."""
+        columns = {key: values[kept] for key, values in self.columns.items()}
+        return replace(self, columns=columns, place=self.place[kept])
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One source with one instance of its sensor, and why it cannot be used (None if it
-    can).
+    """One source with one instance of its sensor.
+
+    `refused` is why it cannot be used; None if it can.
     """
 
     source: Source
@@ -93,39 +97,38 @@ class Candidate:
     messages: Messages | None
     refused: str | None
 
+    @property
+    def usable(self) -> bool:
+        """Return whether the source is logged and not refused."""
+        return self.messages is not None and self.refused is None
 
-def map_streams(
-    log: DecodedLog, mapping: str, rules: Rules, wanted: Mapping[str, str]
-) -> dict[str, Stream]:
-    """All streams that a decoded log can fill, by stream name.
+
+def map_streams(log: DecodedLog, rules: Rules, wanted: Mapping[str, str]) -> dict[str, Stream]:
+    """Return all streams that a decoded log can fill, by stream name.
 
     `wanted` names the source that the manifest wants for a stream; where this log does
     not have it, the order of the mapping decides.
     """
-    spec = format_streams(mapping)
-    assert spec is not None
-    log = _numbers(log, spec)
+    log = _numbers(log, rules.spec)
     streams = {}
     for name in STREAMS:
-        candidates = _ordered(
-            [
-                item
-                for source in spec.streams.get(name, ())
-                for item in _candidates(source, log, rules, spec)
-            ],
-            log,
-            rules,
-        )
-        chosen = _chosen(candidates, wanted.get(name))
-        if chosen is not None:
+        candidates = _ordered(list(_candidates(name, log, rules)), log, rules)
+        logged = [item for item in candidates if item.messages is not None]
+        named = [
+            item
+            for item in logged
+            if wanted.get(name) in (item.label, item.source.name) and item.refused != NO_CLOCK
+        ]
+        for chosen in (named or [item for item in logged if item.usable])[:1]:
             streams[name] = _stream(name, chosen, candidates, log, rules)
     return streams
 
 
 @dataclass(frozen=True)
 class OtherSource:
-    """One source that a log holds for a stream: why it is refused (None if it is not),
-    and its columns if it is not.
+    """One source that a log holds for a stream.
+
+    `refused` is why it cannot be used; if it can, `columns` holds it.
     """
 
     stream: str
@@ -134,36 +137,26 @@ class OtherSource:
     columns: Columns | None
 
 
-def every_source(
-    log: DecodedLog, mapping: str, rules: Rules, names: Iterable[str]
-) -> Iterator[OtherSource]:
-    """All sources that the log holds for the named streams, used or not, so that they
-    can be compared.
-    """
-    spec = format_streams(mapping)
-    assert spec is not None
-    log = _numbers(log, spec)
+def every_source(log: DecodedLog, rules: Rules, names: Iterable[str]) -> Iterator[OtherSource]:
+    """Yield all sources that the log holds for the named streams, used or not."""
+    log = _numbers(log, rules.spec)
     for name in names:
-        for source in spec.streams.get(name, ()):
-            for item in _candidates(source, log, rules, spec):
-                if item.messages is not None:
-                    columns = (
-                        None
-                        if item.refused is not None
-                        else _stream(name, item, [item], log, rules).columns
-                    )
-                    yield OtherSource(name, item.label, item.refused, columns)
+        for item in _candidates(name, log, rules):
+            if item.messages is not None:
+                columns = _stream(name, item, [item], log, rules).columns if item.usable else None
+                yield OtherSource(name, item.label, item.refused, columns)
 
 
 def _numbers(log: DecodedLog, spec: FormatStreams) -> DecodedLog:
-    """The log without columns of text, save those that are read as words: a damaged
-    definition can make text of a measured value.
+    """Return the log without columns of text, except those that streams need as text.
+
+    A damaged definition can make text of a measured value.
     """
-    words = {
+    texts = {
         column
         for group in spec.streams.values()
         for source in group
-        if source.compute in WORDS
+        if source.compute in TEXT_STREAMS
         for column in (*source.columns, *source.optional)
     }
     messages = {
@@ -172,7 +165,7 @@ def _numbers(log: DecodedLog, spec: FormatStreams) -> DecodedLog:
             columns={
                 key: values
                 for key, values in table.columns.items()
-                if key in words or values.dtype.kind != "S"
+                if key in texts or values.dtype.kind != "S"
             },
         )
         for name, table in log.messages.items()
@@ -180,29 +173,32 @@ def _numbers(log: DecodedLog, spec: FormatStreams) -> DecodedLog:
     return replace(log, messages=messages)
 
 
-def _candidates(
-    source: Source, log: DecodedLog, rules: Rules, spec: FormatStreams
-) -> Iterator[Candidate]:
-    messages = _texts(log) if source.message == TEXTS else log.messages.get(source.message)
-    if messages is None or not len(messages):
-        yield Candidate(source, source.name, None, "not logged")
-        return
-    missing = [column for column in source.columns if column not in messages.columns]
-    if missing:
-        yield Candidate(source, source.name, None, f"has no column {', '.join(missing)}")
-        return
-    refused = rules.conditions[source.when](messages, log) if source.when else None
-    if rules.clock(messages, log) is None:
-        refused = "has no time stamp"
-    for label, rows in _instances(source.name, messages, spec.instance):
-        yield Candidate(source, label, rows, refused)
-    for name, sibling in log.messages.items():
-        # PX4 writes the further instances of a topic as topic.1, topic.2 ...
-        if name.startswith(f"{source.message}.") and len(sibling):
-            refused = rules.conditions[source.when](sibling, log) if source.when else None
-            if rules.clock(sibling, log) is None:
-                refused = "has no time stamp"
-            yield Candidate(source, f"{source.name}[{name.rsplit('.', 1)[1]}]", sibling, refused)
+def _candidates(stream: str, log: DecodedLog, rules: Rules) -> Iterator[Candidate]:
+    """Yield every source of a stream with every instance, in the order of the mapping."""
+    spec = rules.spec
+
+    def refused(source: Source, messages: Messages) -> str | None:
+        if rules.clock(messages, log) is None:
+            return NO_CLOCK
+        return rules.conditions[source.when](messages, log) if source.when else None
+
+    for source in spec.streams.get(stream, ()):
+        messages = _texts(log) if source.message == TEXTS else log.messages.get(source.message)
+        if messages is None or not len(messages):
+            yield Candidate(source, source.name, None, ABSENT[0])
+            continue
+        missing = [column for column in source.columns if column not in messages.columns]
+        if missing:
+            yield Candidate(source, source.name, None, f"{ABSENT[1]} {', '.join(missing)}")
+            continue
+        why = refused(source, messages)
+        for label, rows in _instances(source.name, messages, spec.instance):
+            yield Candidate(source, label, rows, why)
+        for name, sibling in log.messages.items():
+            # PX4 writes the further instances of a topic as topic.1, topic.2 ...
+            if name.startswith(f"{source.message}.") and len(sibling):
+                label = f"{source.name}[{name.rsplit('.', 1)[1]}]"
+                yield Candidate(source, label, sibling, refused(source, sibling))
 
 
 def _instances(
@@ -213,58 +209,41 @@ def _instances(
         yield name, messages
         return
     values = np.asarray(messages.columns[column])
-    if values.dtype.kind == "f":
-        values = np.nan_to_num(
-            values, nan=0.0, posinf=0.0, neginf=0.0
-        )  # records of a layout from when there was one sensor only
-    found = np.unique(values)
-    if found.size < FEW:
+    if values.dtype.kind == "f":  # records of a layout from when there was one sensor only
+        values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    instances = np.unique(values)
+    if instances.size < MIN_INSTANCES:
         yield name, messages
         return
-    for item in found:
-        yield f"{name}[{int(item)}]", select(messages, values == item)
+    for item in instances:
+        yield f"{name}[{int(item)}]", messages.rows(values == item)
 
 
 def _texts(log: DecodedLog) -> Messages:
-    """The text messages of the vehicle where the format has no message type for them."""
+    """Return the vehicle's texts, where the format has no message type for them."""
     stamps = np.array([stamp for stamp, _ in log.texts], np.int64)
-    return Messages(
-        TEXTS,
-        {"timestamp": stamps, "text": np.array([text for _, text in log.texts], object)},
-        np.zeros(stamps.size, np.int64),
-    )
-
-
-def select(messages: Messages, rows: npt.NDArray[Any]) -> Messages:
-    """The given rows of a message type."""
-    return replace(
-        messages,
-        columns={key: values[rows] for key, values in messages.columns.items()},
-        offset=messages.offset[rows],
-    )
+    columns: dict[str, Column] = {
+        "timestamp": stamps,
+        "text": np.array([text for _, text in log.texts], object),
+    }
+    return Messages(TEXTS, columns, np.zeros(stamps.size, np.int64))
 
 
 def _ordered(candidates: list[Candidate], log: DecodedLog, rules: Rules) -> list[Candidate]:
-    """The candidates that share a `choose` rule by their score, at the places that such
-    candidates have; the others stay.
+    """Return the candidates that share a `choose` rule in the order of their score.
+
+    They share the places that such candidates have; the others stay.
     """
     result = list(candidates)
     for rule in {item.source.choose for item in candidates if item.source.choose}:
-        places = [
-            index
-            for index, item in enumerate(candidates)
+        scored = [
+            (rules.scores[rule](item.messages, log), place)
+            for place, item in enumerate(candidates)
             if item.source.choose == rule and item.messages is not None
         ]
-        scores = [rules.scores[rule](candidates[index].messages, log) for index in places]  # type: ignore[arg-type]
-        for place, (_, index) in zip(places, sorted(zip(scores, places, strict=True)), strict=True):
-            result[place] = candidates[index]
+        for (_, place), (_, best) in zip(scored, sorted(scored), strict=True):
+            result[place] = candidates[best]
     return result
-
-
-def _chosen(candidates: list[Candidate], wanted: str | None) -> Candidate | None:
-    usable = [item for item in candidates if item.messages is not None]
-    named = next((item for item in usable if wanted in (item.label, item.source.name)), None)
-    return named or next((item for item in usable if item.refused is None), None)
 
 
 def _stream(
@@ -272,20 +251,16 @@ def _stream(
 ) -> Stream:
     messages, source = chosen.messages, chosen.source
     assert messages is not None
+    time_us = rules.clock(messages, log)
+    assert time_us is not None
     columns = (
-        rules.compute[source.compute](messages, log)
+        rules.compute[source.compute](messages, time_us, log)
         if source.compute
         else linear(name, messages, source)
     )
-    if "time_us" not in columns:
-        time_us = rules.clock(messages, log)
-        assert time_us is not None
-        columns = {"time_us": time_us, **columns}
-    place = (
-        messages.offset
-        if columns["time_us"].size == len(messages)
-        else np.zeros(columns["time_us"].size, np.int64)
-    )
+    columns = {"time_us": time_us, **columns}
+    rows = columns["time_us"].size
+    place = messages.offset if rows == len(messages) else np.zeros(rows, np.int64)
     notes = [f"{name}: {source.note}"] if source.note else []
     if chosen.refused is not None:
         notes.append(
@@ -297,7 +272,7 @@ def _stream(
         {
             "source": item.label,
             "columns": ", ".join(item.source.columns),
-            "status": _status(item, chosen),
+            "status": "used" if item is chosen else item.refused or "available",
         }
         for item in candidates
         # Other column names of older firmware are not worth a line where the message is
@@ -307,19 +282,16 @@ def _stream(
     return Stream(name, columns, place, chosen.label, tuple(status), tuple(notes))
 
 
-def rate_hz(time_us: npt.NDArray[np.int64]) -> float:
-    """Median sample rate; 0 for fewer than two samples."""
+def rate_hz(time_us: Ints) -> float:
+    """Return the median sample rate; 0 for fewer than two samples."""
     step = float(np.median(np.diff(np.sort(time_us)))) if time_us.size > 1 else 0.0
     return 1e6 / step if step > 0.0 else 0.0
 
 
-def _status(item: Candidate, chosen: Candidate) -> str:
-    return "used" if item is chosen else item.refused or "available"
-
-
 def linear(stream: str, messages: Messages, source: Source) -> Columns:
-    """Fields that are one column each: unit to SI, sign. The unit that the log declares
-    goes before that of the mapping, if not forced.
+    """Return fields that are one column each: unit to SI, sign.
+
+    The unit that the log declares goes before that of the mapping, if not forced.
     """
     columns: Columns = {}
     for name, rule in source.fields.items():
@@ -331,10 +303,6 @@ def linear(stream: str, messages: Messages, source: Source) -> Columns:
             else rule.unit
         )
         factor, offset = factor_and_offset(unit, target)
-        # Damage can leave a signalling NaN, which numpy warns of when it widens the
-        # value.
-        with np.errstate(invalid="ignore", over="ignore"):
-            columns[name] = rule.sign * (
-                factor * np.asarray(messages.columns[rule.column], dtype=np.float64) + offset
-            )
+        with np.errstate(over="ignore"):  # of damaged values
+            columns[name] = rule.sign * (factor * messages.floats(rule.column) + offset)
     return columns

@@ -22,7 +22,15 @@ import pyarrow.csv as pacsv
 
 from auvid.data_schemas.errors import CampaignError, LogError
 from auvid.stages.base import RawFile
-from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, Messages, Skipped
+from auvid.stages.ingest.decoded_log import (
+    ByteAccount,
+    DecodedLog,
+    LogReader,
+    LogStatus,
+    Messages,
+    Skipped,
+)
+from auvid.stages.ingest.formats.accounting import covered_seconds
 from auvid.stages.ingest.formats.csv.column_map import (
     ColumnMap,
     MappedColumn,
@@ -36,9 +44,7 @@ from auvid.stages.ingest.formats.csv.tolerant_lines import (
     SoundRows,
     read_sound_rows,
 )
-from auvid.stages.ingest.formats.dataflash.byte_account import covered_seconds
 
-NAME = "csv"
 HEADER_BYTES = 1 << 16
 BLOCK = 1 << 20
 NEWLINE = 10
@@ -61,26 +67,15 @@ class Head:
     delimiter: str
 
 
-class CsvReader:
-    """Reader of CSV logs with a column map."""
-
-    name = NAME
-
-    def recognises(self, head: bytes) -> bool:
-        """True for text whose first line has separated columns."""
-        first = head.split(b"\n", 1)[0]
-        return head.startswith(UTF_16) or (
-            b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t"))
-        )
-
-    def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
-        """The streams that the column map names; `wanted` limits them. Raises as
-        `read_csv`.
-        """
-        return read_csv(file, wanted)[0]
+def recognises(head: bytes) -> bool:
+    """Return whether this is text whose first line has separated columns."""
+    first = head.split(b"\n", 1)[0]
+    return head.startswith(UTF_16) or (
+        b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t"))
+    )
 
 
-CSV = CsvReader()
+CSV = LogReader("csv", recognises, lambda file, wanted: read_csv(file, wanted)[0])
 
 
 def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[DecodedLog, ColumnMap]:

@@ -1,27 +1,23 @@
-"""From record offsets to columns: gather the records of one type, unpack and scale
-their fields.
-"""
+"""Columns of a DataFlash record type: gather records, unpack and scale their fields."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
-from auvid.hydro.arrays import Ints
+from auvid.hydro.arrays import Buffer, Ints
+from auvid.stages.ingest.decoded_log import Column
+from auvid.stages.ingest.formats.accounting import GATHER_BYTES, cut_at_nul, overlapping
 
-GATHER_BYTES = (
-    1 << 18
-)  # records gathered at a time, small enough to stay in the cache while each field is copied out
-
-Column = npt.NDArray[np.generic]
+Table = tuple[dict[str, Column], Ints]  # columns, byte offset of each record
 
 
 def column_dtype(char: str) -> np.dtype[np.generic]:
-    """The dtype of a decoded column: scaled integers are float64, half floats float32,
-    all else as stored.
+    """Return the dtype of a decoded column.
+
+    Scaled integers are float64, half floats float32, all else as stored.
     """
     form = layout.FIELD_FORMATS[char]
     if form.factor is not None:
@@ -29,27 +25,21 @@ def column_dtype(char: str) -> np.dtype[np.generic]:
     return np.dtype(np.float32) if form.dtype == "<f2" else layout.field_dtype(form.dtype)
 
 
-def unpack(
-    buffer: npt.NDArray[np.uint8], definition: layout.Definition, offset: Ints
-) -> dict[str, Column]:
-    """The fields of the records at `offset` (all of this definition, whole inside
-    `buffer`) as read-only columns.
+def unpack(buffer: Buffer, definition: layout.Definition, offset: Ints) -> dict[str, Column]:
+    """Return the fields of the records at `offset` as read-only columns.
 
-    Of two fields with one name the last is kept. Text is cut at its first NUL, except
-    the raw contents that FILE records carry.
+    All records are of this definition and whole inside the buffer. Of two fields with
+    one name the last is kept. Text is cut at its first NUL, except the raw contents
+    that FILE records carry.
     """
     formats = definition.formats[: len(definition.columns)]
-    out = [_empty(char, offset.size) for char in formats]
-    dtype = definition.record
-    # Overlapping records, one at every byte: indexing copies only the wanted ones
-    # (np.take would copy all of them first).
-    records = np.ndarray(
-        (max(buffer.size - definition.length + 1, 0),), f"V{definition.length}", buffer, 0, (1,)
-    )
+    dtypes = [column_dtype(char) for char in formats]
+    out: list[Column] = [np.empty((offset.size, *item.shape), item.base) for item in dtypes]
+    records = overlapping(buffer, f"V{definition.length}")
     step = max(1, GATHER_BYTES // definition.length)
     for start in range(0, offset.size, step):
         part = slice(start, start + step)
-        block = records[offset[part]].view(dtype)
+        block = records[offset[part]].view(definition.record)
         for i, char in enumerate(formats):
             factor = layout.FIELD_FORMATS[char].factor
             if factor is None:
@@ -58,47 +48,31 @@ def unpack(
                 # Dividing by the rounded inverse gives the nearest double to the
                 # decimal number; multiplying would not.
                 np.divide(block[f"f{i}"], 1 / factor, out=out[i][part])
-    columns: dict[str, Column] = {}
-    for name, char, column in zip(definition.columns, formats, out, strict=True):
+    for char, column in zip(formats, out, strict=True):
         if layout.FIELD_FORMATS[char].is_text and not (definition.name == "FILE" and char == "Z"):
             cut_at_nul(column)
         column.flags.writeable = False
-        columns[name] = column
-    return columns
+    return dict(zip(definition.columns, out, strict=False))
 
 
-def _empty(char: str, count: int) -> npt.NDArray[np.generic]:
-    dtype = column_dtype(char)
-    return np.empty((count, *dtype.shape), dtype.base)
+def merge(parts: Sequence[Table]) -> Table:
+    """Join the records of one name that were declared with several layouts.
 
-
-def cut_at_nul(text: Column) -> None:
-    """Blank, in place, whatever stands behind the first NUL of each string."""
-    if text.size:
-        letters = text.view(np.uint8).reshape(text.size, text.dtype.itemsize)
-        letters *= np.logical_and.accumulate(letters != 0, axis=1)
-
-
-def merge(parts: Sequence[tuple[Mapping[str, Column], Ints]]) -> tuple[dict[str, Column], Ints]:
-    """Join the records of one name that were declared with several layouts, in file
-    order.
-
-    A field that a layout lacks is NaN there (empty for text, 0 for arrays); integer
-    fields become float64 for that.
+    Records stand in file order. A field that a layout lacks is NaN there (empty for
+    text, 0 for arrays); integer fields become float64 for that.
     """
-    offset = np.concatenate([part_offset for _, part_offset in parts])
+    if len(parts) == 1:
+        return parts[0]
+    offset = np.concatenate([place for _, place in parts])
     order = np.argsort(offset, kind="stable")
-    names = list(dict.fromkeys(name for columns, _ in parts for name in columns))
     joined: dict[str, Column] = {}
-    for name in names:
+    for name in dict.fromkeys(name for columns, _ in parts for name in columns):
+        example = next(columns[name] for columns, _ in parts if name in columns)
         pieces = [
-            _piece(columns.get(name), name, parts, part_offset.size)
-            for columns, part_offset in parts
+            columns[name] if name in columns else _absent(example, place.size)
+            for columns, place in parts
         ]
-        if (
-            len({piece.shape[1:] for piece in pieces}) > 1
-            or len({piece.dtype.kind == "S" for piece in pieces}) > 1
-        ):
+        if len({(piece.shape[1:], piece.dtype.kind == "S") for piece in pieces}) > 1:
             pieces = [_as_text(piece) for piece in pieces]
         column = np.concatenate(pieces)[order]
         column.flags.writeable = False
@@ -106,18 +80,13 @@ def merge(parts: Sequence[tuple[Mapping[str, Column], Ints]]) -> tuple[dict[str,
     return joined, offset[order]
 
 
-def _piece(
-    column: Column | None, name: str, parts: Sequence[tuple[Mapping[str, Column], Ints]], count: int
-) -> Column:
-    if column is not None:
-        return column
-    like = next(columns[name] for columns, _ in parts if name in columns)
-    if like.dtype.kind == "S" or like.ndim > 1:
-        return np.zeros((count, *like.shape[1:]), like.dtype)
-    return np.full(count, np.nan, np.float32 if like.dtype == np.float32 else np.float64)
+def _absent(example: Column, count: int) -> Column:
+    if example.dtype.kind == "S" or example.ndim > 1:
+        return np.zeros((count, *example.shape[1:]), example.dtype)
+    return np.full(count, np.nan, np.float32 if example.dtype == np.float32 else np.float64)
 
 
 def _as_text(piece: Column) -> Column:
-    if piece.ndim > 1:
-        return np.array([str(row.tolist()) for row in piece], "S")
-    return piece if piece.dtype.kind == "S" else piece.astype("S")
+    return (
+        np.array([str(row) for row in piece.tolist()], "S") if piece.ndim > 1 else piece.astype("S")
+    )

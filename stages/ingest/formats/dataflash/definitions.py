@@ -1,6 +1,4 @@
-"""Definitions of a DataFlash log: which FMT records can be believed, and which of them
-holds at a place in the file.
-"""
+"""Definitions of a DataFlash log: which FMT records hold, and where in the file."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
-from auvid.hydro.arrays import Buffer, Ints
+from auvid.hydro.arrays import Buffer, Ints, Mask
 
 WRONG_LENGTH = "definition whose length does not match its format"
 WRONG_COLUMNS = "definition whose field names do not match its format"
@@ -21,6 +19,7 @@ WRONG_FMT = "definition of FMT itself with another layout"
 CONTRADICTED = "definition contradicted by the records"
 REASONS = ("", UNNAMED, WRONG_COLUMNS, WRONG_LENGTH, UNKNOWN_FORMAT, WRONG_FMT, CONTRADICTED)
 
+Entries = npt.NDArray[np.int32]
 ROWS = 4096  # FMT records judged at a time
 LABELS_START = 25  # in a FMT record, behind header, id, length, name and formats
 DAMAGED_LABEL_BYTES = 2  # two firmwares that name fields of one format differently differ in more
@@ -28,15 +27,14 @@ DAMAGED_LABEL_BYTES = 2  # two firmwares that name fields of one format differen
 
 @dataclass(frozen=True)
 class Proposals:
-    """All FMT records that the header candidates show, whether or not they belong to
-    the record chain.
+    """FMT records at the header candidates, whether or not in the record chain.
 
     `offset` and `raw` (the 89 bytes) have one row per FMT that agrees with itself;
     `unsound` and `reason` (into REASONS) one per other.
     """
 
     offset: Ints
-    raw: npt.NDArray[np.uint8]
+    raw: Buffer
     unsound: Ints
     reason: npt.NDArray[np.int8]
 
@@ -55,8 +53,9 @@ def _text(raw: bytes) -> str:
 
 
 def propose(buffer: Buffer, offsets: Ints) -> Proposals:
-    """Parse the FMT records at `offsets`, all of them whole inside the buffer, and
-    judge each by itself.
+    """Parse the FMT records at `offsets` and judge each by itself.
+
+    All of them are whole inside the buffer.
     """
     raws, reasons = [np.zeros((0, layout.FMT_BYTES), np.uint8)], [np.zeros(0, np.int8)]
     for start in range(0, offsets.size, ROWS):
@@ -69,9 +68,10 @@ def propose(buffer: Buffer, offsets: Ints) -> Proposals:
     )
 
 
-def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
-    """For each FMT record (one row of 89 bytes) the reason to refuse it, as index into
-    REASONS; 0 if it agrees with itself.
+def judge(raw: Buffer) -> npt.NDArray[np.int8]:
+    """Return the reason to refuse each FMT record (one row of 89 bytes).
+
+    It is an index into REASONS; 0 if the record agrees with itself.
     """
     formats, columns, name = raw[:, 9:25], raw[:, 25:89], raw[:, 5:9]
     in_format, in_columns, in_name = (
@@ -102,8 +102,9 @@ def judge(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
 
 @dataclass(frozen=True)
 class Definitions:
-    """The definitions in force: entry 0 is FMT; `first[id]` is the entry for an id
-    before any redefinition (-1: undefined).
+    """Definitions in force; entry 0 is FMT.
+
+    `first[id]` is the entry for an id before any redefinition (-1: undefined).
 
     `length[entry]` is the size of a record; a last 0 in it serves entry -1.
 
@@ -112,16 +113,16 @@ class Definitions:
     FMT).
     """
 
-    first: npt.NDArray[np.int32]
-    length: npt.NDArray[np.int32]
+    first: Entries
+    length: Entries
     row: Ints
-    changes: dict[int, tuple[Ints, npt.NDArray[np.int32]]]
+    changes: dict[int, tuple[Ints, Entries]]
 
-    def entries(self, offset: Ints, types: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
-        """The entry that holds for a record of each type at each offset (ascending); -1
-        where the type is undefined.
+    def entries(self, offset: Ints, types: Buffer) -> Entries:
+        """Return the entry that holds for each type at each offset (ascending).
 
-        A record before the first definition of its type is read with that definition.
+        It is -1 where the type is undefined. A record before the first definition of
+        its type is read with that definition.
         """
         entry = self.first[types]
         for id, (begins, entries) in self.changes.items():
@@ -133,65 +134,56 @@ class Definitions:
 
 
 def _is_repetition(before: bytes, after: bytes, *, new_log: bool) -> bool:
-    """Whether two FMT records declare the same: only the field names may differ, and
-    those by no more than `DAMAGED_LABEL_BYTES` if a new log, perhaps of another
-    firmware, begins between the two. Within one log no type is declared with other
-    names.
+    """Return whether two FMT records declare the same.
+
+    Only the field names may differ, and those by no more than `DAMAGED_LABEL_BYTES` if
+    a new log, perhaps of another firmware, begins between the two. Within one log no
+    type is declared with other names.
     """
     if before[:LABELS_START] != after[:LABELS_START]:
         return False
-    return (
-        not new_log
-        or sum(one != other for one, other in zip(before, after, strict=True))
-        <= DAMAGED_LABEL_BYTES
-    )
+    differences = sum(one != other for one, other in zip(before, after, strict=True))
+    return not new_log or differences <= DAMAGED_LABEL_BYTES
 
 
-def settle(proposals: Proposals, rows: Iterable[int], torn: npt.NDArray[np.bool_]) -> Definitions:
-    """Put the proposals `rows` (ascending) in force. A repeated declaration is no
-    change, nor is one with other field names in the same log: that is a damaged
-    repetition, and of the two the first holds unless it is `torn` (stands beside
-    damage) and the other is not.
+def resolve(proposals: Proposals, rows: Iterable[int], torn: Mask) -> Definitions:
+    """Put the proposals `rows` (ascending) in force.
+
+    A repeated declaration is no change, nor is one with other field names in the same
+    log: that is a damaged repetition, and of the two the first holds unless it is
+    `torn` (touches damage) and the other is not.
     """
     first = np.full(256, -1, np.int32)
     first[layout.FMT_ID] = 0
-    lengths, kept = [layout.FMT_BYTES], [-1]
-    current: dict[
-        int, tuple[bytes, int]
-    ] = {}  # of each id the FMT record in force, and in which log it stands
+    kept = [-1]
+    current: dict[int, tuple[bytes, int]] = {}  # id -> FMT record in force, number of its log
     changes: dict[int, list[tuple[int, int]]] = {}
-    ids, offsets, declared = (
-        proposals.raw[:, 3].tolist(),
-        proposals.offset.tolist(),
-        proposals.raw[:, 4].tolist(),
-    )
     log = 0
     for row in rows:
-        id = ids[row]
         identity = proposals.raw[row].tobytes()
+        id = identity[3]
         if id == layout.FMT_ID:
             log += 1
             continue
-        if id in current and _is_repetition(
-            current[id][0], identity, new_log=current[id][1] != log
-        ):
+        before, of_log = current.get(id, (b"", log))
+        if before and _is_repetition(before, identity, new_log=of_log != log):
             entry = changes[id][-1][1]
             if torn[kept[entry]] and not torn[row]:
                 kept[entry] = row
                 current[id] = (identity, log)
             continue
-        if id not in current:
+        if not before:
             first[id] = len(kept)
         current[id] = (identity, log)
-        changes.setdefault(id, []).append((offsets[row], len(kept)))
-        lengths.append(declared[row])
+        changes.setdefault(id, []).append((int(proposals.offset[row]), len(kept)))
         kept.append(row)
     several = {
-        id: (
-            np.array([begin for begin, _ in steps], np.int64),
-            np.array([entry for _, entry in steps], np.int32),
-        )
+        id: (np.array(begins, np.int64), np.array(entries, np.int32))
         for id, steps in changes.items()
         if len(steps) > 1
+        for begins, entries in [zip(*steps, strict=True)]
     }
-    return Definitions(first, np.array([*lengths, 0], np.int32), np.array(kept, np.int64), several)
+    length = proposals.raw[kept[1:], 4] if kept[1:] else []
+    return Definitions(
+        first, np.array([layout.FMT_BYTES, *length, 0], np.int32), np.array(kept, np.int64), several
+    )

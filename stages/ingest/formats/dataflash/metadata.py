@@ -1,5 +1,6 @@
-"""What the decoded tables of a DataFlash log say about the log itself: units,
-parameters and texts (binary and text logs alike).
+"""Units, parameters, texts and notes from the decoded tables of a DataFlash log.
+
+Binary and text logs alike.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.formats import dataflash as layout
-from auvid.hydro.arrays import Ints
-from auvid.stages.ingest.formats.dataflash.columns import Column
+from auvid.stages.ingest.decoded_log import Column
+from auvid.stages.ingest.formats.accounting import LATEST_US
+from auvid.stages.ingest.formats.dataflash.columns import Table
 
-Table = tuple[dict[str, Column], Ints]  # columns, byte offset of each record
-NEEDED = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})
-LARGEST = 1 << 62
+METADATA = frozenset({"FMTU", "UNIT", "MULT", "PARM", "MSG"})
 UNTIMED = layout.DEFINITION_NAMES | {"PARM", "MSG"}
 
 
 def decode_text(raw: bytes) -> str:
-    """Text as the firmware wrote it; bytes that are not UTF-8 are read as Latin-1, as
-    other log tools do.
+    """Return text as the firmware wrote it.
+
+    Buffer that are not UTF-8 are read as Latin-1, as other log tools do.
     """
     try:
         return raw.decode("utf-8")
@@ -33,30 +34,32 @@ def decode_text(raw: bytes) -> str:
 def sound_columns(
     table: Table | None, *, numbers: Sequence[str] = (), texts: Sequence[str] = ()
 ) -> Mapping[str, Column]:
-    """The columns of a table if these are there with values of their kind, else none: a
-    damaged definition makes text of numbers.
+    """Return the columns of a table if these are there with values of their kind.
+
+    Else none: a damaged definition makes text of numbers.
     """
     columns = table[0] if table else {}
-    kinds = [(name, "iuf") for name in numbers] + [(name, "S") for name in texts]
+    kinds = {**dict.fromkeys(numbers, "iuf"), **dict.fromkeys(texts, "S")}
     sound = all(
         name in columns and columns[name].ndim == 1 and columns[name].dtype.kind in kind
-        for name, kind in kinds
+        for name, kind in kinds.items()
     )
     return columns if sound else {}
 
 
-def whole(column: Column) -> list[int]:
-    """Numbers as integers; -1 for those that are none."""
+def integers(column: Column) -> list[int]:
+    """Return the values as integers; -1 where a value is not a number."""
     numbers = np.asarray(column)
     if numbers.dtype.kind == "f":
-        numbers = np.where(np.abs(numbers) < LARGEST, numbers, -1.0).astype(np.int64)
+        numbers = np.where(np.abs(numbers) < LATEST_US, numbers, -1.0).astype(np.int64)
     return [int(number) for number in numbers.tolist()]
 
 
 @dataclass(frozen=True)
 class Units:
-    """The unit declarations of a log: FMTU letters by type id, in file order, and what
-    UNIT and MULT say the letters mean.
+    """Unit declarations of a log.
+
+    FMTU letters by type id, in file order, and what UNIT and MULT say the letters mean.
     """
 
     letters: Mapping[int, list[tuple[int, bytes, bytes]]]
@@ -65,24 +68,18 @@ class Units:
 
     @classmethod
     def of(cls, tables: Mapping[str, Table]) -> Units:
+        """Return the declarations in the tables FMTU, UNIT and MULT."""
         letters: dict[int, list[tuple[int, bytes, bytes]]] = {}
-        columns = sound_columns(
-            tables.get("FMTU"), numbers=("FmtType",), texts=("UnitIds", "MultIds")
-        )
+        texts = ("UnitIds", "MultIds")
+        columns = sound_columns(tables.get("FMTU"), numbers=("FmtType",), texts=texts)
         if columns:
-            rows = (
-                tables["FMTU"][1].tolist(),
-                whole(columns["FmtType"]),
-                columns["UnitIds"].tolist(),
-                columns["MultIds"].tolist(),
-            )
-            for place, id, unit_ids, mult_ids in zip(*rows, strict=True):
-                letters.setdefault(id, []).append((place, unit_ids, mult_ids))
+            places = tables["FMTU"][1].tolist()
+            ids = [columns[name].tolist() for name in texts]
+            for place, id, *pair in zip(places, integers(columns["FmtType"]), *ids, strict=True):
+                letters.setdefault(id, []).append((place, *pair))
         labels = sound_columns(tables.get("UNIT"), numbers=("Id",), texts=("Label",))
         factors = sound_columns(tables.get("MULT"), numbers=("Id", "Mult"))
-        units = {
-            letter: decode_text(label) for letter, label in _by_letter(labels, "Label").items()
-        }
+        units = {letter: decode_text(text) for letter, text in _by_letter(labels, "Label").items()}
         # Multipliers are single precision cast to double: seven digits name them.
         multipliers = {
             letter: float(f"{factor:.7g}") for letter, factor in _by_letter(factors, "Mult").items()
@@ -90,15 +87,13 @@ class Units:
         return cls(letters, units, multipliers)
 
     def texts(self, definition: layout.Definition, until: int | None = None) -> dict[str, str]:
-        """The unit of each field, from the last FMTU record of the type before offset
-        `until`; `#` marks the instance of a sensor.
+        """Return the unit of each field, from the last FMTU record before `until`.
 
-        The multiplier stands before the unit (`cm`, `µs`), unless the format character
-        already scales the field.
+        `#` marks the instance of a sensor. The multiplier stands before the unit (`cm`,
+        `µs`), unless the format character already scales the field.
         """
-        usable = [
-            row for row in self.letters.get(definition.id, ()) if until is None or row[0] < until
-        ]
+        rows = self.letters.get(definition.id, ())
+        usable = [row for row in rows if until is None or row[0] < until]
         if not usable:
             return {}
         unit_ids, mult_ids = (
@@ -122,43 +117,68 @@ class Units:
 
 
 def _by_letter(columns: Mapping[str, Column], value: str) -> dict[str, Any]:
-    return (
-        {
-            chr(id & 0xFF): item
-            for id, item in zip(whole(columns["Id"]), columns[value].tolist(), strict=True)
-        }
-        if columns
-        else {}
-    )
+    if not columns:
+        return {}
+    letters = (chr(id & 0xFF) for id in integers(columns["Id"]))
+    return dict(zip(letters, columns[value].tolist(), strict=True))
 
 
 def parameters_of(table: Table | None) -> dict[str, float]:
-    """The last value of each parameter in PARM."""
+    """Return the last value of each parameter in PARM."""
     columns = sound_columns(table, numbers=("Value",), texts=("Name",))
     if not columns:
         return {}
-    return {
-        decode_text(name): float(value)
-        for name, value in zip(columns["Name"].tolist(), columns["Value"].tolist(), strict=True)
-    }
+    names = map(decode_text, columns["Name"].tolist())
+    return dict(zip(names, map(float, columns["Value"].tolist()), strict=True))
 
 
 def texts_of(table: Table | None) -> tuple[tuple[int, str], ...]:
-    """The texts of MSG with their TimeUS (0 without one). Firmware 4.7 splits a long
-    text: equal ID and ascending Seq are joined.
+    """Return the texts of MSG with their TimeUS (0 without one).
+
+    Firmware 4.7 splits a long text: equal ID and ascending Seq are joined.
     """
     columns = sound_columns(table, texts=("Message",))
     if not columns:
         return ()
-    zeros = [0] * columns["Message"].size
+    raw = columns["Message"].tolist()
     times, ids, parts = (
-        whole(columns[name]) if sound_columns(table, numbers=(name,)) else zeros
+        integers(columns[name]) if sound_columns(table, numbers=(name,)) else [0] * len(raw)
         for name in ("TimeUS", "ID", "Seq")
     )
     texts: list[tuple[int, str]] = []
-    for i, raw in enumerate(columns["Message"].tolist()):
+    for i, text in enumerate(map(decode_text, raw)):
         if i and parts[i] == parts[i - 1] + 1 and ids[i] == ids[i - 1]:
-            texts[-1] = (texts[-1][0], texts[-1][1] + decode_text(raw))
+            texts[-1] = (texts[-1][0], texts[-1][1] + text)
         else:
-            texts.append((times[i], decode_text(raw)))
+            texts.append((times[i], text))
     return tuple(texts)
+
+
+def layout_notes(
+    layouts: Mapping[str, Sequence[tuple[layout.Definition, int]]], clock_notes: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return sentences about the clock and the layouts of the message types.
+
+    `layouts` has the definitions of each type with records, each with its kind of time
+    stamp: 1 TimeUS, 2 TimeMS, 0 none.
+    """
+    notes = list(clock_notes)
+    if any(kind == 2 for parts in layouts.values() for _, kind in parts):
+        notes.insert(
+            0, "Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them."
+        )
+    if set(layouts) <= layout.DEFINITION_NAMES:
+        notes.append("The log holds definitions only, no recorded data.")
+    several = [name for name, parts in layouts.items() if len(parts) > 1]
+    if several:
+        notes.append(f"Declared with several layouts, joined by field name: {', '.join(several)}.")
+    timeless = [
+        name
+        for name, parts in layouts.items()
+        if name not in UNTIMED
+        # GPS records of old firmware have the clock as T.
+        and not any(kind or "T" in definition.columns for definition, kind in parts)
+    ]
+    if timeless:
+        notes.append(f"Without a time field of the vehicle's clock: {', '.join(timeless)}.")
+    return tuple(notes)

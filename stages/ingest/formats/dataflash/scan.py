@@ -1,38 +1,42 @@
-"""Find the chain of records in a DataFlash log: vectorised over header candidates, step
-by step only where the chain breaks.
+"""Find the chain of records in a DataFlash log.
 
 A candidate is any place with the two magic bytes. The chain goes from a record to the
-candidate at its end; a log has no other framing and no checksum. Behind a break the
-chain goes on at the next candidate that is itself followed by a header (or by the end
-of the file), or that is a definition which agrees with itself; between the two, single
-records are taken only if their own time stamp fits the clock on both sides.
+candidate at its end; a log has no other framing and no checksum. That is vectorised;
+only where the chain breaks it is followed step by step. Behind a break the chain goes
+on at the next candidate that is itself followed by a header (or by the end of the
+file), or that is a definition which agrees with itself; between the two, single records
+are taken only if their own time stamp fits the clock on both sides.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import median_high
 
 import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
-from auvid.hydro.arrays import Buffer, Ints
-from auvid.stages.ingest.formats.dataflash.definitions import Definitions
+from auvid.hydro.arrays import Buffer, Ints, Mask
+from auvid.stages.ingest.formats.accounting import LATEST_US, overlapping
+from auvid.stages.ingest.formats.dataflash.definitions import Definitions, Entries
 
 BLOCK = 1 << 17
-NEAR = 16  # candidates looked at for the clock beside a break
-SLACK_US = 1_000_000
-FAR_US = 10_000_000  # where only one side shows the clock
-LATEST_US = 1 << 62
+NEAR = 16  # candidates that show the clock on either side of a break
+TWO_SIDES_US = 1_000_000  # tolerance of a time stamp between two that show the clock
+ONE_SIDE_US = 10_000_000  # where only one side shows the clock
 UNKNOWN_SHARE = 0.6  # share of equal gaps from which the length of an undefined type is inferred
 UNKNOWN_LEAST = 4
+
+Clock = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Bytes `start:stop` outside the chain. `id` is the type of the undefined message
-    found at `start`, -1 for damage.
+    """Buffer `start:stop` outside the chain.
+
+    `id` is the type of the undefined message at `start`, -1 for damage.
     """
 
     start: int
@@ -42,38 +46,35 @@ class Gap:
 
 @dataclass(frozen=True)
 class Chain:
-    """Records by position: `offset`, `type` and `entry` (into Definitions; -1:
-    undefined type of inferred `length`), in file order.
+    """Records in file order, by `offset`, `type` and `entry` (into Definitions).
+
+    Entry -1 is an undefined type of inferred `length`.
     """
 
     offset: Ints
-    type: npt.NDArray[np.uint8]
-    entry: npt.NDArray[np.int32]
-    length: npt.NDArray[np.int32]
+    type: Buffer
+    entry: Entries
+    length: Entries
     gaps: list[Gap]
-    failed: npt.NDArray[np.int32]  # entries of the candidates that do not fit the chain
+    failed: Entries  # entries of the candidates that do not fit the chain
     distance: Ints  # from each of them to the next candidate
 
 
 def candidates(buffer: Buffer) -> Ints:
-    """Offsets of all magic byte pairs that have room for a type id behind them,
-    ascending.
-    """
-    found = []
+    """Return the offsets of all magic byte pairs with a type id behind them, ascending."""
+    places = [np.zeros(0, np.int64)]
     first, second = layout.MAGIC
     for start in range(0, buffer.size, BLOCK):
         part = buffer[start : start + BLOCK + 1]
-        found.append(np.flatnonzero((part[:-1] == first) & (part[1:] == second)) + start)
-    offsets = np.concatenate(found) if found else np.zeros(0, np.int64)
+        places.append(np.flatnonzero((part[:-1] == first) & (part[1:] == second)) + start)
+    offsets = np.concatenate(places)
     return offsets[: np.searchsorted(offsets, buffer.size - 2)]
 
 
-def header_at(buffer: Buffer, offset: Ints) -> npt.NDArray[np.bool_]:
-    """True where the magic bytes stand at `offset`; offsets past the end of the file
-    give False.
-    """
+def header_at(buffer: Buffer, offset: Ints) -> Mask:
+    """Return where the magic bytes stand at `offset`; False past the end of the file."""
     inside = np.minimum(offset, buffer.size - 2)
-    there: npt.NDArray[np.bool_] = (
+    there: Mask = (
         (buffer[inside] == layout.MAGIC[0])
         & (buffer[inside + 1] == layout.MAGIC[1])
         & (inside == offset)
@@ -83,13 +84,11 @@ def header_at(buffer: Buffer, offset: Ints) -> npt.NDArray[np.bool_]:
 
 def infer_lengths(
     offset: Ints,
-    types: npt.NDArray[np.uint8],
-    entry: npt.NDArray[np.int32],
-    length: npt.NDArray[np.int32],
+    types: Buffer,
+    entry: Entries,
+    length: Entries,
 ) -> None:
-    """Give the records of undefined types, in `length`, the distance at which the next
-    header nearly always stands.
-    """
+    """Set the length of undefined types to the usual distance of the next header."""
     where = np.flatnonzero(entry[:-1] < 0)
     if where.size < UNKNOWN_LEAST:
         return
@@ -98,44 +97,34 @@ def infer_lengths(
     id = types[where].astype(np.int64)
     votes = np.bincount(id[fits] * 256 + gap[fits], minlength=65536).reshape(256, 256)
     best, most, total = votes.argmax(axis=1), votes.max(axis=1), np.bincount(id, minlength=256)
-    believed = np.where((most >= UNKNOWN_LEAST) & (most >= UNKNOWN_SHARE * total), best, 0).astype(
-        np.int32
-    )
+    clear = (most >= UNKNOWN_LEAST) & (most >= UNKNOWN_SHARE * total)
     unknown = np.flatnonzero(entry < 0)
-    length[unknown] = believed[types[unknown]]
+    length[unknown] = np.where(clear, best, 0)[types[unknown]]
 
 
+@dataclass
 class Walk:
     """One walk along the chain. Arrays have one entry per candidate.
 
     `clock` is the kind of time stamp (see `read_times`) of each definition, and a last
     0 which serves entry -1, the undefined types. `sound` are the offsets of the FMT
-    records that agree with themselves, which is proof enough to take them beside
+    records that agree with themselves, which is proof enough to take them next to
     damage.
     """
 
-    def __init__(
-        self,
-        buffer: Buffer,
-        offset: Ints,
-        type: npt.NDArray[np.uint8],
-        definitions: Definitions,
-        clock: npt.NDArray[np.int8],
-        sound: Ints,
-    ) -> None:
-        self.buffer, self.offset, self.type, self.definitions, self.clock = (
-            buffer,
-            offset,
-            type,
-            definitions,
-            clock,
-        )
-        self.sound = sound
-        self.size, self.count = buffer.size, offset.size
-        self.entry = definitions.entries(offset, type)
-        self.length = definitions.length[self.entry]
-        infer_lengths(offset, type, self.entry, self.length)
-        self.end = offset + self.length
+    buffer: Buffer
+    offset: Ints
+    type: Buffer
+    definitions: Definitions
+    clock: Clock
+    sound: Ints
+
+    def __post_init__(self) -> None:
+        self.size, self.count = self.buffer.size, self.offset.size
+        self.entry = self.definitions.entries(self.offset, self.type)
+        self.length = self.definitions.length[self.entry]
+        infer_lengths(self.offset, self.type, self.entry, self.length)
+        self.end = self.offset + self.length
         self.valid = (self.length > 0) & (self.end <= self.size)
         self.runs: list[tuple[int, int]] = []
         self.gaps: list[Gap] = []
@@ -145,28 +134,20 @@ class Walk:
 
     @cached_property
     def confirmed(self) -> Ints:
-        """Candidates of a known length with a header, or the end of the file, right
-        behind them, and all sound definitions.
-        """
+        """Return the candidates right before a header or the end, and sound definitions."""
         followed = self.valid & (header_at(self.buffer, self.end) | (self.end == self.size))
         followed[self.offset.searchsorted(self.sound)] = True
         return np.flatnonzero(followed)
 
     @cached_property
     def times_us(self) -> Ints:
-        """The time stamps of the valid candidates; -1 where there is none."""
+        """Return the time stamps of the valid candidates; -1 where there is none."""
         return read_times(self.buffer, self.offset, np.where(self.valid, self.clock[self.entry], 0))
 
     @cached_property
     def pairs(self) -> Ints:
-        """How often a candidate of one type is followed by one of another, as number
-        first * 256 + second.
-        """
+        """Count pairs of types that follow each other, at number first * 256 + second."""
         return np.bincount(self.type[:-1].astype(np.uint16) << 8 | self.type[1:], minlength=1 << 16)
-
-    @cached_property
-    def lengths(self) -> frozenset[int]:
-        return frozenset(self.definitions.length.tolist())
 
     def run(self) -> Chain:
         linked = np.zeros(self.count, np.bool_)
@@ -194,8 +175,10 @@ class Walk:
         )
 
     def _missed(self) -> Ints:
-        """The candidates at whose end the chain found no header, and those in gaps that
-        stand as close together as records do.
+        """Return the candidates that do not fit the chain.
+
+        These have no header at their end, or stand in gaps, as close together as
+        records do.
         """
         missed = np.zeros(self.count, np.bool_)
         if self.gaps:
@@ -217,8 +200,9 @@ class Walk:
         return first
 
     def _across(self, at: int, last: int) -> int:
-        """Take the run `at..last` and return where the chain goes on behind it (the
-        number of candidates at the end).
+        """Take the run `at..last`; return where the chain goes on behind it.
+
+        That is the number of candidates at the end of the file.
         """
         end = int(self.end[last])
         following = last + 1
@@ -248,31 +232,30 @@ class Walk:
             return resume
         self.failed.append(last)
         resume = self._behind_soft_header(end)
-        spoilt = False
+        damaged = False
         if resume < 0:
             resume = self._next_confirmed(last + 1)
-            spoilt = (
+            damaged = (
                 self._place(resume) < end
                 or self._misnamed(last, resume)
                 or self._out_of_time(last, resume)
             )
-        self.runs.append((at, last if spoilt else last + 1))
-        self._fill(int(self.offset[last]) if spoilt else end, self._place(resume), last, resume)
+        self.runs.append((at, last if damaged else last + 1))
+        self._fill(int(self.offset[last]) if damaged else end, self._place(resume), last, resume)
         return resume
 
     def _place(self, index: int) -> int:
         return int(self.offset[index]) if index < self.count else self.size
 
     def _next_confirmed(self, index: int) -> int:
-        """The first confirmed candidate at or behind candidate `index`; the number of
-        candidates if there is none.
-        """
+        """Return the first confirmed candidate from `index` on, or the number of all."""
         place = int(self.confirmed.searchsorted(index))
         return int(self.confirmed[place]) if place < self.confirmed.size else self.count
 
     def _inner_record(self, last: int, following: int) -> int:
-        """A candidate inside record `last` that is a record of its own: it has a
-        successor there and a fitting time stamp; else -1.
+        """Return a candidate inside record `last` that is a record of its own, or -1.
+
+        It has a successor there and a fitting time stamp.
         """
         end = int(self.end[last])
         for inner in range(last + 1, following):
@@ -288,8 +271,9 @@ class Walk:
         return -1
 
     def _behind_soft_header(self, end: int) -> int:
-        """The record behind one at `end` of which a magic byte is damaged, its type id
-        and its place being right; else -1.
+        """Return the record behind one at `end` with a damaged magic byte, or -1.
+
+        The type id and the place of the damaged one must be right.
         """
         if end + layout.HEADER_BYTES > self.size or (
             self.buffer[end] != layout.MAGIC[0] and self.buffer[end + 1] != layout.MAGIC[1]
@@ -300,68 +284,61 @@ class Walk:
             return -1
         behind = end + int(self.definitions.length[entry])
         place = int(self.offset.searchsorted(behind))
-        return (
-            place
-            if place < self.count and self.offset[place] == behind and self.valid[place]
-            else -1
-        )
+        meets = place < self.count and self.offset[place] == behind and self.valid[place]
+        return place if meets else -1
 
     def _misnamed(self, last: int, resume: int) -> bool:
-        """Whether record `last`, behind which the chain breaks, looks like another one
-        with a damaged type id.
+        """Return whether record `last` looks like another one with a damaged type id.
 
         Its true length would end where the chain resumes, and its type follows that of
         the record before it nowhere else.
         """
-        if last == 0 or self._place(resume) - int(self.offset[last]) not in self.lengths:
+        if last == 0 or self._place(resume) - int(self.offset[last]) not in self.definitions.length:
             return False
         return int(self.pairs[int(self.type[last - 1]) << 8 | int(self.type[last])]) <= 1
 
     def _out_of_time(self, last: int, resume: int) -> bool:
-        """Whether the time stamp of record `last` does not fit the clock before it and
-        behind the break.
-        """
+        """Return whether the time stamp of record `last` does not fit the clock around it."""
         if last == 0 or not self.clock[self.entry[last]]:
             return False
         low, high = self._window(last - 1, resume)
         return low <= high and not low <= self.times_us[last] <= high
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
-        """The times that a record between candidates `before` and `after` can have;
-        nothing if neither side shows a clock.
+        """Return the times that a record between candidates `before` and `after` can have.
+
+        No time is possible if neither side shows a clock.
         """
         early = self._steps(max(before + 1 - 2 * NEAR, 0), before + 1)[: -NEAR - 1 : -1]
         late = self._steps(after, min(after + 2 * NEAR, self.count))[:NEAR]
-        sides = (self._first_us(self.times_us[early]), self._first_us(self.times_us[late]))
-        known = [time for time in sides if time is not None]
-        if not known:
+        # The median of the first five stamps; one damaged stamp cannot move it far.
+        sides = [
+            [time for time in self.times_us[side].tolist() if time >= 0][:5]
+            for side in (early, late)
+        ]
+        clock = [median_high(side) for side in sides if side]
+        if not clock:
             return 1, 0
-        slack = SLACK_US if len(known) == 2 else FAR_US
-        return max(min(known) - slack, 0), max(known) + slack
+        slack = TWO_SIDES_US if len(clock) == 2 else ONE_SIDE_US
+        return max(min(clock) - slack, 0), max(clock) + slack
 
     def _steps(self, start: int, stop: int) -> list[int]:
-        """The candidates `start:stop` without those inside a record before them: for 65
-        ms every 72 minutes all time stamps hold the magic bytes, and what is read as
-        time behind these is none.
+        """Return the candidates `start:stop` without those inside a record before them.
+
+        For 65 ms every 72 minutes all time stamps hold the magic bytes, and what
+        follows these is no time.
         """
-        found, end = [], 0
+        steps, end = [], 0
         for place in range(start, stop):
             if self.offset[place] >= end:
-                found.append(place)
+                steps.append(place)
                 end = int(self.end[place]) if self.valid[place] else 0
-        return found
-
-    @staticmethod
-    def _first_us(times_us: Ints) -> int | None:
-        """The median of the first five times that there are, which one damaged stamp
-        cannot move far.
-        """
-        first = sorted([time for time in times_us.tolist() if time >= 0][:5])
-        return first[len(first) // 2] if first else None
+        return steps
 
     def _fill(self, start: int, stop: int, before: int, after: int, undefined: int = -1) -> None:
-        """Account for `start:stop`: the candidates between `before` and `after` whose
-        time fits the clock there, else gaps.
+        """Account for `start:stop`: candidates whose time fits the clock there, else gaps.
+
+        The candidates are those between `before` and `after`.
         """
         if start < stop and after > before + 1:
             between = np.arange(before + 1, after)
@@ -385,17 +362,14 @@ class Walk:
             self.gaps.append(Gap(start, stop, undefined))
 
 
-def read_times(buffer: Buffer, offset: Ints, kind: npt.NDArray[np.int8]) -> Ints:
-    """Time stamps in us of records at `offset`: `kind` 1 is TimeUS (uint64), 2 is
-    TimeMS (uint32), 0 has none and gives -1.
+def read_times(buffer: Buffer, offset: Ints, kind: Clock) -> Ints:
+    """Return time stamps in us of records at `offset`.
+
+    `kind` 1 is TimeUS (uint64), 2 is TimeMS (uint32), 0 has none and gives -1.
     """
     times = np.full(offset.size, -1, np.int64)
     for code, dtype, factor in ((1, "<u8", 1), (2, "<u4", 1000)):
         where = np.flatnonzero(kind == code)
-        if where.size:
-            width = np.dtype(dtype).itemsize
-            stamps = np.ndarray((buffer.size - width + 1,), dtype, buffer, 0, (1,))[
-                offset[where] + layout.HEADER_BYTES
-            ]
-            times[where] = np.minimum(stamps.astype(np.uint64), LATEST_US).astype(np.int64) * factor
+        stamps = overlapping(buffer, dtype)[offset[where] + layout.HEADER_BYTES]
+        times[where] = np.minimum(stamps.astype(np.uint64), LATEST_US).astype(np.int64) * factor
     return times

@@ -1,5 +1,4 @@
-"""ArduPilot DataFlash logs as text (.log): recognise, and decode to columns with an
-account of every byte.
+"""ArduPilot DataFlash logs as text (.log): recognise, and decode to columns.
 
 One line is one record: message name, then the fields, separated by commas. FMT lines
 declare names and formats as in binary logs, but numbers are printed in the declared
@@ -13,7 +12,7 @@ from __future__ import annotations
 import mmap
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,17 +21,23 @@ from pyarrow import csv
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
-from auvid.hydro.arrays import Buffer, Ints
+from auvid.hydro.arrays import Buffer, Ints, Mask
 from auvid.stages.base import RawFile
-from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, LogStatus, Messages, Skipped
-from auvid.stages.ingest.formats.dataflash.byte_account import UNDEFINED, covered_seconds
-from auvid.stages.ingest.formats.dataflash.columns import Column, merge
+from auvid.stages.ingest.decoded_log import ByteAccount, Column, DecodedLog, LogReader, Messages
+from auvid.stages.ingest.formats.accounting import (
+    LATEST_US,
+    Losses,
+    covered_seconds,
+    overlapping,
+    status_of,
+)
+from auvid.stages.ingest.formats.dataflash.byte_account import UNDEFINED
+from auvid.stages.ingest.formats.dataflash.columns import Table, merge
 from auvid.stages.ingest.formats.dataflash.definitions import UNKNOWN_FORMAT, WRONG_COLUMNS
 from auvid.stages.ingest.formats.dataflash.metadata import (
-    NEEDED,
-    UNTIMED,
-    Table,
+    METADATA,
     Units,
+    layout_notes,
     parameters_of,
     texts_of,
 )
@@ -52,176 +57,127 @@ CUT_OFF = "line cut off by the end of the file"
 NO_RECORD = "line that is not a record"
 WRONG_FIELDS = "line with a wrong number of fields"
 UNREADABLE = "line with an unreadable number"
-HARMLESS = frozenset({LEADING, BLANK})
-DAMAGE = frozenset({NO_RECORD, WRONG_FIELDS, UNREADABLE})
+DAMAGE = (NO_RECORD, WRONG_FIELDS, UNREADABLE)
 
 CLOCKS = {"TimeUS": 1, "TimeMS": 1000}
-LATEST_US = 1 << 62  # beyond it digits of a time stamp are damaged
 
 Sliced = bytes | mmap.mmap
-Declared = list[
-    tuple[int, layout.Definition]
-]  # the layouts of one name, each with the line from which it holds
+# The layouts of one name, each with the line from which it holds.
+Declared = list[tuple[int, layout.Definition]]
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Every line of the file: `start`, `stop` (behind its line feed), number of
-    `commas`, `name` (the letters before the first one).
+    """Lines of a file: `start`, `stop` (behind the line feed), number of `commas`.
+
+    `name` is the letters before the first comma. `losses` collects what gave nothing.
     """
 
     start: Ints
     stop: Ints
     commas: Ints
     name: npt.NDArray[np.uint32]
+    losses: Losses
+
+    def lose(self, reason: str, index: Ints) -> None:
+        """Account for lines that gave nothing."""
+        self.losses.add(reason, self.start[index], self.stop[index] - self.start[index])
+
+    def texts(self, data: Sliced, index: Ints) -> list[bytes]:
+        """Return the text of some lines."""
+        ends = zip(self.start[index].tolist(), self.stop[index].tolist(), strict=True)
+        return [data[start:stop] for start, stop in ends]
 
 
-@dataclass(frozen=True)
-class Losses:
-    """Numbers of the lines that gave nothing, by reason."""
-
-    lines: Lines
-    by_reason: dict[str, list[Ints]] = field(default_factory=dict)
-
-    def add(self, reason: str, index: Ints) -> None:
-        if index.size:
-            self.by_reason.setdefault(reason, []).append(index)
-
-    def skipped(self) -> tuple[Skipped, ...]:
-        out = []
-        for reason in sorted(self.by_reason):
-            index = np.concatenate(self.by_reason[reason])
-            start, stop = self.lines.start[index], self.lines.stop[index]
-            out.append(
-                Skipped(
-                    reason,
-                    int((stop - start).sum()),
-                    index.size,
-                    int(start.min()),
-                    int(start.max()),
-                )
-            )
-        return tuple(out)
-
-    def status(self) -> LogStatus:
-        reasons = set(self.by_reason) - HARMLESS
-        return "complete" if not reasons else "truncated" if reasons == {CUT_OFF} else "damaged"
-
-    def damaged(self) -> list[int]:
-        parts = [part for reason in DAMAGE for part in self.by_reason.get(reason, ())]
-        return sorted(self.lines.start[np.concatenate(parts)].tolist()) if parts else []
-
-
-class DataFlashTextReader:
-    """Reader of DataFlash logs in text form."""
-
-    name = "dataflash_text"
-
-    def recognises(self, head: bytes) -> bool:
-        """True if a FMT line stands in the first bytes and no binary record starts the
-        file.
-        """
-        return head[:2] != layout.MAGIC and FMT_LINE.search(head) is not None
-
-    def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
-        """Decode a text log held in memory or memory-mapped.
-
-        Args:
-            file: name and bytes. wanted: message types to decode; None means all, FMT
-            among them. All types are counted.
-
-        Raises:
-            LogError: the file is empty or no line of it can be read.
-        """
-        buffer = np.ascontiguousarray(file.buffer, np.uint8).reshape(-1)
-        if buffer.size == 0:
-            raise LogError(
-                "the file is empty", file=file.name, remedy="Copy the log from the vehicle again."
-            )
-        if buffer.size <= NAME_BYTES or not (log := _decode(buffer, wanted)).counts:
-            raise LogError(
-                "no line declares a message format", file=file.name, allowed="a log with FMT lines"
-            )
-        return log
+def recognises(head: bytes) -> bool:
+    """Return whether a FMT line stands in the first bytes of a file that is not binary."""
+    return head[:2] != layout.MAGIC and FMT_LINE.search(head) is not None
 
 
 def split_lines(buffer: Buffer) -> Lines:
-    """All lines of a file of more than four bytes; names are packed into four bytes, 0
-    if no comma follows within or behind them.
+    """Return all lines of a file of more than four bytes.
+
+    Names are packed into four bytes, 0 if no comma follows within or behind them.
     """
     feeds = np.flatnonzero(buffer == ord("\n")) + 1
     stop = feeds if feeds.size and feeds[-1] == buffer.size else np.append(feeds, buffer.size)
     start = np.concatenate([[0], stop[:-1]])
     count = np.zeros(start.size, np.int64)
     for block in range(0, buffer.size, BLOCK_BYTES):
-        of = (
-            start.searchsorted(
-                np.flatnonzero(buffer[block : block + BLOCK_BYTES] == ord(",")) + block,
-                side="right",
-            )
-            - 1
-        )
-        if of.size:
-            count[of[0] : of[-1] + 1] += np.bincount(of - of[0])
+        commas = np.flatnonzero(buffer[block : block + BLOCK_BYTES] == ord(",")) + block
+        line = start.searchsorted(commas, side="right") - 1
+        if line.size:
+            count[line[0] : line[-1] + 1] += np.bincount(line - line[0])
     width = NAME_BYTES + 1
-    first = np.minimum(
-        start, buffer.size - width
-    )  # a line nearer to the end of the file is too short for a record
-    letters = (
-        np.ndarray((buffer.size - width + 1,), f"V{width}", buffer, 0, (1,))[first]
-        .view(np.uint8)
-        .reshape(-1, width)
-    )
+    # A line nearer to the end of the file is too short for a record.
+    first = np.minimum(start, buffer.size - width)
+    letters = overlapping(buffer, f"V{width}")[first].view(np.uint8).reshape(-1, width)
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
     before_comma[(first != start) | before_comma[:, -1]] = False
     name = (letters * before_comma)[:, :NAME_BYTES].copy()
-    return Lines(start, stop, count, name.view(np.uint32)[:, 0])
+    return Lines(start, stop, count, name.view(np.uint32)[:, 0], Losses())
 
 
 def _sliced(buffer: Buffer) -> Sliced:
-    """What gives the bytes of a slice of the file: where the array stands on a mapped
-    file or on bytes these themselves, else a copy.
+    """Return what gives the bytes of a slice of the file.
+
+    That is the mapped file or the bytes on which the array stands, else a copy.
     """
     base = buffer.base
     while isinstance(base, np.ndarray):
         base = base.base
-    return (
-        base
-        if isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size
-        else buffer.tobytes()
-    )
+    usable = isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size
+    return base if usable else buffer.tobytes()
+
+
+def decode_text_log(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
+    """Decode the types `wanted` of a text log, FMT among them.
+
+    Raises:
+        LogError: no line of the file can be read.
+    """
+    buffer = file.buffer
+    log = _decode(buffer, wanted) if buffer.size > NAME_BYTES else None
+    if log is None or not log.counts:
+        raise LogError(
+            "no line declares a message format", file=file.name, allowed="a log with FMT lines"
+        )
+    return log
 
 
 def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     data = _sliced(buffer)
     lines = split_lines(buffer)
-    losses = Losses(lines)
-    members = _members(data, lines, losses)
-    declared, members["FMT"] = _declare(
-        data, lines, members.get("FMT", np.zeros(0, np.int64)), losses
-    )
+    members = _members(data, lines)
+    declared, members["FMT"] = _declare(data, lines, members.get("FMT", np.zeros(0, np.int64)))
     tables: dict[str, Table] = {}
-    read: dict[str, list[Ints]] = {}
+    counts, sizes = {}, {}
     for name, index in sorted(members.items()):
         if name not in declared:
-            losses.add(UNDEFINED.format(name), index)
+            lines.lose(UNDEFINED.format(name), index)
             continue
         parts = []
+        read = [index[:0]]
         for definition, chosen in _by_layout(declared[name], index):
-            good = _with_all_fields(lines, definition, chosen, losses)
-            if wanted is None or name in wanted or name in NEEDED:
-                columns, good = _parse(data, lines, definition, good, losses)
+            good = _with_all_fields(lines, definition, chosen)
+            if wanted is None or name in wanted or name in METADATA:
+                columns, good = _parse(data, lines, definition, good)
                 parts.append((columns, lines.start[good]))
-            if good.size:
-                read.setdefault(name, []).append(good)
-        if name in read and parts:
-            tables[name] = parts[0] if len(parts) == 1 else merge(parts)
+            read.append(good)
+        lines_read = np.concatenate(read)
+        if lines_read.size:
+            counts[name] = lines_read.size
+            sizes[name] = int((lines.stop[lines_read] - lines.start[lines_read]).sum())
+            if parts:
+                tables[name] = merge(parts)
     units = Units.of(tables)
-    size = {
-        name: sum(int((lines.stop[part] - lines.start[part]).sum()) for part in parts)
-        for name, parts in read.items()
+    defining = sum(sizes.get(name, 0) for name in layout.DEFINITION_NAMES)
+    skipped = lines.losses.skipped()
+    kinds = {("TimeUS",): 1, ("TimeMS",): 2}
+    layouts = {
+        name: [(item, kinds.get(item.columns[:1], 0)) for _, item in declared[name]]
+        for name in counts
     }
-    defining = sum(size[name] for name in layout.DEFINITION_NAMES & set(size))
     return DecodedLog(
         format=FORMAT,
         messages={
@@ -229,49 +185,42 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
             for name, table in tables.items()
             if wanted is None or name in wanted
         },
-        counts={name: sum(part.size for part in parts) for name, parts in read.items()},
-        account=ByteAccount(buffer.size, sum(size.values()) - defining, defining, losses.skipped()),
-        status=losses.status(),
-        seconds_lost=_seconds_lost(tables, losses.damaged()),
+        counts=counts,
+        account=ByteAccount(buffer.size, sum(sizes.values()) - defining, defining, skipped),
+        status=status_of(skipped, at_end=(CUT_OFF,), harmless=(LEADING, BLANK)),
+        seconds_lost=_seconds_lost(tables, lines.losses.starts(*DAMAGE)),
         parameters=parameters_of(tables.get("PARM")),
         texts=texts_of(tables.get("MSG")),
-        notes=tuple(_notes(declared, list(read))),
+        notes=layout_notes(layouts),
     )
 
 
-def _members(data: Sliced, lines: Lines, losses: Losses) -> dict[str, Ints]:
-    """The line numbers of each message name; lines without one are put to the losses."""
+def _members(data: Sliced, lines: Lines) -> dict[str, Ints]:
+    """Return the line numbers of each message name; lines without one are lost."""
     names, group = np.unique(lines.name, return_inverse=True)
     parts = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
     members: dict[str, Ints] = {}
     last = lines.start.size - 1
     labels = [name.tobytes().rstrip(b"\0") for name in names]
-    first = next(
-        (int(index[0]) for label, index in zip(labels, parts, strict=True) if label == b"FMT"),
-        last + 1,
-    )
+    definitions = [part[0] for label, part in zip(labels, parts, strict=True) if label == b"FMT"]
+    first = definitions[0] if definitions else last + 1
     unended = data[-1:] != b"\n"
     for raw, index in zip(labels, parts, strict=True):
         if unended and index[-1] == last:
-            losses.add(CUT_OFF, index[-1:])
+            lines.lose(CUT_OFF, index[-1:])
             index = index[:-1]
         if NAME.fullmatch(raw):
             members[raw.decode("ascii")] = index
             continue
-        blank = np.array(
-            [not data[lines.start[i] : lines.stop[i]].strip() for i in index.tolist()], np.bool_
-        )
-        losses.add(BLANK, index[blank])
-        losses.add(LEADING, index[~blank & (index < first)])
-        losses.add(NO_RECORD, index[~blank & (index > first)])
+        blank = np.array([not text.strip() for text in lines.texts(data, index)], np.bool_)
+        lines.lose(BLANK, index[blank])
+        lines.lose(LEADING, index[~blank & (index < first)])
+        lines.lose(NO_RECORD, index[~blank & (index > first)])
     return members
 
 
-def _declare(
-    data: Sliced, lines: Lines, index: Ints, losses: Losses
-) -> tuple[dict[str, Declared], Ints]:
-    """The layouts of each message name with the line numbers from which they hold, and
-    the lines of FMT that are sound.
+def _declare(data: Sliced, lines: Lines, index: Ints) -> tuple[dict[str, Declared], Ints]:
+    """Return the layouts of each message name, and the lines of FMT that are sound.
 
     Within one log no type is declared with other field names: a declaration that
     differs in nothing else is a damaged repetition.
@@ -279,108 +228,89 @@ def _declare(
     declared: dict[str, Declared] = {"FMT": [(0, layout.FMT)]}
     sound = []
     begin = 0  # line with which the present log begins: the FMT of FMT
-    for i in index.tolist():
-        parts = [
-            part.strip().decode("ascii", "backslashreplace")
-            for part in data[lines.start[i] : lines.stop[i]].split(b",", 5)
-        ]
+    for i, text in zip(index.tolist(), lines.texts(data, index), strict=True):
+        parts = [part.strip().decode("ascii", "backslashreplace") for part in text.split(b",", 5)]
         if len(parts) < 6 or not (parts[1].isdigit() and parts[2].isdigit()):
-            losses.add(WRONG_FIELDS, np.array([i]))
+            lines.lose(WRONG_FIELDS, np.array([i]))
             continue
-        id, length, name, formats = int(parts[1]), int(parts[2]), parts[3], parts[4]
-        columns = tuple(column.strip() for column in parts[5].split(",")) if parts[5] else ()
+        _, id, length, name, formats, labels = parts
+        columns = tuple(column.strip() for column in labels.split(",")) if labels else ()
         unknown = not set(formats) <= set(layout.FIELD_FORMATS)
-        if name != "FMT" and (
-            unknown or len(columns) != len(formats) or not all(map(LABEL.fullmatch, columns))
-        ):
-            losses.add(UNKNOWN_FORMAT if unknown else WRONG_COLUMNS, np.array([i]))
+        wrong = len(columns) != len(formats) or not all(map(LABEL.fullmatch, columns))
+        if name != "FMT" and (unknown or wrong):
+            lines.lose(UNKNOWN_FORMAT if unknown else WRONG_COLUMNS, np.array([i]))
             continue
         sound.append(i)
-        definition = layout.Definition(id, length, name, formats, columns)
+        definition = layout.Definition(int(id), int(length), name, formats, columns)
         line, known = declared.get(name, [(-1, None)])[-1]
         if name == "FMT":
             begin = i
         elif known is not None and line > begin and replace(known, columns=columns) == definition:
-            if not _named(known) and _named(definition):
+            if not _is_named(known) and _is_named(definition):
                 declared[name][-1] = (line, definition)
         elif known != definition:
             declared.setdefault(name, []).append((i, definition))
     return declared, np.array(sound, np.int64)
 
 
-def _named(definition: layout.Definition) -> bool:
-    return not any(
-        column[0].isdigit() for column in definition.columns
-    )  # as cells do, which a damaged line takes for names
+def _is_named(definition: layout.Definition) -> bool:
+    """Return whether no field name begins as a cell that damage took for a name."""
+    return not any(column[0].isdigit() for column in definition.columns)
 
 
 def _by_layout(declared: Declared, index: Ints) -> list[tuple[layout.Definition, Ints]]:
-    """The lines under each layout; lines before the first declaration belong to it."""
-    bounds = np.searchsorted(
-        index, [0, *(begin for begin, _ in declared[1:]), np.iinfo(np.int64).max]
-    )
-    return [
-        (definition, index[bounds[k] : bounds[k + 1]]) for k, (_, definition) in enumerate(declared)
-    ]
+    """Return the lines under each layout; lines before the first belong to it."""
+    bounds = np.searchsorted(index, [begin for begin, _ in declared[1:]])
+    return list(zip((item for _, item in declared), np.split(index, bounds), strict=True))
 
 
 def _is_text(char: str) -> bool:
-    """Modes are printed by name; arrays as the logger likes."""
+    """Return whether a field is text: modes are printed by name, arrays as the logger likes."""
     return layout.FIELD_FORMATS[char].is_text or char in "Ma"
 
 
-def _with_all_fields(
-    lines: Lines, definition: layout.Definition, index: Ints, losses: Losses
-) -> Ints:
-    """The lines with one comma before each field. A last field of text may hold more; a
-    type without fields has one comma or two.
+def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints) -> Ints:
+    """Return the lines with one comma before each field.
+
+    A last field of text may hold more; a type without fields has one comma or two.
     """
     commas, fields = lines.commas[index], len(definition.formats)
     good = commas == fields if fields else commas <= 2
     if fields and _is_text(definition.formats[-1]):
         good = commas >= fields
-    losses.add(WRONG_FIELDS, index[~good])
+    lines.lose(WRONG_FIELDS, index[~good])
     return index[good]
 
 
 def _parse(
-    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints, losses: Losses
+    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints
 ) -> tuple[dict[str, Column], Ints]:
-    """The columns of the lines `index` and the numbers of the lines that could be read."""
+    """Return the columns of the lines `index`, and the lines that could be read."""
     parts = [
-        _parse_lines(data, lines, definition, index[at : at + PARSED_LINES])
+        _parse_rows(lines.texts(data, index[at : at + PARSED_LINES]), definition)
         for at in range(0, max(index.size, 1), PARSED_LINES)
     ]
-    if len(parts) == 1:
-        columns, good = parts[0]
-    else:
-        good = np.concatenate([part for _, part in parts])
-        columns = {
-            name: _frozen(np.concatenate([part.pop(name) for part, _ in parts]))
-            for name in list(parts[0][0])
-        }
-    losses.add(UNREADABLE, index[~good])
+    good = np.concatenate([part for _, part in parts])
+    columns = {
+        name: np.concatenate([part.pop(name) for part, _ in parts]) for name in list(parts[0][0])
+    }
+    for column in columns.values():
+        column.flags.writeable = False
+    lines.lose(UNREADABLE, index[~good])
     return columns, index[good]
 
 
-def _parse_lines(
-    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints
-) -> tuple[dict[str, Column], npt.NDArray[np.bool_]]:
-    """The columns of the lines that can be read, and which of `index` they are."""
-    rows = [
-        data[start:stop]
-        for start, stop in zip(lines.start[index].tolist(), lines.stop[index].tolist(), strict=True)
-    ]
-    good = np.ones(index.size, np.bool_)
-    if len(rows) >= FEW_LINES and definition.formats and not any(map(_is_text, definition.formats)):
+def _parse_rows(rows: list[bytes], definition: layout.Definition) -> tuple[dict[str, Column], Mask]:
+    """Return the columns of the lines that can be read, and which these are."""
+    good = np.ones(len(rows), np.bool_)
+    formats = definition.formats
+    if len(rows) >= FEW_LINES and formats and not any(map(_is_text, formats)):
         columns = _parse_block(b"".join(rows), definition)
         if columns is not None:
             return columns, good
-    cells = [
-        [cell.strip() for cell in row.split(b",", len(definition.formats))[1:]] for row in rows
-    ]
-    values: list[npt.NDArray[np.generic]] = []
-    for k, char in enumerate(definition.formats):
+    cells = [[cell.strip() for cell in row.split(b",", len(formats))[1:]] for row in rows]
+    values: list[Column] = []
+    for k, char in enumerate(formats):
         texts = [row[k] for row in cells]
         if _is_text(char):
             values.append(np.array(texts, "S") if texts else np.zeros(0, "S1"))
@@ -388,73 +318,56 @@ def _parse_lines(
         numbers, readable = _numbers(texts, char)
         values.append(numbers)
         good &= readable
-    return {
-        name: _frozen(column[good]) for name, column in zip(definition.columns, values, strict=True)
-    }, good
+    readable_values = (column[good] for column in values)
+    return dict(zip(definition.columns, readable_values, strict=True)), good
 
 
 def _column_type(char: str) -> np.dtype[np.generic]:
-    """Text may hold more digits than the binary field: integers become (u)int64, all
-    other numbers float64.
+    """Return the dtype of a column of numbers.
+
+    Text may hold more digits than the binary field: integers become (u)int64, all other
+    numbers float64.
     """
     form = layout.FIELD_FORMATS[char]
-    kind = np.dtype(form.dtype).kind
-    if form.factor is not None or kind == "f":
+    if form.factor is not None or np.dtype(form.dtype).kind == "f":
         return np.dtype(np.float64)
     return np.dtype(np.uint64 if form.dtype == "<u8" else np.int64)
 
 
 def _parse_block(block: bytes, definition: layout.Definition) -> dict[str, Column] | None:
-    """All columns of a type without text fields; None if a cell is no number."""
-    names = [str(k) for k in range(len(definition.formats))]
+    """Return all columns of a type without text fields; None if a cell is no number."""
     declared = [_column_type(char) for char in definition.formats]
-    for types in (
-        declared,
-        [np.dtype(np.float64)] * len(names),
-    ):  # firmware prints some integer fields with decimals
+    names = [str(k) for k in range(len(declared))]
+    floats = [np.dtype(np.float64)] * len(names)
+    for types in (declared, floats):  # firmware prints some integer fields with decimals
+        arrow = dict(zip(names, map(pa.from_numpy_dtype, types), strict=True))
         try:
             table = csv.read_csv(
                 pa.py_buffer(block),
                 read_options=csv.ReadOptions(column_names=["name", *names], use_threads=False),
                 parse_options=csv.ParseOptions(quote_char=False),
                 convert_options=csv.ConvertOptions(
-                    column_types={
-                        name: pa.from_numpy_dtype(dtype)
-                        for name, dtype in zip(names, types, strict=True)
-                    },
-                    include_columns=names,
-                    null_values=[],
+                    column_types=arrow, include_columns=names, null_values=[]
                 ),
             )
         except pa.ArrowInvalid:
             continue
-        values = [table[name].to_numpy() for name in names]
-        return {
-            name: _frozen(_fitted(*pair))
-            for name, *pair in zip(definition.columns, values, declared, strict=True)
-        }
+        values = map(_fitted, (table[name].to_numpy() for name in names), declared)
+        return dict(zip(definition.columns, values, strict=True))
     return None
 
 
-def _fitted(
-    values: npt.NDArray[np.generic], dtype: np.dtype[np.generic]
-) -> npt.NDArray[np.generic]:
-    """Numbers of an integer field that came as float64: integers if all of them are
-    whole and exact, else as they are.
-    """
+def _fitted(values: Column, dtype: np.dtype[np.generic]) -> Column:
+    """Return float64 numbers of an integer field as integers, if all are whole and exact."""
     if values.dtype == dtype or dtype.kind == "f":
         return values
     numbers = values.astype(np.float64)
-    exact = np.abs(numbers) < 2.0**53
-    return (
-        numbers.astype(dtype) if bool((exact & (numbers == np.floor(numbers))).all()) else numbers
-    )
+    exact = (np.abs(numbers) < 2.0**53) & (numbers == np.floor(numbers))
+    return numbers.astype(dtype) if exact.all() else numbers
 
 
-def _numbers(
-    texts: Sequence[bytes], char: str
-) -> tuple[npt.NDArray[np.generic], npt.NDArray[np.bool_]]:
-    """The numbers in `texts`, and where they could be read (0 elsewhere)."""
+def _numbers(texts: Sequence[bytes], char: str) -> tuple[Column, Mask]:
+    """Return the numbers in `texts`, and where they could be read (0 elsewhere)."""
     dtype = _column_type(char)
     readable = np.ones(len(texts), np.bool_)
     numbers: list[float] = []
@@ -472,22 +385,18 @@ def _numbers(
         return np.array(numbers, np.float64), readable
 
 
-def _frozen(column: npt.NDArray[np.generic]) -> Column:
-    column.flags.writeable = False
-    return column
-
-
 def _seconds_lost(tables: Mapping[str, Table], starts: Sequence[int]) -> float:
-    """Seconds between the records around damaged lines, from the decoded types that
-    have a time.
+    """Return the seconds between the records around damaged lines.
+
+    The clock is that of the decoded types that have a time.
     """
     parts = []
     for columns, offset in tables.values():
-        for field_name, factor in CLOCKS.items():
-            if next(iter(columns), None) == field_name:
-                stamps = columns[field_name].astype(np.float64)
-                sound = np.abs(stamps) * factor < LATEST_US
-                parts.append((offset[sound], columns[field_name][sound].astype(np.int64) * factor))
+        name = next(iter(columns), "")
+        if name in CLOCKS:
+            sound = np.abs(columns[name].astype(np.float64)) * CLOCKS[name] < LATEST_US
+            stamps = columns[name][sound].astype(np.int64) * CLOCKS[name]
+            parts.append((offset[sound], stamps))
     if not parts or not starts:
         return 0.0
     offset, times = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -495,29 +404,4 @@ def _seconds_lost(tables: Mapping[str, Table], starts: Sequence[int]) -> float:
     return covered_seconds(offset[order], times[order], starts)
 
 
-def _notes(declared: Mapping[str, Declared], names: Sequence[str]) -> list[str]:
-    notes = []
-    clocks = {name: {definition.columns[:1] for _, definition in declared[name]} for name in names}
-    if any(("TimeMS",) in first for first in clocks.values()):
-        notes.append(
-            "Times are milliseconds since boot (TimeMS), as firmware before 2015 writes them."
-        )
-    if set(names) <= layout.DEFINITION_NAMES:
-        notes.append("The log holds definitions only, no recorded data.")
-    several = [name for name in names if len(declared[name]) > 1]
-    if several:
-        notes.append(f"Declared with several layouts, joined by field name: {', '.join(several)}.")
-    timeless = [
-        name
-        for name in names
-        if name not in UNTIMED and not clocks[name] & {(field_name,) for field_name in CLOCKS}
-    ]
-    timeless = [
-        name for name in timeless if "T" not in declared[name][-1][1].columns
-    ]  # GPS records of old firmware have it as T
-    if timeless:
-        notes.append(f"Without a time field of the vehicle's clock: {', '.join(timeless)}.")
-    return notes
-
-
-DATAFLASH_TEXT = DataFlashTextReader()
+DATAFLASH_TEXT = LogReader("dataflash_text", recognises, decode_text_log)

@@ -1,36 +1,30 @@
-"""Time stamps of a telemetry log: which ones damage has spoilt, and where the
-recorder's clock was set.
+"""Damaged time stamps of a telemetry log, and jumps of the recorder's clock.
 
-A spoilt stamp leaves the line of its neighbours and the next record is back on it; a
-clock that was set stays away. A damaged stamp that is off by less than `OFF_US` cannot
-be told from a late one and is kept.
+A damaged stamp leaves the line of its neighbours and the next record is back on it; a
+clock that was set stays away. One that is off by less than `OFF_US` cannot be told
+from a late one and is kept.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Stamps = npt.NDArray[np.int64]
+from auvid.hydro.arrays import Ints, Mask
+from auvid.stages.ingest.formats.accounting import DAY_US
 
-OFF_US = (
-    200_000  # recorders write records of several links up to some tens of milliseconds out of order
-)
+OFF_US = 200_000
+"""Recorders write records of several links up to some tens of milliseconds out of order."""
 LONGEST_EXCURSION = 64  # records; a longer absence is the clock's, not the damage's
-DAY_US = (
-    86_400_000_000  # a first or last record has one neighbour only: it must be absurd to be refused
-)
+YEAR_2000_US = 946_684_800_000_000
 LEAP_US = 1_000_000
 LEAP_AHEAD_US = 3_600_000_000
 
 
-def implausible(stamp: Stamps) -> npt.NDArray[np.bool_]:
-    """True where a stamp (microseconds) leaves the line on which the stamps before and
-    after it lie.
-    """
-    spoilt = np.zeros(stamp.size, dtype=np.bool_)
+def implausible(stamp: Ints) -> Mask:
+    """Return which stamps (us) leave the line of the stamps before and after them."""
+    damaged = np.zeros(stamp.size, dtype=np.bool_)
     if stamp.size < 3:
-        return spoilt
+        return damaged
     step = np.diff(stamp)
     backwards = np.flatnonzero(step < -OFF_US) + 1
     # Beyond this share there is no line to leave: the order of the file is not the
@@ -39,28 +33,31 @@ def implausible(stamp: Stamps) -> npt.NDArray[np.bool_]:
         low, high = np.quantile(stamp, (0.1, 0.9)) if backwards.size else (0.0, 0.0)
         span = high - low
         for index in backwards:
-            if not spoilt[index - 1] and not spoilt[index]:
+            if not damaged[index - 1] and not damaged[index]:
                 blamed = _excursion(stamp, int(index))
-                spoilt[blamed] = ~_misplaced(stamp[blamed], low - span, high + span)
-    if not spoilt[-2:].any() and step[-1] > DAY_US:
-        spoilt[-1] = True
-    if not spoilt[:2].any() and step[0] > DAY_US:
-        spoilt[0] = True
-    return spoilt
+                damaged[blamed] = ~_misplaced(stamp[blamed], low - span, high + span)
+    # A first or last record has one neighbour only: it must be absurd to be refused.
+    if not damaged[-2:].any() and step[-1] > DAY_US:
+        damaged[-1] = True
+    if not damaged[:2].any() and step[0] > DAY_US:
+        damaged[0] = True
+    return damaged
 
 
-def _misplaced(run: Stamps, low: float, high: float) -> npt.NDArray[np.bool_]:
-    """Which stamps of an excursion are sound although their records stand at the wrong
-    place of the file: those of the time of the log that agree with a neighbour.
+def _misplaced(run: Ints, low: float, high: float) -> Mask:
+    """Return which stamps of an excursion are sound, though out of place in the file.
+
+    These lie in the time of the log and agree with a neighbour.
     """
     agree = np.abs(np.diff(run)) <= OFF_US
-    beside: npt.NDArray[np.bool_] = np.append(agree, False) | np.append(False, agree)
-    return beside & (run >= low) & (run <= high)
+    agrees: Mask = np.append(agree, False) | np.append(False, agree)
+    return agrees & (run >= low) & (run <= high)
 
 
-def _excursion(stamp: Stamps, index: int) -> slice:
-    """The records to blame for time going back at `index`: those before it, those from
-    it on, or (a clock that was set) none.
+def _excursion(stamp: Ints, index: int) -> slice:
+    """Return the records to blame for time going back at `index`.
+
+    These are those before it, those from it on, or (a clock that was set) none.
     """
     low = max(0, index - LONGEST_EXCURSION - 1)
     before = np.flatnonzero(stamp[low:index] <= stamp[index])
@@ -81,10 +78,8 @@ def _excursion(stamp: Stamps, index: int) -> slice:
     return min(blamed, key=lambda run: run.stop - run.start, default=slice(0, 0))
 
 
-def leap_notes(stamp: Stamps, offset: npt.NDArray[np.int64]) -> list[str]:
-    """Sentences about a recorder clock that was set, or not set at all, while it
-    recorded.
-    """
+def leap_notes(stamp: Ints, offset: Ints) -> list[str]:
+    """Return sentences about a recorder clock that was set, or not set at all."""
     if not stamp.size:
         return []
     notes = []
@@ -101,6 +96,6 @@ def leap_notes(stamp: Stamps, offset: npt.NDArray[np.int64]) -> list[str]:
             f"the recorder's clock goes back {times} times: the order of the file is not the order"
             " of time"
         )
-    if stamp[0] < 946_684_800_000_000:
+    if stamp[0] < YEAR_2000_US:
         notes.append("time stamps lie before the year 2000: the recorder's clock was not set")
     return notes

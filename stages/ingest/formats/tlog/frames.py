@@ -13,53 +13,49 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.formats import mavlink
-from auvid.hydro.arrays import Mask
-
-Bytes = npt.NDArray[np.uint8]
-Integers = npt.NDArray[np.int64]
+from auvid.hydro.arrays import Buffer, Ints, Mask
+from auvid.stages.ingest.formats.accounting import overlapping
 
 _SCAN_BYTES = 1 << 21
-_LATEST_YEAR_BYTE = (
-    0x0E  # second byte of a stamp: 2^56 us; 0x0E is the year 2100, and the first byte is zero
-)
+_LATEST_YEAR_BYTE = 0x0E
+"""Second byte of a stamp before the year 2100; the first byte is zero."""
 _UNCUT_BATCH = 4096
 _OLDER_DEFINITIONS = 4  # ends of the last fields that are tried as the end of the sender's payload
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames as columns, ascending by `start`, the first byte of the time stamp;
-    compact, because a file has many.
+    """Frames as compact columns, ascending by `start`, the first byte of the stamp.
 
     `header` and `size` count the bytes before the payload and in all, the time stamp
     included.
     """
 
-    start: Integers
-    stamp: Integers
+    start: Ints
+    stamp: Ints
     message_id: npt.NDArray[np.int32]
     size: npt.NDArray[np.uint16]
-    header: Bytes
-    length: Bytes
-    system: Bytes
-    component: Bytes
-    sequence: Bytes
+    header: Buffer
+    length: Buffer
+    system: Buffer
+    component: Buffer
+    sequence: Buffer
 
     def __len__(self) -> int:
         return int(self.start.size)
 
     @property
-    def stop(self) -> Integers:
-        """The byte after the last."""
+    def stop(self) -> Ints:
+        """Return the byte after the last."""
         return self.start + self.size
 
     @property
-    def payload(self) -> Integers:
-        """The first byte of the payload."""
+    def payload(self) -> Ints:
+        """Return the first byte of the payload."""
         return self.start + self.header
 
     def take(self, rows: npt.NDArray[np.intp] | Mask | slice) -> Frames:
-        """Some of the rows."""
+        """Return some of the rows."""
         if isinstance(rows, np.ndarray) and rows.dtype == np.bool_:
             rows = np.flatnonzero(rows)
         return Frames(**{name: getattr(self, name)[rows] for name in _COLUMNS})
@@ -69,30 +65,26 @@ _COLUMNS = tuple(part.name for part in fields(Frames))
 
 
 def joined(parts: Sequence[Frames]) -> Frames:
-    """Several lots of frames, one after the other (at least one)."""
+    """Concatenate frame tables (at least one)."""
     return Frames(
         **{name: np.concatenate([getattr(frames, name) for frames in parts]) for name in _COLUMNS}
     )
 
 
-def merged(frames: Frames, few: Frames) -> Frames:
-    """Frames with a few more at their places."""
+def inserted(frames: Frames, few: Frames) -> Frames:
+    """Insert a few frames at their places."""
     at = np.searchsorted(frames.start, few.start)
     return Frames(
         **{name: np.insert(getattr(frames, name), at, getattr(few, name)) for name in _COLUMNS}
     )
 
 
-def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
-    """Rows of `width` bytes from each start, shape (n, width); bytes beyond the end of
-    the buffer are zero.
-    """
+def gather(buffer: Buffer, start: Ints, width: int) -> Buffer:
+    """Return the `width` bytes from each start (n, width); zeros behind the end."""
     if buffer.size < width:
         buffer = np.concatenate([buffer, np.zeros(width - buffer.size, dtype=np.uint8)])
     last = buffer.size - width
-    window = np.ndarray((last + 1,), np.dtype(f"V{width}"), buffer=buffer, strides=(1,))
-    if not start.size or int(start.max()) <= last:
-        return window[start].view(np.uint8).reshape(start.size, width)
+    window = overlapping(buffer, f"V{width}")
     rows = window[np.minimum(start, last)].view(np.uint8).reshape(start.size, width)
     for row in np.flatnonzero(start > last).tolist():
         tail = buffer[start[row] :]
@@ -101,26 +93,24 @@ def gather(buffer: Bytes, start: Integers, width: int) -> Bytes:
     return rows
 
 
-def places(buffer: Bytes, first: int, last: int) -> Integers:
-    """Offsets from first to last - 1 of everything that looks like a time stamp before
-    2100 followed by a magic byte.
+def places(buffer: Buffer, first: int, last: int) -> Ints:
+    """Return the offsets in `first:last` where a frame may begin.
+
+    There stands what looks like a time stamp before 2100 and a magic byte.
     """
     part = buffer[first : last + mavlink.STAMP_BYTES]
-    number = max(part.size - mavlink.STAMP_BYTES, 0)
-    at: Integers = (
-        np.flatnonzero(part[mavlink.STAMP_BYTES :] - np.uint8(mavlink.MAGIC_V2) <= 1)
-        if number
-        else np.zeros(0, np.int64)
-    )
+    magic = part[mavlink.STAMP_BYTES :]
+    at: Ints = np.flatnonzero(magic - np.uint8(mavlink.MAGIC_V2) <= 1)
     at = at[part[at] == 0]
     at = at[part[at + 1] <= _LATEST_YEAR_BYTE]
     at += first
     return at
 
 
-def frames_at(buffer: Bytes, start: Integers) -> Frames:
-    """Headers at the given offsets; places with undefined incompatibility flags are
-    left out. `stop` may lie beyond the end.
+def frames_at(buffer: Buffer, start: Ints) -> Frames:
+    """Return the headers at the given offsets; `stop` may lie beyond the end.
+
+    Places with undefined incompatibility flags are left out.
     """
     rows = gather(buffer, start, mavlink.STAMPED_HEADER_V2.itemsize)
     head = rows.view(mavlink.STAMPED_HEADER_V2)[:, 0]
@@ -132,9 +122,7 @@ def frames_at(buffer: Bytes, start: Integers) -> Frames:
     length = head["length"].copy()
     message_id = head["id_low"].astype(np.int32)
     message_id += head["id_high"].astype(np.int32) << 16
-    system, component, sequence = (
-        head[name].copy() for name in ("system", "component", "sequence")
-    )
+    columns = {name: head[name].copy() for name in ("system", "component", "sequence")}
     header = np.full(start.size, mavlink.STAMPED_HEADER_V2.itemsize, dtype=np.uint8)
     size = length + np.uint16(mavlink.STAMPED_HEADER_V2.itemsize + mavlink.CHECKSUM_BYTES)
     size += np.uint16(mavlink.SIGNATURE_BYTES) * head["incompatible"]
@@ -144,50 +132,38 @@ def frames_at(buffer: Bytes, start: Integers) -> Frames:
             (start.size,), mavlink.STAMPED_HEADER_V1, buffer=rows, strides=(rows.shape[1],)
         )
         message_id[old] = first["id"][old]
-        system[old], component[old], sequence[old] = (
-            first["system"][old],
-            first["component"][old],
-            first["sequence"][old],
-        )
+        for name, values in columns.items():
+            values[old] = first[name][old]
         header[old] = mavlink.STAMPED_HEADER_V1.itemsize
         size[old] = length[old] + np.uint16(
             mavlink.STAMPED_HEADER_V1.itemsize + mavlink.CHECKSUM_BYTES
         )
-    return Frames(
-        start,
-        head["stamp"].astype(np.int64),
-        message_id,
-        size,
-        header,
-        length,
-        system,
-        component,
-        sequence,
-    )
+    stamp = head["stamp"].astype(np.int64)
+    return Frames(start, stamp, message_id, size, header, length, **columns)
 
 
-def scan(buffer: Bytes) -> tuple[Frames, Frames]:
-    """All places that look like frames: those whose checksum is right, and the others."""
+def scan(buffer: Buffer) -> tuple[Frames, Frames]:
+    """Return all places that look like frames: with the right checksum, and others."""
     right, wrong = [], []
-    for first in range(0, max(buffer.size, 1), _SCAN_BYTES):
-        seen = frames_at(buffer, places(buffer, first, first + _SCAN_BYTES))
-        good = proven(buffer, seen)
+    for first in range(0, buffer.size, _SCAN_BYTES):
+        frames = frames_at(buffer, places(buffer, first, first + _SCAN_BYTES))
+        good = proven(buffer, frames)
         if not good.all():
-            wrong.append(seen.take(~good))
-            seen = seen.take(good)
-        right.append(seen)
+            wrong.append(frames.take(~good))
+            frames = frames.take(good)
+        right.append(frames)
     return joined(right), joined(wrong) if wrong else right[0].take(slice(0))
 
 
-def known(frames: Frames) -> Mask:
-    """True where the dialect defines the message id."""
+def defined(frames: Frames) -> Mask:
+    """Return where the dialect defines the message id."""
     extras = mavlink.crc_extras()
     return np.asarray(extras[np.minimum(frames.message_id, extras.size - 1)] >= 0)
 
 
-def proven(buffer: Bytes, frames: Frames) -> Mask:
-    """True where the frame is whole, its message defined and its checksum right."""
-    right = known(frames) & (frames.stop <= buffer.size)
+def proven(buffer: Buffer, frames: Frames) -> Mask:
+    """Return which frames are whole, of a defined message, with the right checksum."""
+    right = defined(frames) & (frames.stop <= buffer.size)
     rows = np.flatnonzero(right)
     start = frames.start[rows]
     end = start + frames.header[rows] + frames.length[rows]
@@ -198,19 +174,18 @@ def proven(buffer: Bytes, frames: Frames) -> Mask:
     return right
 
 
-def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
-    """True where the checksum is right for the payload with its trailing zeros, which
-    were cut after the checksum was made.
+def proven_uncut(buffer: Buffer, frames: Frames) -> Mask:
+    """Return where the checksum is right for the payload with its trailing zeros.
 
-    Some routers do so with what companion computers send; it explains every wrong
-    checksum of the BlueROV2 logs at hand. The sender's payload ended with a field of
-    its definition, perhaps an older one without the last fields, or with the NUL of a
-    string. As several ends are tried, one hit of a sender may be chance: two are asked
-    for.
+    These were cut after the checksum was made. Some routers do so with what companion
+    computers send; it explains every wrong checksum of the BlueROV2 logs at hand. The
+    sender's payload ended with a field of its definition, perhaps an older one without
+    the last fields, or with the NUL of a string. As several ends are tried, one hit of
+    a sender may be chance: two are required.
     """
     right = np.zeros(len(frames), dtype=np.bool_)
     usable = (
-        known(frames)
+        defined(frames)
         & (frames.stop <= buffer.size)
         & (frames.header == mavlink.STAMPED_HEADER_V2.itemsize)
     )
@@ -220,10 +195,9 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
     ids, which = np.unique(frames.message_id[rows], return_inverse=True)
     ends = np.zeros((ids.size, _OLDER_DEFINITIONS), dtype=np.int64)
     for row, number in enumerate(ids.tolist()):
-        layout = mavlink.layout(number)
-        last = sorted(
-            {layout.dtype.itemsize, *(field[1] for field in (layout.dtype.fields or {}).values())}
-        )[: -_OLDER_DEFINITIONS - 1 : -1]
+        dtype = mavlink.layout(number).dtype
+        offsets = {field[1] for field in (dtype.fields or {}).values()}
+        last = sorted({dtype.itemsize, *offsets})[: -_OLDER_DEFINITIONS - 1 : -1]
         ends[row, : len(last)] = last
     length = frames.length[rows].astype(np.int64)
     tries = np.column_stack(
@@ -240,9 +214,10 @@ def proven_uncut(buffer: Bytes, frames: Frames) -> Mask:
     return np.asarray(right & (hits[sender] > 1))
 
 
-def _right_at_size(buffer: Bytes, frames: Frames, size: Integers) -> Mask:
-    """True where the checksum is right for MAVLink 2 payloads filled up with zeros to
-    `size` bytes.
+def _right_at_size(buffer: Buffer, frames: Frames, size: Ints) -> Mask:
+    """Return where the checksum is right for payloads filled up to `size` with zeros.
+
+    All frames are MAVLink 2.
     """
     head = mavlink.HEADER_BYTES_V2 - 1
     width = head + mavlink.LARGEST_PAYLOAD
@@ -257,8 +232,7 @@ def _right_at_size(buffer: Bytes, frames: Frames, size: Integers) -> Mask:
     return np.asarray(computed == stored_checksums(buffer, frames.payload + frames.length))
 
 
-def stored_checksums(buffer: Bytes, at: Integers) -> npt.NDArray[np.uint16]:
-    """The two bytes at each offset."""
-    low: npt.NDArray[np.uint16] = buffer[at].astype(np.uint16)
-    low |= buffer[at + 1].astype(np.uint16) << np.uint16(8)
-    return low
+def stored_checksums(buffer: Buffer, at: Ints) -> npt.NDArray[np.uint16]:
+    """Return the two bytes at each offset as a number."""
+    stored: npt.NDArray[np.uint16] = overlapping(buffer, "<u2")[at]
+    return stored

@@ -1,8 +1,8 @@
-"""The messages of a ULog file that are not data: whether their content can be believed,
-and what it says.
+"""Contents of ULog messages that are not data: whether they are credible, what they say.
 
-ULog has no checksum. Every function here returns None for content that breaks a rule of
-its type, so that a reader which lost the chain does not take damage for a message.
+ULog has no checksum. Every function here returns None (or False) for content that
+breaks a rule of its type, so that a reader which lost the chain does not take damage
+for a message.
 """
 
 from __future__ import annotations
@@ -17,14 +17,7 @@ _KEY = re.compile(rb"([A-Za-z_]\w{0,63}+)(?:\[([0-9]{1,5})\])?+ ([!-~]{1,254}+)"
 _TEXT = re.compile(rb"[^\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f]*+\x00*+")
 _NAME = re.compile(rb"[A-Za-z_][\w/-]{0,127}+")
 LONGEST_SUBSCRIPTION = 3 + 128
-LATEST_US = 1 << 52  # 142 years
-
-
-class Text(NamedTuple):
-    """A logged text: `time_us` since boot, `text`."""
-
-    time_us: int
-    text: str
+LATEST_TEXT_US = 1 << 52  # 142 years
 
 
 class Subscription(NamedTuple):
@@ -36,39 +29,39 @@ class Subscription(NamedTuple):
 
 
 def information(content: bytes) -> bool:
-    """Whether this is the content of an `I` message: key length, `type name`, value;
-    characters up to the first NUL are text.
+    """Check an `I` message: key length, `type name`, value.
+
+    Characters up to the first NUL must be text.
     """
-    found = _value(content)
-    return found is not None and (
-        found[0] != "char" or _TEXT.fullmatch(found[3].split(b"\0", 1)[0]) is not None
+    entry = _value(content)
+    return entry is not None and (
+        entry[0] != "char" or _TEXT.fullmatch(entry[3].split(b"\0", 1)[0]) is not None
     )
 
 
 def information_multiple(content: bytes) -> bool:
-    """Whether this is the content of an `M` message: 0 or 1, then as `I`."""
+    """Check an `M` message: 0 or 1, then as `I`."""
     return content[:1] in (b"\x00", b"\x01") and information(content[1:])
 
 
 def parameter(content: bytes) -> tuple[str, float] | None:
-    """Name and value that a `P` message sets."""
-    found = _value(content)
-    if found is None or found[0] not in ("float", "int32_t") or found[1] is not None:
+    """Return name and value that a `P` message sets."""
+    entry = _value(content)
+    if entry is None or entry[0] not in ("float", "int32_t") or entry[1] is not None:
         return None
-    (value,) = struct.unpack("<f" if found[0] == "float" else "<i", found[3])
-    return found[2], float(value)
+    (value,) = struct.unpack("<f" if entry[0] == "float" else "<i", entry[3])
+    return entry[2], float(value)
 
 
 def parameter_default(content: bytes) -> bool:
-    """Whether this is the content of a `Q` message: bit mask of the kinds of default,
-    then as `P`.
-    """
+    """Check a `Q` message: bit mask of the kinds of default, then as `P`."""
     return content[:1] not in (b"", b"\x00") and parameter(content[1:]) is not None
 
 
 def _value(content: bytes) -> tuple[str, int | None, str, bytes] | None:
-    """Type, array length, name and value bytes; None if the length of the value does
-    not fit its type.
+    """Return type, array length, name and value bytes.
+
+    None if the length of the value does not fit its type.
     """
     if len(content) < 2:
         return None
@@ -83,34 +76,22 @@ def _value(content: bytes) -> tuple[str, int | None, str, bytes] | None:
 
 
 def subscription(content: bytes) -> Subscription | None:
-    """What an `A` message subscribes."""
+    """Return what an `A` message subscribes."""
     if not 4 <= len(content) <= LONGEST_SUBSCRIPTION or _NAME.fullmatch(content, 3) is None:
         return None
     instance, id = struct.unpack_from("<BH", content)
     return Subscription(id, instance, content[3:].decode("ascii"))
 
 
-def logged_text(content: bytes) -> Text | None:
-    """The text of an `L` message: level, time in us, text."""
-    return _text(content[:1], content[1:])
+def logged_text(content: bytes, *, tagged: bool) -> tuple[int, str] | None:
+    """Return time in us and text of an `L` message, or of a `C` message (`tagged`).
 
-
-def tagged_text(content: bytes) -> Text | None:
-    """The text of a `C` message: level, tag, time in us, text."""
-    return _text(content[:1], content[3:])
-
-
-def _text(level: bytes, rest: bytes) -> Text | None:
-    if (
-        not level
-        or (level not in b"01234567" and level[0] > 7)
-        or len(rest) < 8
-        or _TEXT.fullmatch(rest, 8) is None
-    ):
+    The content is level, two bytes of tag if it has one, time in us, text.
+    """
+    level, rest = content[:1], content[3 if tagged else 1 :]
+    if not level or (level not in b"01234567" and level[0] > 7) or len(rest) < 8:
         return None
     time_us = int.from_bytes(rest[:8], "little")
-    return (
-        Text(time_us, rest[8:].rstrip(b"\0").decode("utf-8", "replace"))
-        if time_us < LATEST_US
-        else None
-    )
+    if time_us >= LATEST_TEXT_US or _TEXT.fullmatch(rest, 8) is None:
+        return None
+    return time_us, rest[8:].rstrip(b"\0").decode("utf-8", "replace")

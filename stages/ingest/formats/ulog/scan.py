@@ -1,11 +1,10 @@
-"""Find the chain of messages in a ULog file: in bulk over data messages, step by step
-over all others and where the chain breaks.
+"""Find the chain of messages in a ULog file.
 
 A data message shows a subscribed number and the size that goes with it: five bytes that
 must agree. Such headers are found for a whole block at once, and a run in which each
-ends where the next begins is taken in one step. Behind damage the chain goes on at the
-next message that can be believed by itself or by what follows it. Subscriptions and
-formats count only where they stand in the chain.
+ends where the next begins is taken in one step; all other messages are read one by one.
+Behind damage the chain goes on at the next message that is credible by itself or by
+what follows it. Subscriptions and formats count only where they stand in the chain.
 
 The block doubles as long as the subscriptions stay the same and starts small when they
 change, so the work stays in proportion to the size of the file whatever it holds.
@@ -14,55 +13,184 @@ change, so the work stays in proportion to the size of the file whatever it hold
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
-from auvid.hydro.arrays import Buffer
+from auvid.hydro.arrays import Buffer, Ints
+from auvid.stages.ingest.formats.accounting import overlapping
 from auvid.stages.ingest.formats.ulog import messages
-from auvid.stages.ingest.formats.ulog.blocks import Block, choose_format, data_headers
-from auvid.stages.ingest.formats.ulog.contents import (
-    CUT_BY_APPENDED,
-    CUT_OFF,
-    DAMAGED,
-    UNDEFINED_STREAM,
-    UNKNOWN_TYPE,
-    UNREADABLE,
-    WRONG_SIZE_STREAM,
-    Contents,
-    Numbers,
-    Stream,
-)
 
+HEADER_DAMAGED = "damaged file header"
+DAMAGED = "damaged bytes"
+NO_SUBSCRIPTION = "data without a subscription of their number"
+WRONG_SIZE = "data whose size does not fit their format"
+CUT_OFF = "message cut off by the end of the file"
+CUT_BY_APPENDED = "message cut off where appended data begin"
+BLANK = "zero bytes"
+BLANK_END = "zero bytes at the end of the file"
+UNKNOWN_TYPE = "message of an unknown type"
+UNREADABLE = "message whose content cannot be read"
+HARMLESS = (CUT_BY_APPENDED, UNKNOWN_TYPE)
+TAIL_BYTES, PARTS_BACK = 4, 8  # compared to tell whether a message is whole
+UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
 MOST_CHOICES = 16  # between formats, each of which looks through the whole file
 FRAMES_TO_FOLLOW = 5
-FRAMES_TO_BELIEVE = 3
+MIN_FRAMES = 4  # in a row, to be credible
 LOOSE_TYPES = b"IMLC"
 BLANK_BYTES = 16
 SMALL = 1024  # sizes and numbers of most messages are smaller; those of damaged bytes are not
-NEAR_END = 256  # bytes in which a message that is not data may be cut off and still bear out the one before
+NEAR_END = 256
+"""Buffer in which a message that is not data may be cut off and still confirm the one
+before.
+"""
 
+Words = npt.NDArray[np.uint16]
+StreamNumbers = npt.NDArray[np.int32]
+Action = Callable[[], object]
 
 _searchable = np.zeros(256, np.bool_)
 _searchable[list(b"FIMPQASLC")] = True
 
 
+@dataclass(frozen=True)
+class Stream:
+    """One instance of one topic."""
+
+    topic: str
+    instance: int
+    layout: layout.Layout
+
+    @property
+    def name(self) -> str:
+        return f"{self.topic}.{self.instance}" if self.instance else self.topic
+
+
+class Gap(NamedTuple):
+    """Buffer `start:stop` that gave nothing, and why."""
+
+    start: int
+    stop: int
+    reason: str
+
+
+class Numbers:
+    """Stream of a data message by its number and size.
+
+    Table 0 holds what is subscribed, 1 the size with padding or what was subscribed
+    before, 2 what was met without explanation.
+    """
+
+    def __init__(self) -> None:
+        self.size = np.zeros((3, 1 << 16), np.int32)
+        self.stream = np.full((3, 1 << 16), UNDEFINED_STREAM, np.int32)
+        self.sizes_met: set[int] = set()
+        self.version = 0
+
+    def put(self, table: int, id: int, size: int, stream: int) -> None:
+        """Set what one table holds for a number."""
+        self.size[table, id], self.stream[table, id] = size, stream
+        self.sizes_met.add(size)
+        self.version += 1
+
+    def known(self, id: int) -> bool:
+        """Return whether the number is subscribed."""
+        return bool(self.size[0, id])
+
+    def subscribe(self, id: int, stream: int, sizes: layout.Layout) -> None:
+        """Put a stream in force.
+
+        What it replaces, if that has another size, stays readable: one of the two may
+        be damaged.
+        """
+        written, padded = sizes.written + 2, sizes.padded + 2
+        before, other = int(self.size[0, id]), int(self.stream[0, id])
+        if before not in (0, written):
+            self.put(1, id, before, other)
+        elif padded != written:
+            self.put(1, id, padded, stream)
+        self.put(0, id, written, stream)
+
+    def sizes(self, id: int) -> list[int]:
+        """Return the sizes that data of this number have had, the subscribed one first."""
+        return [size for size in self.size[:, id].tolist() if size]
+
+    def match(self, id: int, size: int) -> int | None:
+        """Return the stream of one data message; None if no table explains it."""
+        for table in range(3):
+            if self.size[table, id] == size:
+                return int(self.stream[table, id])
+        return None
+
+    def select(self, id: Words, size: Words) -> tuple[Ints, StreamNumbers]:
+        """Return the indices of the pairs that match, ascending, and their streams."""
+        stream = self.stream[0][id]
+        hit = self.size[0][id] == size
+        rest = np.flatnonzero(~hit)
+        for table in (1, 2):
+            matching = rest[self.size[table][id[rest]] == size[rest]]
+            matching = matching[~hit[matching]]
+            hit[matching] = True
+            stream[matching] = self.stream[table][id[matching]]
+        index = np.flatnonzero(hit)
+        return index, stream[index]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Headers of data messages that begin in `start:stop`.
+
+    `breaks` are the indices of those that end where no other begins.
+    """
+
+    start: int
+    stop: int
+    offset: Ints
+    end: Ints
+    stream: StreamNumbers
+    breaks: Ints
+
+    def is_filled(self, index: int) -> bool:
+        """Return whether whole messages stand inside message `index`, up to its end."""
+        inner = index + 1
+        end, size = int(self.end[index]), self.offset.size
+        while inner < size and int(self.end[inner]) < end:
+            behind = int(self.offset.searchsorted(self.end[inner]))
+            if behind == size or self.offset[behind] != self.end[inner]:
+                return False
+            inner = behind
+        return inner > index + 1 and inner < size and int(self.end[inner]) == end
+
+
 class Scan:
-    """One pass over a file; `run` returns the contents."""
+    """One pass over a file; `run` fills the lists.
+
+    `data` are offsets and stream numbers of the data messages in file order, in parts;
+    a negative stream number is a message that no subscription explains.
+    `definition_bytes` and `other_bytes` are the bytes of the other messages.
+    """
 
     def __init__(self, buffer: Buffer) -> None:
-        self.buffer = buffer
-        self.bytes = buffer.data
-        self.size = buffer.size
-        count = max(0, self.size - 1)
-        self.words = (
-            np.ndarray((count,), "<u2", buffer, 0, (1,)) if count else np.zeros(0, np.uint16)
-        )
-        self.out = Contents()
+        self.formats = layout.Formats()
+        self.streams: list[Stream] = []
+        self.data: list[tuple[Ints, StreamNumbers]] = []
+        self.gaps: list[Gap] = []
+        self.definition_bytes = self.other_bytes = 0
+        self.parameters: dict[str, float] = {}
+        self.texts: list[tuple[int, str]] = []
+        self.dropouts_ms: list[int] = []
+        self.unknown_flags = False
+
+        self.buffer, self.bytes, self.size = buffer, buffer.data, buffer.size
+        self.words = overlapping(buffer, "<u2")
         self.numbers = Numbers()
         self.stream_index: dict[tuple[str, int], int] = {}
         self.limit = self.size
@@ -71,36 +199,55 @@ class Scan:
         self.block_version = -1
         self.block_bytes = FIRST_BLOCK
         self.choices = MOST_CHOICES
-        self.chained = (
-            -1
-        )  # offset of the data message that ends at the present place, -1 if none does
+        self.chained = -1  # offset of the data message that ends at the present place
 
-    def run(self) -> Contents:
+    def run(self) -> Scan:
+        """Scan the file from end to end."""
         place = min(layout.HEADER_BYTES, self.size)
         while place < self.size:
             if place == self.limit:
                 self._next_limit()
-                continue
-            if self._data_at(place)[1] >= 0:
+            elif self._data_at(place)[1] >= 0:
                 place = self._take_run(place)
-                continue
-            end = self._other_at(place, apply=True, confirm=True)
-            if end < 0:
-                place = self._across(place)
-            else:
+            elif (end := self._other_at(place, apply=True, confirm=True)) >= 0:
                 self.chained, place = -1, end
-        return self.out
+            else:
+                place = self._across(place)
+        return self
 
     def _next_limit(self) -> None:
         self.limit = self.boundaries.pop(0) if self.boundaries else self.size
         self.block_version = -1
 
+    def _add_gap(self, start: int, stop: int, reason: str = DAMAGED) -> None:
+        """Account for `start:stop`; zeros among damaged bytes are named as such."""
+        if start < stop:
+            if reason == DAMAGED and not self.buffer[start:stop].any():
+                reason = BLANK_END if stop == self.size else BLANK
+            self.gaps.append(Gap(start, stop, reason))
+
+    def _drop_last(self) -> None:
+        """Remove the last data message."""
+        offset, stream = self.data.pop()
+        self.data.append((offset[:-1], stream[:-1]))
+
+    def _ends_as_before(self, last: int, stop: int) -> bool:
+        """Return whether the last data message, `last:stop`, has all of its bytes.
+
+        It has if it ends in the same bytes as the message of its stream before it.
+        """
+        for offset, stream in reversed(self.data[-PARTS_BACK:]):
+            earlier = offset[(stream == self.data[-1][1][-1]) & (offset < last)]
+            if earlier.size:
+                end = int(earlier[-1]) + stop - last
+                tails = (self.buffer[place - TAIL_BYTES : place] for place in (stop, end))
+                return np.array_equal(*tails)
+        return False
+
     # ---- single messages
 
     def _data_at(self, place: int) -> tuple[int, int]:
-        """Stream and end of the data message at `place`; end -1 if there is none that
-        matches a subscription.
-        """
+        """Return stream and end of the data message at `place`; end -1 if there is none."""
         if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
             return 0, -1
         size, _, id = struct.unpack_from("<HBH", self.bytes, place)
@@ -109,8 +256,9 @@ class Scan:
         return (0, -1) if stream is None or end > self.limit else (stream, end)
 
     def _header(self, place: int) -> tuple[int, int]:
-        """End and type that the header at `place` declares; end beyond the limit if the
-        header itself is cut off.
+        """Return end and type that the header at `place` declares.
+
+        The end is beyond the limit if the header itself is cut off.
         """
         if place + layout.MESSAGE_HEADER_BYTES > self.limit:
             return self.limit + 1, 0
@@ -118,200 +266,205 @@ class Scan:
         return place + layout.MESSAGE_HEADER_BYTES + size, kind
 
     def _other_at(self, place: int, *, apply: bool = False, confirm: bool = False) -> int:
-        """End of a message at `place` that is not data and can be believed, -1 if there
-        is none.
+        """Return the end of a credible message at `place` that is not data, or -1.
 
-        `apply` takes what it says; `confirm` wants those whose content shows little of
-        its end to be followed by a message.
+        `apply` does what it says; `confirm` wants a message whose content shows little
+        of its end to be followed by another.
         """
         end, kind = self._header(place)
         if end > self.limit or kind == layout.DATA or kind not in layout.TYPES:
             return -1
         content = self.bytes[place + layout.MESSAGE_HEADER_BYTES : end].tobytes()
-        loose = confirm and kind in LOOSE_TYPES
-        if loose and not (self._believe(chr(kind), content, place, False) and self._follows(end)):
-            return -1
-        if not self._believe(chr(kind), content, place, apply):
+        action = self._action(chr(kind), content, place, apply)
+        if action is None or (confirm and kind in LOOSE_TYPES and not self._follows(end)):
             return -1
         if apply:
+            action()
             if kind in layout.DEFINITION_TYPES:
-                self.out.definition_bytes += end - place
+                self.definition_bytes += end - place
             else:
-                self.out.other_bytes += end - place
+                self.other_bytes += end - place
         return end
 
-    def _believe(self, kind: str, content: bytes, place: int, apply: bool) -> bool:
+    def _action(self, kind: str, content: bytes, place: int, apply: bool) -> Action | None:
+        """Return what a message does, or None if its content is not credible."""
+        credible = False
         match kind:
             case "F":
-                return self._format(content, apply)
+                declared = layout.parse_format(content)
+                return None if declared is None else partial(self.formats.add, declared)
             case "I":
-                return messages.information(content)
+                credible = messages.information(content)
             case "M":
-                return messages.information_multiple(content)
+                credible = messages.information_multiple(content)
             case "Q":
-                return messages.parameter_default(content)
+                credible = messages.parameter_default(content)
             case "P":
-                return self._parameter(content, apply)
+                setting = messages.parameter(content)
+                return None if setting is None else partial(self.parameters.__setitem__, *setting)
             case "A":
-                return self._subscribe(content, apply)
+                return self._subscription(content, apply)
             case "R":  # never written by PX4; data that follow all the same are read as before
-                return len(content) == 2 and self.numbers.known(int.from_bytes(content, "little"))
+                id = int.from_bytes(content, "little")
+                credible = len(content) == 2 and self.numbers.known(id)
             case "L" | "C":
-                return self._logged(
-                    messages.logged_text(content) if kind == "L" else messages.tagged_text(content),
-                    apply,
-                )
+                text = messages.logged_text(content, tagged=kind == "C")
+                return None if text is None else partial(self.texts.append, text)
             case "S":
-                return content == layout.SYNC
+                credible = content == layout.SYNC
             case "O":
-                return self._dropout(content, apply)
+                if len(content) == 2:
+                    return partial(self.dropouts_ms.append, int.from_bytes(content, "little"))
             case _:
-                return place == layout.HEADER_BYTES and self._flag_bits(content, apply)
+                end = place + layout.MESSAGE_HEADER_BYTES + len(content)
+                excess = len(content) - layout.FLAG_BITS_BYTES
+                if (
+                    place == layout.HEADER_BYTES
+                    and excess >= 0
+                    and (excess == 0 or self._follows(end))
+                ):
+                    return partial(self._take_flags, content)
+        return int if credible else None
 
-    def _format(self, content: bytes, apply: bool) -> bool:
-        declared = layout.parse_format(content)
-        if declared is not None and apply:
-            self.out.formats.add(declared)
-        return declared is not None
-
-    def _parameter(self, content: bytes, apply: bool) -> bool:
-        found = messages.parameter(content)
-        if found is not None and apply:
-            self.out.parameters[found[0]] = found[1]
-        return found is not None
-
-    def _logged(self, found: messages.Text | None, apply: bool) -> bool:
-        if found is not None and apply:
-            self.out.texts.append((found.time_us, found.text))
-        return found is not None
-
-    def _dropout(self, content: bytes, apply: bool) -> bool:
-        if len(content) == 2 and apply:
-            self.out.dropouts_ms.append(int.from_bytes(content, "little"))
-        return len(content) == 2
-
-    def _subscribe(self, content: bytes, apply: bool) -> bool:
+    def _subscription(self, content: bytes, apply: bool) -> Action | None:
         found = messages.subscription(content)
-        if apply and found is not None and found.topic in self.out.formats.rivals and self.choices:
+        if apply and found is not None and found.topic in self.formats.rivals and self.choices:
             self.choices -= 1
-            choose_format(self.buffer, self.words, self.out.formats, found)
-        sizes = None if found is None else self.out.formats.layout(found.topic)
+            self._choose_format(found)
+        sizes = None if found is None else self.formats.layout(found.topic)
         if found is None or sizes is None:
-            return False
-        if apply:
-            key = (found.topic, found.instance)
-            if key not in self.stream_index:
-                self.stream_index[key] = len(self.out.streams)
-                self.out.streams.append(Stream(found.topic, found.instance, sizes))
-            self.numbers.subscribe(found.id, self.stream_index[key], sizes)
-        return True
+            return None
+        return partial(self._subscribe, found, sizes)
 
-    def _flag_bits(self, content: bytes, apply: bool) -> bool:
-        end = layout.HEADER_BYTES + layout.MESSAGE_HEADER_BYTES + len(content)
-        if len(content) < layout.FLAG_BITS_BYTES or (
-            len(content) > layout.FLAG_BITS_BYTES and not self._follows(end)
-        ):
-            return False
-        if apply:
-            flags = content[8:16]
-            self.out.unknown_flags = bool(flags[0] & ~layout.DATA_APPENDED or any(flags[1:]))
+    def _subscribe(self, found: messages.Subscription, sizes: layout.Layout) -> None:
+        number = self.stream_index.setdefault((found.topic, found.instance), len(self.streams))
+        if number == len(self.streams):
+            self.streams.append(Stream(found.topic, found.instance, sizes))
+        self.numbers.subscribe(found.id, number, sizes)
+
+    def _choose_format(self, found: messages.Subscription) -> None:
+        """Put one of several formats of a topic in force.
+
+        It is the one whose size fits most data messages of the subscribed number.
+        """
+        last = self.words.size - (layout.DATA_HEADER_BYTES - 2)
+        place = np.flatnonzero(self.buffer[2 : last + 2] == layout.DATA)
+        of_number = place[self.words[place + layout.MESSAGE_HEADER_BYTES] == found.id]
+        sizes = np.bincount(self.words[of_number], minlength=1 << 16)
+        most, best = -1, self.formats.by_name[found.topic]
+        for declared in (best, *self.formats.rivals.pop(found.topic)):
+            self.formats.replace(declared)
+            known = self.formats.layout(found.topic)
+            tried = set() if known is None else {known.written, known.padded}
+            votes = sum(int(sizes[size + 2]) for size in tried) if tried else -1
+            if votes > most:
+                most, best = votes, declared
+        self.formats.replace(best)
+
+    def _take_flags(self, content: bytes) -> None:
+        flags = content[8:16]
+        self.unknown_flags = bool(flags[0] & ~layout.DATA_APPENDED or any(flags[1:]))
+        if flags[0] & layout.DATA_APPENDED:
             offsets = struct.unpack_from(f"<{MAX_BOUNDARIES}Q", content, 16)
-            if flags[0] & layout.DATA_APPENDED:
-                self.boundaries = sorted(
-                    {o for o in offsets if layout.HEADER_BYTES + len(content) < o < self.size}
-                )
-                self._next_limit()
-        return True
+            first = layout.HEADER_BYTES + len(content)
+            self.boundaries = sorted({place for place in offsets if first < place < self.size})
+            self._next_limit()
 
     # ---- runs of data messages
 
+    def _data_headers(self, start: int, stop: int) -> Block:
+        """Return the headers of data messages in `start:stop`.
+
+        Their number and size agree with a subscription; they end within the limit.
+        """
+        kinds = self.buffer[start + 2 : min(stop + 2, self.limit - 2)]
+        offset = np.flatnonzero(kinds == layout.DATA) + start
+        size = self.words[offset]
+        index, stream = self.numbers.select(self.words[offset + 3], size)
+        offset = offset[index]
+        end = offset + (size[index].astype(np.int64) + layout.MESSAGE_HEADER_BYTES)
+        longest = layout.MAX_CONTENT_BYTES + layout.MESSAGE_HEADER_BYTES
+        if offset.size and int(offset[-1]) + longest > self.limit:
+            inside = np.flatnonzero(end <= self.limit)
+            offset, end, stream = offset[inside], end[inside], stream[inside]
+        breaks = np.append(np.flatnonzero(end[:-1] != offset[1:]), offset.size - 1)
+        return Block(start, stop, offset, end, stream, breaks)
+
     def _take_run(self, place: int) -> int:
-        """Take the data message at `place` and all that follow it without a break in
-        one block; return the end of the last.
+        """Take the data message at `place` and its followers; return where they end.
+
+        These are the messages of one block that follow it without a break.
         """
         block = self.block
-        if self.block_version != self.numbers.version:
-            self.block_bytes = FIRST_BLOCK
-        if (
-            block is None
-            or self.block_version != self.numbers.version
-            or not block.start <= place < block.stop
-        ):
-            block = self.block = data_headers(
-                self.buffer,
-                self.words,
-                self.numbers,
-                place,
-                min(place + self.block_bytes, self.limit),
-                self.limit,
-            )
+        changed = self.block_version != self.numbers.version
+        if block is None or changed or not block.start <= place < block.stop:
+            if changed:
+                self.block_bytes = FIRST_BLOCK
+            stop = min(place + self.block_bytes, self.limit)
+            block = self.block = self._data_headers(place, stop)
             self.block_version = self.numbers.version
             self.block_bytes = min(2 * self.block_bytes, LAST_BLOCK)
         at = int(block.offset.searchsorted(place))
         last = int(block.breaks[block.breaks.searchsorted(at)])
-        if block.is_filled(
-            last
-        ):  # by whole messages: what began there was torn, and they only happen to end where it would
-            self.out.data.append((block.offset[at:last], block.stream[at:last]))
-            self.out.add_gap(self.buffer, int(block.offset[last]), int(block.offset[last + 1]))
-            self.chained = -1
-            return int(block.offset[last + 1])
-        self.out.data.append((block.offset[at : last + 1], block.stream[at : last + 1]))
-        self.chained = int(block.offset[last])
+        torn = block.is_filled(last)  # a message that only happens to end where others do
+        run = slice(at, last if torn else last + 1)
+        self.data.append((block.offset[run], block.stream[run]))
+        self.chained = -1 if torn else int(block.offset[last])
+        if torn:
+            resume = int(block.offset[last + 1])
+            self._add_gap(int(block.offset[last]), resume)
+            return resume
         return int(block.end[last])
 
     # ---- damage
 
     def _across(self, place: int) -> int:
-        """Account for what stands at `place`, where the chain breaks, and return where
-        it goes on.
-        """
+        """Account for what stands at a break of the chain; return where it goes on."""
         before = self.chained
         self.chained = -1
         resume = self._search(before + 1 if before >= 0 else place + 1)
         if resume < place:  # a message begins inside the one before: that one lost bytes
-            self.out.drop_last()
-            self.out.add_gap(self.buffer, before, resume)
+            self._drop_last()
+            self._add_gap(before, resume)
             return resume
         framed = self._framed(place, resume)
         if framed > place:
             return framed
         if resume == self.limit and self._cut_off(place):
-            self.out.add_gap(
-                self.buffer, place, resume, CUT_OFF if resume == self.size else CUT_BY_APPENDED
-            )
+            reason = CUT_OFF if resume == self.size else CUT_BY_APPENDED
+            self._add_gap(place, resume, reason)
             return self._pass_boundary(place, resume)
         behind = self._behind_misread_header(place)
         if place < behind <= resume:
-            self.out.add_gap(self.buffer, place, behind)
+            self._add_gap(place, behind)
             return behind
-        if (
-            before >= 0
-            and not self._blank_behind(place, resume)
-            and not (
-                self._damage_starts_behind(place)
-                or self.out.ends_as_before(self.buffer, before, place)
-            )
-        ):
-            self.out.drop_last()
+        whole = (
+            before < 0
+            or self._blank_behind(place, resume)
+            or self._damage_starts_behind(place)
+            or self._ends_as_before(before, place)
+        )
+        if not whole:
+            self._drop_last()
             cut = resume == self.size and not self.buffer[place:].any()
-            self.out.add_gap(self.buffer, before, place, CUT_OFF if cut else DAMAGED)
-        self.out.add_gap(self.buffer, place, resume)
+            self._add_gap(before, place, CUT_OFF if cut else DAMAGED)
+        self._add_gap(place, resume)
         return resume
 
     def _blank_behind(self, place: int, resume: int) -> bool:
-        """Whether zeros begin at `place`, and not before: a message that ends in zeros
-        may have been cut by them.
+        """Return whether zeros begin at `place` and not before it.
+
+        A message that ends in zeros may have been cut by them.
         """
-        return (
-            bool(self.buffer[place - 1])
-            and not self.buffer[place : min(resume, place + BLANK_BYTES)].any()
-        )
+        blank = self.buffer[place : min(resume, place + BLANK_BYTES)]
+        return bool(self.buffer[place - 1]) and not blank.any()
 
     def _damage_starts_behind(self, place: int) -> bool:
-        """Whether the message before `place` has all of its bytes: the first ones at
-        `place` are those of a header (one with small numbers, a size that data have, or
-        the low byte of a size behind which the chain goes on).
+        """Return whether the message before `place` has all of its bytes.
+
+        It has if the first bytes at `place` are those of a header: one with small
+        numbers, a size that data have, or the low byte of a size behind which the chain
+        goes on.
         """
         if place + layout.DATA_HEADER_BYTES > self.limit:
             return False
@@ -324,21 +477,20 @@ class Scan:
         return any(self._follows(place + layout.MESSAGE_HEADER_BYTES + other) for other in near)
 
     def _pass_boundary(self, place: int, boundary: int) -> int:
-        """Where to go on when a message is cut by appended data; back to it if the
-        offset of the appended data proves wrong.
+        """Return where to go on when appended data cut a message.
+
+        That is the message itself if the offset of the appended data proves wrong.
         """
         if boundary == self.size:
             return boundary
         self._next_limit()
-        if self._data_at(boundary)[1] >= 0 or self._other_at(boundary) >= 0:
+        if self._stands(boundary):
             return boundary
-        self.out.gaps.pop()
+        self.gaps.pop()
         return place
 
     def _cut_off(self, place: int) -> bool:
-        """Whether what stands at `place` is the beginning of a message that the limit
-        cuts.
-        """
+        """Return whether a message begins at `place` that the limit cuts."""
         end, kind = self._header(place)
         if end <= self.limit:
             return False
@@ -348,8 +500,9 @@ class Scan:
         return self.limit - place < layout.DATA_HEADER_BYTES or kind in layout.TYPES
 
     def _behind_misread_header(self, place: int) -> int:
-        """The end of the data message at `place` if only its size is damaged: the one
-        that its number has leads on; -1 if not.
+        """Return the end of the data message at `place` if only its size is damaged.
+
+        The size that its number has must then lead on to another message; -1 if not.
         """
         if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
             return -1
@@ -360,22 +513,19 @@ class Scan:
         return -1
 
     def _framed(self, place: int, resume: int) -> int:
-        """How far sizes lead from `place` to `resume` over messages that have a frame
-        but no meaning; these are accounted for.
+        """Follow sizes from `place` towards `resume` over messages without meaning.
 
-        The first may be of any type if they lead all the way. Else they are believed as
-        far as the last data message with a size that its number is known to have, or,
-        where there are several, but for the last, whose size may be the damaged one.
-        Numbers of data that are met this way are taken as known from here on, without
-        meaning.
+        Account for these and return where they end (`place` if they are not credible).
+        The first may be of any type if they lead all the way. Else they are credible as
+        far as the last data message with a size that its number has had, or, where
+        there are several, but for the last, whose size may be the damaged one. Numbers
+        of data that are met this way are known from here on, without meaning.
         """
         frames = list(self._frames(place, resume))
         if not frames or frames[-1][1] != resume:
-            met = [
-                index for index, (start, _, _) in enumerate(frames) if self._data_at(start)[1] >= 0
-            ]
-            sound = len(frames) - (frames[:1] != [] and frames[0][2] not in layout.TYPES)
-            if not met and sound <= FRAMES_TO_BELIEVE:
+            met = [k for k, frame in enumerate(frames) if self._data_at(frame[0])[1] >= 0]
+            sound = sum(kind in layout.TYPES for _, _, kind in frames)
+            if not met and sound < MIN_FRAMES:
                 return place
             del frames[met[-1] + 1 if met else -1 :]
         for start, stop, kind in frames:
@@ -385,29 +535,23 @@ class Scan:
                 if stream is None:
                     stream = WRONG_SIZE_STREAM if self.numbers.known(id) else UNDEFINED_STREAM
                     self.numbers.put(2, id, size, stream)
-                self.out.data.append((np.array([start]), np.array([stream], np.int32)))
+                self.data.append((np.array([start]), np.array([stream], np.int32)))
             else:
-                self.out.add_gap(
-                    self.buffer, start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE
-                )
+                self._add_gap(start, stop, UNREADABLE if kind in layout.TYPES else UNKNOWN_TYPE)
         return frames[-1][1]
 
     def _frames(self, place: int, resume: int) -> Iterator[tuple[int, int, int]]:
         start = place
         while start < resume:
             end, kind = self._header(start)
-            empty = (
-                end == start + layout.MESSAGE_HEADER_BYTES
-            )  # as zero bytes would read; no message is
+            empty = end == start + layout.MESSAGE_HEADER_BYTES  # zero bytes; no message is
             if end > resume or empty or (start > place and kind not in layout.TYPES):
                 return
             yield start, end, kind
             start = end
 
     def _search(self, start: int) -> int:
-        """The first place from `start` on where a message stands that can be believed;
-        the limit if there is none.
-        """
+        """Return the first place from `start` on with a credible message, or the limit."""
         step = FIRST_SEARCH
         while start < self.limit:
             stop = min(start + step, self.limit)
@@ -418,42 +562,34 @@ class Scan:
         return self.limit
 
     def _search_block(self, start: int, stop: int) -> int:
-        data = data_headers(self.buffer, self.words, self.numbers, start, stop, self.limit)
-        first = -1
-        for index in range(data.offset.size):
-            if data.stream[index] >= 0 and self._follows(int(data.end[index])):
-                first = int(data.offset[index])
-                break
-        last = first if first >= 0 else stop
-        kinds = self.buffer[start + 2 : min(last + 2, self.limit)]
+        data = self._data_headers(start, stop)
+        matches = zip(data.offset.tolist(), data.end.tolist(), data.stream.tolist(), strict=True)
+        first = next((at for at, end, by in matches if by >= 0 and self._follows(end)), -1)
+        kinds = self.buffer[start + 2 : min((first if first >= 0 else stop) + 2, self.limit)]
         place = np.flatnonzero(_searchable[kinds]) + start
-        for candidate in place[
-            place + self.words[place] + layout.MESSAGE_HEADER_BYTES <= self.limit
-        ].tolist():
-            if self._other_at(candidate, confirm=True) >= 0:
-                return int(candidate)
-        return first
+        fits = place + self.words[place] + layout.MESSAGE_HEADER_BYTES <= self.limit
+        others = place[fits].tolist()
+        return next((at for at in others if self._other_at(at, confirm=True) >= 0), first)
 
     def _follows(self, place: int) -> bool:
-        """Whether at `place` there is the end, or a message, if need be behind one with
-        a damaged header or some without meaning.
+        """Return whether the end, or a message, stands at `place`.
 
+        The message may stand behind one with a damaged header or some without meaning;
         `FRAMES_TO_FOLLOW` sound frames in a row are proof enough, whatever they mean.
         """
         if place >= self.limit - layout.MESSAGE_HEADER_BYTES or self._stands(place):
             return True
         if place + layout.DATA_HEADER_BYTES > self.limit:
             return self._header(place)[1] in layout.TYPES
-        expected = int(self.numbers.size[0][int(self.words[place + 3])])
+        expected = int(self.numbers.size[0, self.words[place + 3]])
         other = place + layout.MESSAGE_HEADER_BYTES + expected
         if expected > 0 and other <= self.limit and self._stands(other):
             return True
         for _ in range(FRAMES_TO_FOLLOW):
             end, kind = self._header(place)
             if end > self.limit:
-                return (kind == layout.DATA or self.limit - place < NEAR_END) and self._cut_off(
-                    place
-                )
+                near = kind == layout.DATA or self.limit - place < NEAR_END
+                return near and self._cut_off(place)
             if kind not in layout.TYPES or end == place + layout.MESSAGE_HEADER_BYTES:
                 return False
             if end == self.limit or self._stands(end):

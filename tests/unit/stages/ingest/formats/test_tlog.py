@@ -6,16 +6,19 @@ from __future__ import annotations
 
 import struct
 from collections import defaultdict
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pymavlink import mavutil
 
+from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import mavlink
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
-from auvid.stages.ingest.formats.tlog.reader import TLOG, TlogReader
+from auvid.stages.ingest.formats.tlog.reader import TLOG, decode_tlog
 from tests.support.tlog_records import START_US, attitude, frame, heartbeat, log
 from tests.unit.stages.ingest.formats.test_tlog_layouts import assert_equal_to_message
 
@@ -24,15 +27,17 @@ SMALL = DATA / "bluerov2_ugps_small" / "small.tlog"
 RECUT = DATA / "bluerov2_bad_data" / "bad_data.tlog"
 
 
-def read(
-    data: bytes, wanted: frozenset[str] | None = None, reader: TlogReader = TLOG
-) -> DecodedLog:
+def read(data: bytes, wanted: frozenset[str] | None = None, reader: LogReader = TLOG) -> DecodedLog:
     buffer = np.frombuffer(data, dtype=np.uint8)
     decoded = reader.read(RawFile("log.tlog", buffer), wanted)
     account = decoded.account
     assert account.size == len(data)
     assert account.record_bytes + account.definition_bytes + account.skipped_bytes == len(data)
     return decoded
+
+
+def of_system(system: int) -> LogReader:
+    return replace(TLOG, decode=partial(decode_tlog, system=system))
 
 
 def statustext(text: bytes, number: int = 0, chunk: int = 0) -> bytes:
@@ -202,10 +207,10 @@ def test_two_vehicles_are_named_and_one_can_be_chosen() -> None:
         " system 1 component 1 is read"
     )
     assert expected in first.notes
-    second = read(log(records), reader=TlogReader(system=2))
+    second = read(log(records), reader=of_system(2))
     assert second.messages["ATTITUDE"].columns["time_boot_ms"].tolist() == [7]
     assert set(second.messages) == {"HEARTBEAT", "ATTITUDE", "VFR_HUD"}
-    absent = read(log(records), reader=TlogReader(system=3))
+    absent = read(log(records), reader=of_system(3))
     assert absent.messages == {}
     assert absent.notes == ("system 3 sends no message in this log",)
 
@@ -259,7 +264,6 @@ def test_unknown_message_is_skipped_with_its_number_and_does_no_harm() -> None:
 @pytest.mark.parametrize(
     "data",
     [
-        b"",
         b"\x00",
         b"\xfd" * 500,
         b"\x00\x05" + b"\xfd" * 400,
@@ -272,6 +276,11 @@ def test_nothing_to_read(data: bytes) -> None:
     assert decoded.messages == {}
     assert decoded.counts == {}
     assert decoded.account.record_bytes == 0
+
+
+def test_an_empty_file_is_refused() -> None:
+    with pytest.raises(LogError, match=r"log\.tlog: the file is empty\. Copy the log"):
+        TLOG.read(RawFile("log.tlog", np.zeros(0, np.uint8)))
 
 
 def test_input_is_not_written_to() -> None:

@@ -21,7 +21,8 @@ from auvid.data_schemas.streams import (
     supply_text,
 )
 from auvid.stages.ingest.decoded_log import ByteAccount, DecodedLog, Messages
-from auvid.stages.ingest.registry import MAPPINGS, READERS
+from auvid.stages.ingest.registry import FORMATS, RULES
+from auvid.stages.ingest.streams import common
 from auvid.stages.ingest.streams import dataflash as streams_dataflash
 from auvid.stages.ingest.streams import tlog as streams_tlog
 from auvid.stages.ingest.streams import ulog as streams_ulog
@@ -56,7 +57,7 @@ def log(
 
 
 def dataflash(decoded: DecodedLog, **wanted: str) -> dict[str, Stream]:
-    return map_streams(decoded, "dataflash", streams_dataflash.RULES, wanted)
+    return map_streams(decoded, streams_dataflash.RULES, wanted)
 
 
 def statuses(stream: Stream) -> dict[str, str]:
@@ -66,7 +67,7 @@ def statuses(stream: Stream) -> dict[str, str]:
 @pytest.mark.parametrize("name", format_names())
 def test_every_declared_source_fills_its_stream(name: str) -> None:
     spec = format_streams(name)
-    rules = dict(MAPPINGS.values())[name]
+    rules = next(rules for _, rules in FORMATS if rules is not None and rules.mapping == name)
     assert spec is not None
     for stream, sources in spec.streams.items():
         assert stream in STREAMS
@@ -79,7 +80,8 @@ def test_every_declared_source_fills_its_stream(name: str) -> None:
 
 
 def test_every_reader_has_a_mapping_or_gives_streams_itself() -> None:
-    assert {reader.name for reader in READERS} - set(MAPPINGS) == {"csv"}
+    assert [reader.name for reader, rules in FORMATS if rules is None] == ["csv"]
+    assert {rules.mapping for rules in RULES.values() if rules} == set(format_names())
 
 
 @pytest.mark.parametrize("stream", STREAMS)
@@ -235,6 +237,16 @@ def test_outputs_without_a_pulse_are_left_out_and_rco2_is_paired() -> None:
     )  # no RCO2 record within 20 ms of the later half
 
 
+def test_early_battery_records_are_whole_hundredths() -> None:
+    """Firmware before 2015 wrote CURR as integers: 1612 is 16.12 V."""
+    whole = message("CURR", Volt=np.full(20, 1612, np.int16), Curr=np.full(20, -250, np.int16))
+    early = dataflash(log(whole))["battery"].columns
+    later = dataflash(log(message("CURR", Volt=16.12, Curr=-2.5)))["battery"].columns
+    for name, value in (("voltage_v", 16.12), ("current_a", -2.5)):
+        assert early[name] == pytest.approx(np.full(20, value), rel=1e-12)
+        assert later[name] == pytest.approx(np.full(20, value), rel=1e-12)
+
+
 def test_modes_and_arming_are_merged() -> None:
     mode = message("MODE", 2, ModeNum=[19, 2], Mode=[19, 2])
     arm = replace(
@@ -253,7 +265,8 @@ def test_to_body_is_the_transpose_of_the_rotation_of_the_dynamics() -> None:
     rng = np.random.default_rng(1)
     angles, vector = rng.uniform(-1.5, 1.5, (3, 6)), rng.normal(size=(3, 6))
     expected = np.einsum("nji,jn->in", rotation_body_to_ned(angles.T), vector)
-    assert streams_dataflash.to_body(vector, *angles) == pytest.approx(expected, abs=1e-14)
+    turned = np.stack(list(common.to_body(vector, *angles).values()))
+    assert turned == pytest.approx(expected, abs=1e-14)
 
 
 def test_quaternions_become_euler_angles() -> None:
@@ -261,7 +274,7 @@ def test_quaternions_become_euler_angles() -> None:
 
     angles = np.random.default_rng(2).uniform([-3, -1.5, -3], [3, 1.5, 3], (50, 3))
     q = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
-    columns = streams_tlog.euler_from_quaternion(q)
+    columns = common.euler_angles(q.T)
     assert np.stack(list(columns.values()), axis=1) == pytest.approx(angles, abs=1e-12)
 
 
@@ -363,7 +376,7 @@ def test_slow_inertial_messages_give_way_to_the_rates_of_attitude() -> None:
             "ATTITUDE": replace(attitude, columns={**attitude.columns, **rates}),
         },
     )
-    stream = map_streams(both, "tlog", streams_tlog.RULES, {})["imu"]
+    stream = map_streams(both, streams_tlog.RULES, {})["imu"]
     assert stream.source == "ATTITUDE"
     assert statuses(stream)["RAW_IMU"] == "sent at 2.0 Hz only"
 
@@ -379,17 +392,16 @@ def test_an_altitude_that_stands_still_is_refused() -> None:
     both = replace(
         decoded, messages={**decoded.messages, "VFR_HUD": still, "SCALED_PRESSURE2": pressure}
     )
-    depth = map_streams(both, "tlog", streams_tlog.RULES, {})["depth"]
+    depth = map_streams(both, streams_tlog.RULES, {})["depth"]
     assert depth.source == "SCALED_PRESSURE2"
     assert depth.columns["depth_m"][[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-5)
     assert "depth" not in map_streams(
         replace(both, messages={**decoded.messages, "VFR_HUD": still}),
-        "tlog",
         streams_tlog.RULES,
         {},
     )
     calibrated = replace(both, parameters={"BARO2_GND_PRESS": 100_000.0, "BARO_SPEC_GRAV": 1.024})
-    first = map_streams(calibrated, "tlog", streams_tlog.RULES, {})["depth"].columns["depth_m"][0]
+    first = map_streams(calibrated, streams_tlog.RULES, {})["depth"].columns["depth_m"][0]
     assert first == pytest.approx(1325.0 / (1024.0 * 9.80665), rel=1e-12)
 
 
@@ -410,8 +422,8 @@ def test_px4_odometry_in_the_frame_that_it_names() -> None:
         **{f"velocity[{i}]": np.full(5, v) for i, v in enumerate((1.0, 2.0, 3.0))},
     }
     odometry = Messages("vehicle_visual_odometry", columns, np.arange(5))
-    got = map_streams(log(attitude, odometry), "ulog", streams_ulog.RULES, {})["velocity"].columns
-    body = np.stack([got[name] for name in streams_ulog.VELOCITY])
+    got = map_streams(log(attitude, odometry), streams_ulog.RULES, {})["velocity"].columns
+    body = np.stack([got[name] for name in ("u_m_s", "v_m_s", "w_m_s")])
     assert body[:, 0] == pytest.approx([2.0, -1.0, 3.0], abs=1e-12)  # north-east-down, heading east
     assert body[:, 1].tolist() == [1.0, 2.0, 3.0]
     assert np.isnan(body[:, 2]).all()
@@ -427,7 +439,7 @@ def test_px4_barometer_of_another_instance() -> None:
         {"timestamp": stamps, "pressure": np.linspace(1013.25, 1994.0, 20)},
         np.arange(20),
     )
-    stream = map_streams(log(housing, water), "ulog", streams_ulog.RULES, {})["depth"]
+    stream = map_streams(log(housing, water), streams_ulog.RULES, {})["depth"]
     assert stream.source == "sensor_baro[1]"
     assert stream.columns["depth_m"][-1] == pytest.approx(10.0, abs=0.01)
 
