@@ -12,6 +12,7 @@ from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED
 from auvid.hydro.arrays import Ints, Mask
 from auvid.stages.ingest.decoded_log import Column
+from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
 
 EMPTY = "empty or non-finite cell"
@@ -93,7 +94,7 @@ def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream
     return stream, rejected
 
 
-def complete_rows(stream: str, columns: Mapping[str, Column]) -> Mask:
+def complete_rows(stream: str, columns: Columns) -> Mask:
     """Return the rows (n,) whose needed fields are all there.
 
     Of a stream without needed fields, rows with any field there.
@@ -103,7 +104,7 @@ def complete_rows(stream: str, columns: Mapping[str, Column]) -> Mask:
     return np.asarray(np.all(there, axis=0) if needed else np.any(there, axis=0))
 
 
-def possible_rows(stream: str, columns: Mapping[str, Column]) -> Mask:
+def possible_rows(stream: str, columns: Columns) -> Mask:
     """Return the rows (n,) with all values in range.
 
     The range is that of the schema, or what an underwater vehicle can reach.

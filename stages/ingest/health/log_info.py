@@ -148,14 +148,14 @@ def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) ->
     """The `dropped` table: bytes that gave no record (by file), and samples that were
     rejected (by stream).
     """
-    rows = [
+    rows: list[tuple[object, ...]] = [
         (part.file.name, item.reason, item.count, item.bytes, item.first_offset, item.last_offset)
         for part in parts
         for item in part.log.account.skipped
     ]
     rows += [
         (item.stream, item.reason, item.count, None, item.first, item.last) for item in rejected
-    ]  # type: ignore[misc]
+    ]
     names = ("stream", "reason", "count", "bytes", "first", "last")
     return make_table(
         "dropped", {name: [row[index] for row in rows] for index, name in enumerate(names)}

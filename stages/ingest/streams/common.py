@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from auvid.hydro.arrays import Array, Ints, Mask
 from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 
-Columns = dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]
+Columns = dict[str, npt.NDArray[Any]]
 
 PWM_OUTPUTS = range(1, 17)
 DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270

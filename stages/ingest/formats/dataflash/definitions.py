@@ -183,7 +183,10 @@ def resolve(proposals: Proposals, rows: Iterable[int], torn: Mask) -> Definition
         if len(steps) > 1
         for begins, entries in [zip(*steps, strict=True)]
     }
-    length = proposals.raw[kept[1:], 4] if kept[1:] else []
+    lengths = [proposals.raw[row, 4] for row in kept[1:]]
     return Definitions(
-        first, np.array([layout.FMT_BYTES, *length, 0], np.int32), np.array(kept, np.int64), several
+        first,
+        np.array([layout.FMT_BYTES, *lengths, 0], np.int32),
+        np.array(kept, np.int64),
+        several,
     )

@@ -126,8 +126,9 @@ def _sliced(buffer: Buffer) -> Sliced:
     base = buffer.base
     while isinstance(base, np.ndarray):
         base = base.base
-    usable = isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size
-    return base if usable else buffer.tobytes()
+    if isinstance(base, bytes | mmap.mmap) and len(base) == buffer.size:
+        return base
+    return buffer.tobytes()
 
 
 def decode_text_log(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
@@ -173,7 +174,7 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     units = Units.of(tables)
     defining = sum(sizes.get(name, 0) for name in layout.DEFINITION_NAMES)
     skipped = lines.losses.skipped()
-    kinds = {("TimeUS",): 1, ("TimeMS",): 2}
+    kinds: dict[tuple[str, ...], int] = {("TimeUS",): 1, ("TimeMS",): 2}
     layouts = {
         name: [(item, kinds.get(item.columns[:1], 0)) for _, item in declared[name]]
         for name in counts

@@ -240,8 +240,8 @@ class Scan:
             earlier = offset[(stream == self.data[-1][1][-1]) & (offset < last)]
             if earlier.size:
                 end = int(earlier[-1]) + stop - last
-                tails = (self.buffer[place - TAIL_BYTES : place] for place in (stop, end))
-                return np.array_equal(*tails)
+                tail, other = (self.buffer[at - TAIL_BYTES : at] for at in (stop, end))
+                return np.array_equal(tail, other)
         return False
 
     # ---- single messages
