@@ -419,10 +419,10 @@ def reproduce(
             met = printed_values.print_comparison(printed)
             page = result_files(printed).get("report")
         else:
-            setting = reproduce_command.open_setting(campaign)
+            reproduction = reproduce_command.open_reproduction(campaign)
             with show_progress() as progress:
                 done = reproduce_command.reproduce(
-                    setting, make_engine(engine, jobs), progress, force=force
+                    reproduction, make_engine(engine, jobs), progress, force=force
                 )
             reproduce_command.print_tables(done)
             met, page = not done.missed, done.page

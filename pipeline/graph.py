@@ -14,7 +14,16 @@ from auvid.data_schemas.schemas import schema
 from auvid.stages.base import Item, Stage, ports
 
 AnyStage = Stage[Any, Any, Any]
-MANIFEST_PORTS = ("vehicle", "campaign", "leg", "raw_log", "twin", "provenance")
+MANIFEST_PORTS = (
+    "vehicle",
+    "campaign",
+    "leg",
+    "raw_log",
+    "twin",
+    "provenance",
+    "reproduction",
+    "published_tables",
+)
 SIMULATED_LOG = "simulated_log"
 WHOLE = "campaign"
 SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
@@ -67,7 +76,8 @@ class Feed:
     """How an input port is fed: by the manifest (no producers), by one port, or by all
     ports of a schema (`every`).
 
-    A raw log is fed by the manifest, or by the one port of simulated logs.
+    A raw log is fed by the manifest, or by the one port of simulated logs; `runs` by
+    other runs (`Run.members`).
     """
 
     port: str
@@ -75,6 +85,7 @@ class Feed:
     optional: bool
     producers: tuple[Port, ...] = ()
     every: bool = False
+    runs: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,6 +133,8 @@ class Graph:
 
     def _feed(self, stage: AnyStage, name: str, spec: Mapping[str, Any]) -> Feed:
         wanted, optional = spec["port"], bool(spec.get("optional"))
+        if spec.get("runs"):
+            return Feed(name, wanted, optional, runs=True)
         if wanted in MANIFEST_PORTS:
             # The logs of a twin come from the stage that simulates them.
             return Feed(

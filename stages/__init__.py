@@ -1,6 +1,4 @@
-"""The stages of auvid, in the order of the chain, and which of them each kind of
-campaign has.
-"""
+"""The stages of auvid in the order of the chain, and those of each kind of graph."""
 
 from __future__ import annotations
 
@@ -13,7 +11,9 @@ from auvid.stages import (
     fuse,
     ingest,
     pipendulum,
+    replace_state,
     report,
+    reproduce,
     resample,
     residual,
     rlse,
@@ -28,6 +28,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     ingest.STAGE,
     resample.STAGE,
     fuse.STAGE,
+    replace_state.STAGE,
     residual.STAGE,
     synthesise.STAGE,
     validate.STAGE,
@@ -37,6 +38,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     control.STAGE,
     check_published.STAGE,
     report.STAGE,
+    reproduce.STAGE,
 )
 
 KINDS: dict[str, tuple[str, ...]] = {
@@ -63,4 +65,17 @@ KINDS: dict[str, tuple[str, ...]] = {
     "bench": ("ingest", "pipendulum", "rlse", "check_published", "report"),
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
     "control": ("control", "check_published", "report"),
+    "variant": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate"),
+    "variant_with_true_states": (
+        "simulate",
+        "ingest",
+        "resample",
+        "replace_state",
+        "residual",
+        "synthesise",
+        "validate",
+    ),
+    "reproduction": ("reproduce",),
 }
+REPRODUCTION_KINDS = ("variant", "variant_with_true_states", "reproduction")
+"""Kinds that `auvid reproduce` runs; a manifest has one of the others."""

@@ -127,6 +127,14 @@ def every(schema: str) -> Any:
     return field(metadata={"port": schema, "every": True, "many": True, "optional": False})
 
 
+def from_runs(schema: str) -> Any:
+    """Declare an input port that collects a schema from several runs.
+
+    Keyed `RUN/ITEM`, or `RUN` where a run gives one artefact or document of it.
+    """
+    return field(metadata={"port": schema, "runs": True, "many": True, "optional": False})
+
+
 def param(
     unit: str,
     default: Any,

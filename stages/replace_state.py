@@ -1,6 +1,4 @@
-"""The true state of a twin in the place of what `fuse` finds: what the chain gives
-where no sensor errs.
-"""
+"""The true state of a twin in place of the fused one: the chain without sensor errors."""
 
 from __future__ import annotations
 
@@ -39,33 +37,30 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """The truth between the ticks of the autopilot by cubic splines, at the times of
-    the segment's clock.
+    """Interpolate the truth by cubic splines at the times of the segment's clock.
 
-    A force that changes within a tick (the unsteady one) leaves an error there: 0.1 N
-    where its standard deviation is 3 N. Raises `DataError` where the truth of the
+    The unsteady force changes within a tick of the autopilot, which leaves an error of
+    0.1 N where its standard deviation is 3 N. Raises `DataError` where the truth of the
     segment's log is missing or does not cover it.
     """
     segment, t_s = inputs.segment, clock(inputs.resampled)
     t_s = t_s[(t_s >= params.edge_s) & (t_s <= t_s[-1] - params.edge_s)]
     at = t_s + float(segment["leg_start_s"])
     truth = truth_of(inputs.truth, segment, at)
-    known = clock(truth)
     eta, nu, nu_dot = (
-        np.asarray(CubicSpline(known, matrix(truth, names))(at))
+        np.asarray(CubicSpline(clock(truth), matrix(truth, names))(at))
         for names in (POSE, VELOCITY, ACCELERATION)
     )
-    rate = eta_dot(eta, nu)
     columns = {
         "t_s": t_s,
         **named(POSE, eta),
         **named(VELOCITY, nu),
-        **named(POSE_RATE, rate),
+        **named(POSE_RATE, eta_dot(eta, nu)),
         **named(ACCELERATION, nu_dot),
     }
     sensed = inputs.resampled
     rows = np.searchsorted(clock(sensed), t_s - 1e-9)
-    spread = {
+    sensor_rms = {
         name: float(np.sqrt(np.mean((column(sensed, name)[rows] - nu[:, index]) ** 2)))
         for index, name in enumerate(VELOCITY)
         if name in sensed.column_names
@@ -80,12 +75,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "cutoff_hz": None,
         "edge_s": params.edge_s,
         "integrated_sway_rms_m_s": None,
-        "rms": spread,
+        "rms": sensor_rms,
         "warnings": [],
     }
-    words = "The state is the truth of the twin, not what its sensors say."
-    shown = section(f"State of {segment['id']} (truth)", [text(words)], order=30)
-    return Outputs(make_table("fused", columns), fusion, shown)
+    note = text("The state is the truth of the twin, not a measurement of its sensors.")
+    own_section = section(f"State of {segment['id']} (truth)", [note], order=30)
+    return Outputs(make_table("fused", columns), fusion, own_section)
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(
@@ -96,4 +91,5 @@ STAGE: Stage[Inputs, Params, Outputs] = Stage(
     params=Params,
     outputs=Outputs,
     run=run,
+    no_views="its curves are those of the truth",
 )

@@ -31,7 +31,15 @@ from auvid.pipeline.execution.task_inputs import (
     log_source,
     vehicle_source,
 )
-from auvid.pipeline.graph import SIMULATED_LOG, WHOLE, AnyStage, Feed, Graph, Port
+from auvid.pipeline.graph import (
+    MANIFEST_PORTS,
+    SIMULATED_LOG,
+    WHOLE,
+    AnyStage,
+    Feed,
+    Graph,
+    Port,
+)
 from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
 from auvid.pipeline.store.fingerprints import (
     FileHashes,
@@ -70,14 +78,18 @@ class Place:
 
 @dataclass
 class Run:
-    """One campaign, its graph and the parameters of its stages, over a folder of
-    artefacts.
+    """A campaign, its graph and the parameters of its stages over a folder of results.
+
+    `members`: the runs by name that feed ports of several runs; `title` stands before
+    the names of stages in the progress, where stages that are up to date are left out.
     """
 
     campaign: Campaign
     graph: Graph
     params: Mapping[str, Any]
     folder: Path
+    members: Mapping[str, Run] = field(default_factory=dict)
+    title: str = ""
     manifests: dict[str, Manifest] = field(init=False)
     hashes: FileHashes = field(init=False)
 
@@ -95,6 +107,7 @@ class Run:
         *,
         force: bool = False,
         after: Callable[[Run], None] | None = None,
+        close_engine: bool = True,
     ) -> int:
         """Bring these stages up to date and return how many items had to run.
 
@@ -110,9 +123,10 @@ class Run:
                     after(self)
                 return count
             finally:
-                engine.close()
+                if close_engine:
+                    engine.close()
                 for stage in stages:
-                    sweep(self.folder / stage.name)
+                    sweep(self.manifests[stage.name].folder)
                 self.hashes.save()
 
     def _stage(self, stage: AnyStage, engine: Engine, progress: Progress, force: bool) -> int:
@@ -133,7 +147,14 @@ class Run:
         manifest.write(
             {item: record for item, record in manifest.records.items() if item not in again}, order
         )
-        progress.stage(stage.name, todo=len(again), total=len(places), level=stage.maps_over)
+        if self.title and not again:
+            progress = Silent()
+        progress.stage(
+            f"{self.title}/{stage.name}" if self.title else stage.name,
+            todo=len(again),
+            total=len(places),
+            level=WHOLE if self.title else stage.maps_over,
+        )
         for outcome in engine.map(stale):
             outcomes[outcome.item] = outcome
             if outcome.record is not None:
@@ -194,9 +215,8 @@ class Run:
             }
         )
         outputs = tuple(port for port in self.graph.outputs if port.stage is stage)
-        return Task(
-            stage, place.item, params, sources, outputs, self.folder / stage.name, key, code
-        )
+        folder = self.manifests[stage.name].folder
+        return Task(stage, place.item, params, sources, outputs, folder, key, code)
 
     def is_fresh(self, task: Task) -> bool:
         """Whether the record of an item has this key and its files are what the record
@@ -243,19 +263,15 @@ class Run:
         }
 
     def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
+        if feed.runs:
+            return self._of_members(feed)
         if feed.schema == "raw_log":
             assert place.log is not None
             return self._log(place.log)
-        if feed.schema == "twin":
-            return Value(self.campaign.twin)
-        if feed.schema == "vehicle":
-            return vehicle_source(self.campaign.vehicle)
-        if feed.schema == "campaign":
-            return Value(self.campaign.seen_by(place.log, place.leg))
-        if feed.schema == "leg":
-            return Value(self.campaign.legs[str(place.leg)])
-        if feed.schema == "provenance":
-            return Value(self.provenance())
+        if feed.schema in MANIFEST_PORTS:
+            if feed.schema == "vehicle":
+                return vehicle_source(self.campaign.vehicle)
+            return Value(self._manifest_document(feed.schema, place))
         if feed.every:
             return Many(self._collected(feed))
         if not feed.producers:
@@ -264,6 +280,36 @@ class Run:
             ]  # the manifest names one document: no collection (report) takes it
             return Value(None if many else self.campaign.documents.get(feed.schema))
         return self._produced(stage, feed, feed.producers[0], place)
+
+    def _manifest_document(self, schema_name: str, place: Place) -> Any:
+        if schema_name == "campaign":
+            return self.campaign.seen_by(place.log, place.leg)
+        if schema_name == "leg":
+            return self.campaign.legs[str(place.leg)]
+        if schema_name == "provenance":
+            return self.provenance()
+        if schema_name == "twin":
+            return self.campaign.twin
+        return self.campaign.documents[schema_name]
+
+    def _of_members(self, feed: Feed) -> Source:
+        """A document of each member by its name, or their artefacts by `RUN/ITEM`."""
+        if feed.schema in MANIFEST_PORTS:
+            whole = Place(WHOLE)
+            return Value(
+                {
+                    name: run._manifest_document(feed.schema, whole)
+                    for name, run in self.members.items()
+                }
+            )
+        entries = {}
+        for name, run in self.members.items():
+            for port in run.graph.producers(feed.schema):
+                for item in run.manifests[port.stage.name].records:
+                    for key, artefact in run.artefacts_of(port, item).items():
+                        last = key if key is not None else "" if port.level == WHOLE else item
+                        entries[f"{name}/{last}".rstrip("/")] = artefact
+        return Many(entries)
 
     def _log(self, log: str) -> Log:
         """Return the source of a log: files of the manifest, or what the twin wrote."""

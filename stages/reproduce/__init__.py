@@ -1,56 +1,34 @@
-"""The page that holds a publication's error tables against those of a twin, in every
-variant of the chain that was run.
-"""
+"""The page that puts a publication's error tables beside those of a twin."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.base import Collection, Document, Stage, port
+from auvid.stages.base import Document, Stage, port
 from auvid.stages.page.campaign_sections import provenance_section, vehicle_line
 from auvid.stages.page.html import render
+from auvid.stages.reproduce.artefacts import Artefacts
+from auvid.stages.reproduce.content import ReproductionContent
 from auvid.stages.reproduce.figures import figure_sections
-from auvid.stages.reproduce.measures import Check, Found, checks, measure
-from auvid.stages.reproduce.tables import Told
+from auvid.stages.reproduce.measures import VariantCheck, VariantMeasures, checks, measure
 from auvid.stages.reproduce.text import sections, summary
 
 
 @dataclass(frozen=True)
-class Inputs:
-    """`campaign` and `provenance` are those of the published procedure on the first
-    plan.
-
-    Collections are keyed `plan/variant/item`, and `plan/item` for what the variants of
-    a plan share.
-    """
-
+class Inputs(Artefacts):
     reproduction: Document = port("reproduction")
     published: Document = port("published_tables")
-    vehicle: Vehicle = port("vehicle")
     campaign: Document = port("campaign")
-    provenance: Document = port("provenance")
-    plans: Collection[Document] = port("plan", many=True)
-    simulation: Collection[Document] = port("simulation", many=True)
-    truth: Collection[pa.Table] = port("truth", many=True)
-    segment: Collection[Document] = port("segment", many=True)
-    resampled: Collection[pa.Table] = port("resampled", many=True)
-    fused: Collection[pa.Table] = port("fused", many=True)
-    fusion: Collection[Document] = port("fusion", many=True)
-    residual: Collection[pa.Table] = port("residual", many=True)
-    predictions: Collection[pa.Table] = port("predictions", many=True)
-    model_card: Collection[Document] = port("model_card", many=True)
-    error_table: Collection[pa.Table] = port("error_table", many=True)
 
 
 @dataclass(frozen=True)
 class Params:
-    """None: what is compared stands in the document."""
+    """No parameters: the document of the reproduction says what is compared."""
 
 
 @dataclass(frozen=True)
@@ -61,38 +39,45 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `CampaignError` where the document names a variant, plan or leg that was
-    not run.
+    """Measure every variant and make the page.
+
+    Raises `CampaignError` where the document names a variant, plan or leg that was not
+    run.
     """
     document = inputs.reproduction
-    found = {key: measure(key, inputs) for key in inputs.error_table}
-    held = checks(document, found)
-    told = Told(
+    measures = {key: measure(key, inputs) for key in inputs.error_table}
+    results = checks(document, measures)
+    content = ReproductionContent(
         document,
         inputs.published,
         inputs.vehicle,
-        dict(inputs.plans.items()),
-        found,
-        tuple(held),
+        {key.split("/")[0]: twin["plan"] for key, twin in inputs.twin.items()},
+        measures,
+        tuple(results),
     )
-    shown: dict[str, dict[str, Any]] = {**sections(told), **figure_sections(inputs, document)}
-    published = f"{told.plan}/{document['compared']['published']}/"
-    cards = {key: inputs.model_card[key] for key in inputs.model_card if key.startswith(published)}
-    shown["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
+    published = f"{content.plan}/{document['compared']['published']}"
+    cards = {
+        key: inputs.model_card[key] for key in inputs.model_card if key.startswith(f"{published}/")
+    }
     page = render(
         str(document["title"]),
         vehicle_line(inputs.vehicle),
         str(document.get("notes", "")),
-        summary(told),
-        shown,
+        summary(content),
+        {
+            **sections(content),
+            **figure_sections(inputs, document),
+            "provenance": provenance_section(inputs.provenance[published], inputs.campaign, cards),
+        },
     )
-    return Outputs(page, _errors(found, inputs.published), _checks(held))
+    return Outputs(page, _errors(measures, content.printed), _checks(results))
 
 
-def _errors(found: Mapping[str, Found], published: Document) -> pa.Table:
-    printed = {(row["set"], row["model"]): row for row in published["rows"]}
+def _errors(
+    measures: Mapping[str, VariantMeasures], printed: Mapping[tuple[str, str], Document]
+) -> pa.Table:
     rows: list[dict[str, Any]] = []
-    for key, item in found.items():
+    for key, item in measures.items():
         plan, variant = key.split("/")
         for (use, model), score in item.scores.items():
             row = printed.get((use, model))
@@ -116,19 +101,31 @@ def _errors(found: Mapping[str, Found], published: Document) -> pa.Table:
     )
 
 
-def _checks(held: list[Check]) -> pa.Table:
-    names = ("plan", "variant", "asked", "low", "high", "least", "most", "met", "known")
+def _checks(results: Sequence[VariantCheck]) -> pa.Table:
+    found = [item.check for item in results]
     return make_table(
-        "reproduction_checks", {name: [getattr(item, name) for item in held] for name in names}
+        "reproduction_checks",
+        {
+            "plan": [item.plan for item in results],
+            "variant": [item.variant for item in results],
+            "quantity": [check.quantity for check in found],
+            "low": [check.low for check in found],
+            "high": [check.high for check in found],
+            "least": [check.least for check in found],
+            "most": [check.value for check in found],
+            "met": [check.met for check in found],
+            "accepted_reason": [check.accepted_reason for check in found],
+        },
     )
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(
-    name="reproduction",
-    summary="Hold a publication's error tables against those of a twin",
+    name="reproduce",
+    summary="A publication's error tables beside those of a twin, from several runs",
     maps_over="campaign",
     inputs=Inputs,
     params=Params,
     outputs=Outputs,
     run=run,
+    no_views="its figures are those of the publication, on the page",
 )

@@ -1,12 +1,10 @@
-"""The figures of the thesis that a twin can give, from the artefacts of one variant:
-numbered as there, drawn as here.
-"""
+"""The figures of the thesis that a twin can give, numbered as there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -27,9 +25,7 @@ from auvid.stages.columns import (
     forces,
 )
 from auvid.stages.presentation import Block, panel, plot, section, series
-
-if TYPE_CHECKING:
-    from auvid.stages.reproduce import Inputs
+from auvid.stages.reproduce.artefacts import Artefacts
 
 MODEL_FIGURES = {
     "mcfarland": "5.8",
@@ -55,7 +51,7 @@ UNITS = {
 }
 
 
-def figure_sections(inputs: Inputs, document: Document) -> dict[str, dict[str, Any]]:
+def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str, Any]]:
     """Sections with the figures. Raises `CampaignError` for a leg that the first plan
     does not have.
     """
@@ -135,7 +131,7 @@ def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: st
 
 
 def _coupling_key(
-    inputs: Inputs, document: Document, published: str, segments: Mapping[str, Document]
+    inputs: Artefacts, document: Document, published: str, segments: Mapping[str, Document]
 ) -> str:
     """The segment of Figure 1.2 as `plan/variant/segment`; another plan is looked at
     through its first variant.
@@ -158,10 +154,9 @@ def _coupling_key(
     return found[0]
 
 
-def _coupling(inputs: Inputs, key: str) -> Block:
-    plan, _, leg = key.split("/")
-    log = inputs.segment[key]["log"]
-    truth = inputs.truth[f"{plan}/{log}"]
+def _coupling(inputs: Artefacts, key: str) -> Block:
+    plan, variant, leg = key.split("/")
+    truth = inputs.truth[f"{plan}/{variant}/{inputs.segment[key]['log']}"]
     fused = inputs.resampled[key]
     start = float(inputs.segment[key]["leg_start_s"])
     inside = (clock(truth) >= start) & (clock(truth) <= start + clock(fused)[-1])
@@ -190,7 +185,7 @@ def _turns(angle: float) -> float:
 
 
 def _processed(
-    inputs: Inputs, published: str, corrected: str, labels: tuple[str, str]
+    inputs: Artefacts, published: str, corrected: str, labels: tuple[str, str]
 ) -> list[Block]:
     raw = inputs.resampled[published]
     fused = [
@@ -231,7 +226,7 @@ def _unit(name: str) -> str:
     return UNITS[name.partition("_dot_")[2] or name.partition("_")[2]]
 
 
-def _data(inputs: Inputs, variant: str, segments: Mapping[str, Document]) -> list[Block]:
+def _data(inputs: Artefacts, variant: str, segments: Mapping[str, Document]) -> list[Block]:
     groups: dict[str, list[str]] = {}
     for name, segment in segments.items():
         kind = "depth steps" if name.startswith("depth") else "heading steps"
@@ -267,7 +262,7 @@ def _joined(tables: Mapping[str, pa.Table], name: str) -> list[dict[str, Any]]:
     return lines
 
 
-def _measured_forces(inputs: Inputs, document: Document, plan: str, leg: str) -> Block:
+def _measured_forces(inputs: Artefacts, document: Document, plan: str, leg: str) -> Block:
     lines: dict[str, list[dict[str, Any]]] = {axis: [] for axis in AXES}
     roles = ("predicted", "fused", "resampled", "measured", "difference")
     for entry, role in zip(document["variants"], roles, strict=False):
@@ -282,8 +277,9 @@ def _measured_forces(inputs: Inputs, document: Document, plan: str, leg: str) ->
             forces(residual, "tau_bar"),
             role,
         )
-    segment = inputs.segment[f"{plan}/{document['compared']['published']}/{leg}"]
-    truth = inputs.truth[f"{plan}/{segment['log']}"]
+    published = f"{plan}/{document['compared']['published']}"
+    segment = inputs.segment[f"{published}/{leg}"]
+    truth = inputs.truth[f"{published}/{segment['log']}"]
     start = float(segment["leg_start_s"])
     inside = (clock(truth) >= start) & (clock(truth) <= start + float(segment["duration_s"]))
     _add(
@@ -303,7 +299,7 @@ def _add(
         lines[axis].append(series(name, t_s, force[:, index], role))
 
 
-def _models(inputs: Inputs, variant: str, leg: str, label: str) -> list[Block]:
+def _models(inputs: Artefacts, variant: str, leg: str, label: str) -> list[Block]:
     key = f"{variant}/{leg}"
     residual, predictions = inputs.residual[key], inputs.predictions[key]
     measured, t = forces(residual, "tau_bar"), clock(residual)

@@ -1,369 +1,340 @@
-"""The tables on the page of a reproduction: errors beside the published ones, bounds,
-and what is known of force and motion.
-"""
+"""The tables of a reproduction: errors, bounds, force and motion, variants and plans."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, nearest
+import numpy as np
+
 from auvid.hydro.arrays import AXES
-from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, table, text
-from auvid.stages.reproduce.measures import Check, Found, total
+from auvid.stages.reference_check import CHECK_COLUMNS
+from auvid.stages.reproduce.content import ReproductionContent
+from auvid.stages.reproduce.measures import TURN_TERMS, VariantMeasures
 
 Cells = list[Any]
+REFERENCE_SPEED_M_S = 2.0
+PRINTED_DIFFERENCE = 0.002
+"""A printed J/J0 further than this from its J over J0 is an error of the print."""
+PLAN_KEYS = (
+    "yaw_scale",
+    "yaw_steps",
+    "depth_scale",
+    "depth_steps",
+    "depth_m",
+    "unsteady",
+    "settle_s",
+    "fins",
+    "sensors",
+)
 
 
-@dataclass(frozen=True)
-class Told:
-    """Everything that the words are made of; `found` is keyed `plan/variant`."""
-
-    document: Document
-    published: Document
-    vehicle: Vehicle
-    plans: Mapping[str, Document]
-    found: Mapping[str, Found]
-    checks: tuple[Check, ...]
-
-    @property
-    def plan(self) -> str:
-        """The plan that is held against the published tables."""
-        return str(self.document["plans"][0]["id"])
-
-    @property
-    def repeated(self) -> list[str]:
-        """Plans that fly the first one again with other random numbers."""
-        first, *others = self.document["plans"]
-        return [entry["id"] for entry in others if entry["plan"] == first["plan"]]
-
-    @property
-    def flown(self) -> dict[str, Document]:
-        """The plans without those that are repeated."""
-        return {name: plan for name, plan in self.plans.items() if name not in self.repeated}
-
-    @cached_property
-    def variants(self) -> dict[str, Document]:
-        return {entry["id"]: entry for entry in self.document["variants"]}
-
-    def of(self, plan: str) -> dict[str, Found]:
-        """Variants that were run on a plan, in the order of the document."""
-        return {
-            name: self.found[f"{plan}/{name}"]
-            for name in self.variants
-            if f"{plan}/{name}" in self.found
-        }
-
-    def label(self, variant: str) -> str:
-        return f"({self.variants[variant]['label']})"
-
-    def compared(self, role: str) -> tuple[str, Found]:
-        """The label and the findings of a variant that the words speak of, on the first
-        plan.
-        """
-        name = str(self.document["compared"][role])
-        found = self.of(self.plan)
-        if name not in found:
-            raise CampaignError(
-                "not a variant of the first plan",
-                field=f"compared.{role}",
-                value=name,
-                remedy=nearest(name, found),
-            )
-        return self.label(name), found[name]
-
-    @cached_property
-    def printed(self) -> dict[tuple[str, str], Document]:
-        """Published rows by set and model."""
-        return {(row["set"], row["model"]): row for row in self.published["rows"]}
-
-    @cached_property
-    def transport(self) -> tuple[float, float]:
-        """What omega x v adds to the sway force per u r, m - Y_vdot, and what is there
-        rightly, m - X_udot [kg].
-        """
-        return self.vehicle.mass_kg - float(
-            self.vehicle.added_mass[1, 1]
-        ), self.vehicle.mass_kg - float(self.vehicle.added_mass[0, 0])
-
-    @property
-    def missed(self) -> list[Check]:
-        """Bounds that are not met, and of which nothing says why."""
-        return [item for item in self.checks if not item.met and not item.known]
-
-
-def model_title(told: Told, model: str) -> str:
-    return next(
-        (
-            score.title
-            for item in told.found.values()
-            for (_, name), score in item.scores.items()
-            if name == model
-        ),
-        model,
-    )
-
-
-def variant_words(told: Told) -> Iterator[Block]:
-    yield text(
+def variant_titles(content: ReproductionContent) -> Block:
+    return text(
         "; ".join(
-            f"{told.label(name)} {entry['title']}"
-            for name, entry in told.variants.items()
-            if name in told.of(told.plan)
+            f"{content.label(name)} {content.variants[name]['title']}"
+            for name in content.of(content.plan)
         )
         + "."
     )
 
 
-def error_tables(told: Told, plan: str, *, printed: bool) -> Iterator[Block]:
-    shown = told.of(plan)
+def error_tables(content: ReproductionContent, plan: str, *, printed: bool) -> Iterator[Block]:
+    """J/J0 and J of every variant on a plan, beside the published ones if `printed`."""
+    variants = content.of(plan)
+    labels = [content.label(name) for name in variants]
     for use, number in (("validation", "5.1"), ("training", "5.2")):
-        if not all(use in item.j0 for item in shown.values()):
+        if not all(use in item.j0 for item in variants.values()):
             continue
-        models = _order(told, use, shown)
-        thesis = printed and any((use, model) in told.printed for model in models)
-        where = f"Table {number} ({use})" if printed else f"{use.capitalize()}"
-        names = [*(["thesis"] if thesis else []), *(told.label(name) for name in shown)]
+        models = _order(content, use, variants)
+        thesis = printed and any((use, model) in content.printed for model in models)
+
+        def cells(value: Any, thesis: bool = thesis) -> Cells:
+            """Return a published value, where the thesis has a column."""
+            return [value] if thesis else []
+
         ratios: list[Cells] = []
         sizes: list[Cells] = []
         for model in models:
-            row = told.printed.get((use, model))
-            scores = [item.scores[(use, model)] for item in shown.values()]
-            head: Cells = [
-                scores[0].title,
-                *([row["n_bar_printed"] if row else None] if thesis else []),
-                scores[0].n_bar,
-                scores[0].rank,
-            ]
+            row: Document = content.printed.get((use, model), {})
+            scores = [item.scores[use, model] for item in variants.values()]
+            first = scores[0]
+            head = [first.title, *cells(row.get("n_bar_printed")), first.n_bar, first.rank]
             ratios.append(
-                [
-                    *head,
-                    *([row["ratio_recomputed"] if row else None] if thesis else []),
-                    *(score.ratio for score in scores),
-                ]
+                [*head, *cells(row.get("ratio_recomputed")), *(score.ratio for score in scores)]
             )
-            sizes.append(
-                [
-                    *head,
-                    *([row["J"] if row else None] if thesis else []),
-                    *(score.j for score in scores),
-                ]
-            )
-        j0 = [item.j0[use] for item in shown.values()]
-        none: Cells = [
-            "no model: J0",
-            *([0] if thesis else []),
-            0,
-            0,
-            *([printed_j0(told, use)] if thesis else []),
-            *j0,
-        ]
-        heads = ["model", *(["n-bar thesis"] if thesis else []), "n-bar", "rank"]
-        note = "J is the RMS error over six axes, N and N m mixed, as the thesis has it."
+            sizes.append([*head, *cells(row.get("J")), *(score.j for score in scores)])
+        sizes.append(
+            [
+                "no model: J0",
+                *cells(0),
+                0,
+                0,
+                *cells(content.printed_j0(use)),
+                *(item.j0[use] for item in variants.values()),
+            ]
+        )
+        heads = ["model", *cells("n-bar thesis"), "n-bar", "rank"]
+        names = [*cells("thesis"), *labels]
+        where = f"Table {number} ({use})" if printed else f"{use.capitalize()}"
+        note = "J is the RMS error over six axes, N and N m mixed, as in the thesis."
         yield table(
             f"{where}: J/J0",
             [*heads, *(f"J/J0 {name}" for name in names)],
             ratios,
-            note="0 is perfect, 1 explains nothing." * printed,
+            note="0 is perfect, 1 explains nothing." if printed else "",
         )
-        yield table(f"{where}: J", [*heads, *names], [*sizes, none], note=note * printed)
+        yield table(f"{where}: J", [*heads, *names], sizes, note=note if printed else "")
 
 
-def repeats(told: Told) -> Iterator[Block]:
-    """The published procedure on the first plan, flown again with other noise and
-    unsteady force.
-    """
-    name = str(told.document["compared"]["published"])
-    shown = {
-        plan: told.found[f"{plan}/{name}"]
-        for plan in (told.plan, *told.repeated)
-        if f"{plan}/{name}" in told.found
+def repeats(content: ReproductionContent) -> Iterator[Block]:
+    """The published procedure on the first plan, flown again with other random numbers."""
+    name = str(content.document["compared"]["published"])
+    flights = {
+        plan: content.measures[f"{plan}/{name}"]
+        for plan in (content.plan, *content.repeated)
+        if f"{plan}/{name}" in content.measures
     }
-    if len(shown) < 2:
+    if len(flights) < 2:
         return
-    seeds = {entry["id"]: entry.get("seed") for entry in told.document["plans"]}
-    label = told.label(name)
-    heads = [
-        "model",
-        *(
-            f"J/J0 {'seed of the manifest' if seeds[plan] is None else f'seed {seeds[plan]}'}"
-            for plan in shown
-        ),
-    ]
+    seeds = {entry["id"]: entry.get("seed") for entry in content.document["plans"]}
+    heads = ["model"]
+    for plan in flights:
+        seed = "seed of the manifest" if seeds[plan] is None else f"seed {seeds[plan]}"
+        heads.append(f"J/J0 {seed}")
     for use in ("validation", "training"):
-        if not all(use in item.j0 for item in shown.values()):
+        if not all(use in item.j0 for item in flights.values()):
             continue
-        rows: list[Cells] = []
-        for model in _order(told, use, shown):
-            rows.append(
-                [
-                    model_title(told, model),
-                    *(item.scores[(use, model)].ratio for item in shown.values()),
-                ]
-            )
-        j0 = ", ".join(f"{item.j0[use]:.2f}" for item in shown.values())
+        rows = [
+            [
+                content.model_title(model),
+                *(item.scores[use, model].ratio for item in flights.values()),
+            ]
+            for model in _order(content, use, flights)
+        ]
+        j0 = ", ".join(f"{item.j0[use]:.2f}" for item in flights.values())
         note = (
-            f"J0: {j0}. Models that differ by less than the draws of noise and unsteady force do"
-            " are not told apart by the table."
+            f"J0: {j0}. The table does not distinguish models that differ by less than the draws"
+            " of noise and unsteady force."
         )
-        yield table(f"{label} with other random numbers, {use}: J/J0", heads, rows, note=note)
+        title = f"{content.label(name)} with other random numbers, {use}: J/J0"
+        yield table(title, heads, rows, note=note)
 
 
-def _order(told: Told, use: str, shown: Mapping[str, Found]) -> list[str]:
-    """Models in the order of the published table, then those that are not in it."""
-    fitted = [model for kind, model in next(iter(shown.values())).scores if kind == use]
-    listed = [model for kind, model in told.printed if kind == use]
+def _order(
+    content: ReproductionContent, use: str, variants: Mapping[str, VariantMeasures]
+) -> list[str]:
+    """Return models in the order of the published table, then those that are not in it."""
+    fitted = [model for of, model in next(iter(variants.values())).scores if of == use]
+    listed = [model for of, model in content.printed if of == use]
     return [model for model in listed if model in fitted] + [
         model for model in fitted if model not in listed
     ]
 
 
-def printed_j0(told: Told, use: str) -> float:
-    return float(
-        next((row["J0"] for (kind, _), row in told.printed.items() if kind == use), float("nan"))
-    )
-
-
-def row_notes(told: Told) -> Iterator[Block]:
-    for row in told.printed.values():
-        if abs(row["ratio_printed"] - row["ratio_recomputed"]) > 0.002:
-            ours = [
-                f"{told.label(name)} {item.scores[(row['set'], row['model'])].ratio:.3f}"
-                for name, item in told.of(told.plan).items()
-                if (row["set"], row["model"]) in item.scores
-            ]
+def print_errors(content: ReproductionContent) -> Iterator[Block]:
+    """A note on each published row whose J/J0 is not its J over its J0."""
+    for (use, model), row in content.printed.items():
+        if abs(row["ratio_printed"] - row["ratio_recomputed"]) > PRINTED_DIFFERENCE:
+            ours = ", ".join(
+                f"{content.label(name)} {item.scores[use, model].ratio:.3f}"
+                for name, item in content.of(content.plan).items()
+                if (use, model) in item.scores
+            )
             yield remark(
-                f"Table {row['table']}, {model_title(told, row['model'])}: J = {row['J']:.3f} over"
-                f" J0 = {row['J0']:.3f} is {row['ratio_recomputed']:.3f}, but the table prints"
+                f"Table {row['table']}, {content.model_title(model)}: J = {row['J']:.3f} over J0"
+                f" = {row['J0']:.3f} is {row['ratio_recomputed']:.3f}, but the table prints"
                 f" {row['ratio_printed']:.3f}, which belongs to J ="
-                f" {row['ratio_printed'] * row['J0']:.2f}. {row['note']}. The twin gives"
-                f" {', '.join(ours)}.",
-                "note",
+                f" {row['ratio_printed'] * row['J0']:.2f}. {row['note']}. The twin gives {ours}."
             )
-    rows = [
-        (row, told.of(told.plan))
-        for (use, model), row in told.printed.items()
-        if model == "uncoupled" and use == "validation"
-    ]
-    for row, shown in rows:
-        score = next(iter(shown.values())).scores.get(("validation", "uncoupled"))
-        if score is not None:
-            yield remark(
-                f"Uncoupled has n-bar {row['n_bar_printed']} in Tables 5.1 and 5.2, but 22 in"
-                " Figure 5.14 and Table E.10, where X_u and X_u|u| are missing. The vehicle only"
-                f" moves ahead, so u = |u| and u² = u|u|: of the {score.n_bar} terms here the data"
-                f" determine {score.rank}, and of each pair only the sum. Both counts are right:"
-                " one of terms, one of what can be known.",
-                "note",
-            )
-    yield remark(
-        "For the same reason Coe is fitted with 33 of its 36 terms in the thesis: X, Z and M have"
-        " no u|u| beside u².",
-        "note",
-    )
 
 
-def asked(told: Told) -> Block:
+def check_table(content: ReproductionContent) -> Block:
     rows = [
         [
             item.plan,
-            f"{told.label(item.variant)} {item.variant}",
-            item.asked,
-            bounds(item),
-            value_range(item),
-            "met" if item.met else "missed",
-            item.known if not item.met else "",
+            f"{content.label(item.variant)} {item.variant}",
+            item.check.quantity,
+            *item.check.cells,
         ]
-        for item in told.checks
+        for item in content.checks
     ]
-    note = (
-        "Measured: from the least to the most of several values. A bound that is missed without a"
-        " reason makes the command fail."
-    )
-    return table(
-        "Asked and measured",
-        ["plan", "variant", "figure", "asked", "measured", "", "reason"],
-        rows,
-        note=note,
-    )
+    note = "A bound that is missed without an accepted reason makes the command fail."
+    heads = ["plan", "variant", "quantity", *CHECK_COLUMNS]
+    return table("Required and measured", heads, rows, note=note)
 
 
-def bounds(item: Check) -> str:
-    if item.low is not None and item.high is not None:
-        return f"{item.low:g} to {item.high:g}"
-    return (
-        f"at least {item.low:g}"
-        if item.low is not None
-        else f"at most {item.high:g}"
-        if item.high is not None
-        else "any"
-    )
-
-
-def value_range(item: Check) -> str:
-    return (
-        f"{item.least:.3g}" if item.least == item.most else f"{item.least:.3g} to {item.most:.3g}"
-    )
-
-
-def force_tables(told: Told) -> Iterator[Block]:
-    plans = [
-        entry["id"]
-        for entry in told.document["plans"]
-        if told.of(entry["id"]) and entry["id"] not in told.repeated
+def force_tables(content: ReproductionContent) -> Iterator[Block]:
+    """RMS errors of force, motion and biases of every variant on every plan."""
+    items = [
+        (entry["id"], content.label(name), item)
+        for entry in content.document["plans"]
+        if entry["id"] not in content.repeated
+        for name, item in content.of(entry["id"]).items()
     ]
-    pairs = [(plan, name, item) for plan in plans for name, item in told.of(plan).items()]
-    rows = [
-        [
-            plan,
-            told.label(name),
-            total(item.force_error),
-            total(item.force),
-            *map(float, item.force_error),
-        ]
-        for plan, name, item in pairs
-    ]
-    note = (
-        "Residual force minus the true viscous and unsteady force, all legs. Not zero for true"
-        " states: they are interpolated between the ticks of the simulation, at which the unsteady"
-        " force and the fins have kinks."
-    )
     yield table(
         "Residual force: RMS error against the truth",
         ["plan", "variant", "error", "true force", *AXES],
-        rows,
-        note=note,
+        [
+            [plan, label, item.total_force_error, item.total_force, *map(float, item.force_error)]
+            for plan, label, item in items
+        ],
+        note=(
+            "Residual force minus the true viscous and unsteady force, all legs. True states are"
+            " interpolated between the ticks of the simulation, at which the unsteady force and"
+            " the fins have kinks; so their error is not zero."
+        ),
     )
-    heads: list[str | tuple[str, str]] = [
-        "plan",
-        "variant",
-        ("u", "m/s"),
-        ("v", "m/s"),
-        ("w", "m/s"),
-        ("p", "rad/s"),
-        ("q", "rad/s"),
-        ("r", "rad/s"),
-        ("gyro bias", "rad/s"),
-        ("accel. bias", "m/s²"),
-        ("sway gap", "m/s"),
-    ]
+    yield table(
+        "Motion and biases: RMS error against the truth",
+        [
+            "plan",
+            "variant",
+            *((name, "m/s") for name in "uvw"),
+            *((name, "rad/s") for name in "pqr"),
+            ("gyro bias", "rad/s"),
+            ("accel. bias", "m/s²"),
+            ("sway gap", "m/s"),
+        ],
+        [
+            [
+                plan,
+                label,
+                *map(float, item.velocity_error),
+                item.gyro_bias,
+                item.accel_bias,
+                item.sway_gap,
+            ]
+            for plan, label, item in items
+        ],
+        note=(
+            "Biases: RMS over legs and axes. Sway gap: largest RMS, over the legs, of estimated"
+            " minus measured sway."
+        ),
+    )
+
+
+def turn_force_table(content: ReproductionContent) -> Block:
+    """The sway force that grows with u r, by procedure."""
     rows = [
         [
-            plan,
-            told.label(name),
-            *map(float, item.velocity_error),
-            item.gyro_bias,
-            item.accel_bias,
-            item.sway_gap,
+            f"{content.label(name)} {content.variants[name]['title']}",
+            item.turn,
+            item.turn_added,
+            item.total_force_error,
+            item.j0.get("training"),
+            item.j0.get("validation"),
         ]
-        for plan, name, item in pairs
+        for name, item in content.of(content.plan).items()
     ]
-    note = (
-        "Biases: RMS over legs and axes. Sway gap: largest RMS of a leg of found minus measured"
-        " sway."
+    return table(
+        "How much of the sway force goes with u r",
+        [
+            "procedure",
+            ("c", "kg"),
+            ("error of c", "kg"),
+            "RMS error of the force",
+            "J0 training",
+            "J0 validation",
+        ],
+        rows,
+        note=(
+            "Sway force over all training legs, fitted by c u r with the true u r. Expected from"
+            f" the masses: {content.transport[0]:.1f} kg too much with the transport term left in."
+        ),
     )
-    yield table("Motion and biases: RMS error against the truth", heads, rows, note=note)
+
+
+def turn_term_table(content: ReproductionContent) -> Block:
+    """The coefficient of each model that carries the transport term."""
+    variants = content.of(content.plan)
+    terms = {
+        model: term
+        for item in reversed(variants.values())
+        for model, (term, _) in item.turn_terms.items()
+    }
+    models = dict.fromkeys(model for item in variants.values() for model in item.turn_terms)
+    rows: list[Cells] = []
+    for model in models:
+        printed = content.published["coefficients"].get(model, {}).get("Y", {})
+        thesis = next((printed[name] for name in TURN_TERMS if name in printed), None)
+        values = [item.turn_terms.get(model, ("", None))[1] for item in variants.values()]
+        rows.append([content.model_title(model), terms[model], thesis, *values])
+    return table(
+        "The coefficient that carries it",
+        ["model", "term", "thesis", *(content.label(name) for name in variants)],
+        rows,
+        note=(
+            f"Coefficient of the transport term in Y [kg]; {sum(content.transport):.1f} if u r were"
+            " counted twice and nothing else went with it. In closed loop v follows r, so that"
+            " single coefficients trade off against each other: the difference between the columns"
+            " counts."
+        ),
+    )
+
+
+def plan_tables(content: ReproductionContent) -> Iterator[Block]:
+    """The plans, their legs, the viscous force of the twin, and the variants."""
+    yield table(
+        "The plans",
+        ["key", *content.flown],
+        [[key, *(_plain(plan.get(key)) for plan in content.flown.values())] for key in PLAN_KEYS],
+        note="Steps are multiplied by their scale.",
+    )
+    legs = [
+        [leg["id"], leg["use"], leg["manoeuvre"], leg["rpm"], leg["duration_s"]]
+        for leg in content.plans[content.plan]["legs"]
+    ]
+    heads = ["leg", "use", "manoeuvre", ("speed", "rpm"), ("length", "s")]
+    yield table(f"Legs of plan {content.plan}", heads, legs)
+    if content.vehicle.fins is not None:
+        yield _derivatives(content)
+    rows = [
+        [content.label(name), entry["title"], _settings(entry)]
+        for name, entry in content.variants.items()
+    ]
+    yield table("Parameters that differ from the defaults", ["variant", "", "parameters"], rows)
+
+
+def _derivatives(content: ReproductionContent) -> Block:
+    force, step = physical_viscous(content.vehicle), 1e-3
+    rows = []
+    for name, index in (("v", 1), ("r", 5)):
+        nu = np.zeros((2, 6))
+        nu[:, 0], nu[:, index] = REFERENCE_SPEED_M_S, (step, -step)
+        above, below = force.force(nu)
+        slope = (above - below) / (2.0 * step * REFERENCE_SPEED_M_S)
+        rows += [[f"Y_{name}", float(slope[1])], [f"N_{name}", float(slope[5])]]
+    return table(
+        "Effective derivatives of the viscous truth",
+        ["derivative", "value (SI)"],
+        rows,
+        note=(
+            "Of the flow physics, at 2 m/s straight ahead, per m/s of u. This is the truth of the"
+            " twin if the manifest says physics."
+        ),
+    )
+
+
+def _settings(entry: Document) -> str:
+    parts = [
+        f"{stage}.{key} = {_plain(value)}"
+        for stage, values in (entry.get("stages") or {}).items()
+        for key, value in values.items()
+    ]
+    return ", ".join(parts) or "none"
+
+
+def _plain(value: Any) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_plain(item)}" for key, item in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " ".join(map(_plain, value))
+    return str(value)

@@ -15,7 +15,14 @@ from auvid.stages import STAGES
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "pipeline")
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
-SHARED_IN_STAGES = {"base", "presentation", "columns", "truth_lookup", "page"}
+SHARED_IN_STAGES = {
+    "base",
+    "presentation",
+    "columns",
+    "truth_lookup",
+    "reference_check",
+    "page",
+}
 """Modules of stages/ that are no stage: the interface, and what stages share."""
 IMPURE_MODULES = {
     "subprocess",

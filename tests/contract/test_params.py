@@ -12,8 +12,7 @@ import yaml
 from auvid.data_schemas.schemas import schema, schema_names
 from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
 from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
-from auvid.stages import KINDS, STAGES, replace_state
-from auvid.stages import reproduce as reproduction
+from auvid.stages import KINDS, REPRODUCTION_KINDS, STAGES
 from auvid.stages.base import Stage, make_params, ports
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,15 +72,19 @@ def test_kinds_are_graphs_in_running_order(kind: str) -> None:
 
 
 def test_kinds_are_those_of_the_manifest_schema() -> None:
-    assert set(schema("campaign").fields["kind"]["allowed"]) == set(KINDS)
+    assert set(schema("campaign").fields["kind"]["allowed"]) == set(KINDS) - set(REPRODUCTION_KINDS)
 
 
 def test_every_schema_is_used() -> None:
     """A schema nobody reads or writes is a promise nobody keeps."""
     used = {
         spec["port"]
-        for stage in (*STAGES, replace_state.STAGE, reproduction.STAGE)
+        for stage in STAGES
         for kind in (stage.inputs, stage.outputs)
         for spec in ports(kind).values()
     }
-    assert set(schema_names()) - used - set(MANIFEST_PORTS) == {"column_map", "tolerances"}
+    assert set(schema_names()) - used - set(MANIFEST_PORTS) == {
+        "column_map",
+        "plan",
+        "tolerances",
+    }

@@ -30,6 +30,7 @@ def setting(folder: Path) -> dict[str, Any]:
     (campaign / "published/error_tables.csv").write_bytes(
         (TWIN / "published/error_tables.csv").read_bytes()
     )
+    (campaign / "reproduce.md.j2").write_bytes((TWIN / "reproduce.md.j2").read_bytes())
     plan = yaml.safe_load((TWIN / "plans/short.yaml").read_text(encoding="utf-8"))
     (campaign / "plan.yaml").write_text(yaml.safe_dump(plan | {"settle_s": 10}), encoding="utf-8")
     manifest = {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "seed": 5}}
@@ -55,7 +56,7 @@ def setting(folder: Path) -> dict[str, Any]:
             "variant": "corrected",
             "figure": "force_error",
             "high": 0.01,
-            "known": "sensors have noise",
+            "accepted_reason": "sensors have noise",
         },
     ]
     write(folder, document)
@@ -79,7 +80,7 @@ def test_page_tables_bounds_and_freshness(tmp_path: Path, monkeypatch: pytest.Mo
     made = CliRunner().invoke(cli.app, ["reproduce", "small"], catch_exceptions=False)
     assert made.exit_code == 0, made.output
     assert "bounds: 3 of 4 met" in made.output
-    assert "known: sensors have noise" in made.output
+    assert "sensors have noise" in made.output
     folder = tmp_path / "runs/small/reproduce"
     page = (folder / "page/page.html").read_text(encoding="utf-8")
     for words in (

@@ -1,6 +1,4 @@
-"""What `auvid reproduce` is told: the document of plans and variants beside a
-campaign's manifest, and the published tables.
-"""
+"""The documents of a reproduction: plans and variants, and the published tables."""
 
 from __future__ import annotations
 
@@ -16,20 +14,18 @@ from auvid.pipeline.campaigns.campaign import ID, Campaign, inside, load_campaig
 from auvid.pipeline.campaigns.twin import published_coefficients, read_coefficients
 from auvid.pipeline.campaigns.workspace import load_defaults, workspace_of
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
-from auvid.pipeline.graph import AnyStage, stages_of_kind
 from auvid.pipeline.store.atomic_files import readable
-from auvid.stages import KINDS, STAGES, replace_state
+from auvid.stages import KINDS, STAGES
 
 FILE = "reproduce.yaml"
 FOLDER = "reproduce"
 FLIGHT, PAGE = "flight", "page"
 """Folders beside those of the variants and of the plans."""
 SHARED = ("simulate", "ingest")
-LEFT_OUT = ("check_truth", "report")
 
 
 @dataclass(frozen=True)
-class Setting:
+class Reproduction:
     """A campaign with its document of variants and the folder of the results."""
 
     campaign: Campaign
@@ -38,9 +34,10 @@ class Setting:
     folder: Path
 
 
-def open_setting(name: str) -> Setting:
-    """The reproduction of a campaign given by name or path. Raises `PipelineError` for
-    anything wrong with its documents.
+def open_reproduction(name: str) -> Reproduction:
+    """Open the reproduction of a campaign given by name or path.
+
+    Raises `PipelineError` for anything wrong with its documents.
     """
     workspace = workspace_of(name)
     folder = workspace.campaign_folder(name)
@@ -61,7 +58,7 @@ def open_setting(name: str) -> Setting:
     document = load_yaml(path)
     document.check("reproduction")
     raise_faults([document.located(fault) for fault in _faults(document, campaign)], file=path)
-    return Setting(
+    return Reproduction(
         campaign,
         document,
         load_defaults(workspace, STAGES),
@@ -71,7 +68,7 @@ def open_setting(name: str) -> Setting:
 
 def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
     document, path = file.value, file.path
-    if campaign.twin is None:
+    if campaign.document["kind"] != "twin":
         yield CampaignError(
             "only a twin can fly the plans of a reproduction",
             file=path,
@@ -127,7 +124,7 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
                 remedy=nearest(key, flown),
             )
     for index, variant in enumerate(document["variants"]):
-        known = [stage.name for stage in chain_of(variant, campaign) if stage.name not in SHARED]
+        known = [stage for stage in KINDS[kind_of(variant)] if stage not in SHARED]
         for stage in variant.get("stages") or {}:
             if stage not in known:
                 at = f"variants[{index}].stages.{stage}"
@@ -140,23 +137,27 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
                 )
 
 
-def chain_of(variant: Mapping[str, Any], campaign: Campaign) -> tuple[AnyStage, ...]:
-    """The chain of a variant: with true states, these take the place of fusion; the
-    page says itself what `check_truth` and `report` would.
-    """
-    chain = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
-    chain = tuple(stage for stage in chain if stage.name not in LEFT_OUT)
-    if variant.get("states") == "truth":
-        return tuple(replace_state.STAGE if stage.name == "fuse" else stage for stage in chain)
-    return chain
+def kind_of(variant: Mapping[str, Any]) -> str:
+    """Return the kind of graph of a variant, of `auvid.stages.KINDS`."""
+    return "variant_with_true_states" if variant.get("states") == "truth" else "variant"
 
 
-def published_tables(setting: Setting) -> dict[str, Any]:
-    """The document `published_tables` of the campaign's CSV file, and the published
-    coefficients beside the vehicle file.
+def with_text(reproduction: Reproduction) -> dict[str, Any]:
+    """Return the document with the text of the page in place of the file's name."""
+    document, manifest = reproduction.document.value, reproduction.document.path
+    if "text" not in document:
+        return dict(document)
+    path = inside(reproduction.campaign.folder, document["text"], manifest)
+    with readable(path, file=manifest, what="text of the page"):
+        return {**document, "text": path.read_text(encoding="utf-8")}
+
+
+def published_tables(reproduction: Reproduction) -> dict[str, Any]:
+    """Return the document `published_tables`: the rows of the CSV file, and the
+    coefficients published beside the vehicle file.
     """
-    name, manifest = setting.document.value["published"], setting.document.path
-    path = inside(setting.campaign.folder, name, manifest)
+    name, manifest = reproduction.document.value["published"], reproduction.document.path
+    path = inside(reproduction.campaign.folder, name, manifest)
     with readable(path, file=manifest, what="table of published errors"):
         text = path.read_text(encoding="utf-8")
     rows: list[dict[str, Any]] = []
@@ -178,7 +179,7 @@ def published_tables(setting: Setting) -> dict[str, Any]:
     raise_faults(faults, file=path)
     coefficients = {
         model: read_coefficients(file)
-        for model, file in published_coefficients(setting.campaign.vehicle_file).items()
+        for model, file in published_coefficients(reproduction.campaign.vehicle_file).items()
     }
     return {"source": name, "rows": rows, "coefficients": coefficients}
 

@@ -11,6 +11,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import WHOLE, AnyStage
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.page.campaign_sections import shared_data
+from auvid.stages.reference_check import CHECK_COLUMNS, ReferenceCheck
 
 RESULTS = {
     "report_html": "report",
@@ -189,6 +190,29 @@ def warnings(run: Run) -> list[str]:
             if stage.yields and not manifest.keys(item):
                 found[f"{stage.name}: leg '{item}' gave no segment"] += 1
     return [words if count == 1 else f"{words} ({count} times)" for words, count in found.items()]
+
+
+def print_checks(
+    labels: Sequence[str],
+    checks: Sequence[tuple[Sequence[object], ReferenceCheck]],
+    *,
+    missed_only: bool = False,
+) -> None:
+    """Print how many bounds are met, and each check after its labels."""
+    judged = [check for _, check in checks if check.met is not None]
+    print(f"\nbounds: {sum(bool(check.met) for check in judged)} of {len(judged)} met")
+    rows = []
+    for of, check in checks:
+        if not (missed_only and check.verdict != "missed"):
+            required, measured, verdict, reason = check.cells
+            verdict = "MISSED" if check.failed else verdict
+            rows.append([*of, check.quantity, required, measured, verdict, reason])
+    used = [any(row[index] for row in rows) for index in range(len(labels) + 5)]
+    heads = [*labels, "quantity", *CHECK_COLUMNS]
+    table(
+        [head for head, keep in zip(heads, used, strict=True) if keep],
+        [[cell for cell, keep in zip(row, used, strict=True) if keep] for row in rows],
+    )
 
 
 def shortened(lines: list[str]) -> list[str]:

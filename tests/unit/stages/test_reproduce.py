@@ -15,13 +15,15 @@ import yaml
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
-from auvid.pipeline.commands.reproduce.reproduce_command import open_setting
+from auvid.pipeline.commands.reproduce.reproduce_command import open_reproduction
 from auvid.stages import replace_state
 from auvid.stages.base import collection
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns, named
-from auvid.stages.reproduce.measures import Check, Found, Score, checks
-from auvid.stages.reproduce.tables import Told, asked, error_tables, repeats, row_notes
-from auvid.stages.reproduce.text import sections, summary
+from auvid.stages.reference_check import ReferenceCheck
+from auvid.stages.reproduce.content import ReproductionContent
+from auvid.stages.reproduce.measures import ModelErrors, VariantCheck, VariantMeasures, checks
+from auvid.stages.reproduce.tables import check_table, error_tables, print_errors, repeats
+from auvid.stages.reproduce.text import campaign_text, sections, summary
 
 ROOT = Path(__file__).parents[3]
 TWIN = ROOT / "campaigns/vt690_twin"
@@ -32,14 +34,14 @@ RATIOS = {"mcfarland": 0.20, "linear": 0.25, "uncoupled": 0.78, "fossen": 0.79}
 N_BAR = {"mcfarland": 216, "linear": 36, "uncoupled": 24, "fossen": 12}
 
 
-def found(ratios: dict[str, float], *, j0: float = 12.0, error: float = 8.0) -> Found:
+def measures(ratios: dict[str, float], *, j0: float = 12.0, error: float = 8.0) -> VariantMeasures:
     sets = ("training", "validation")
     scores = {
-        (use, name): Score(name.title(), N_BAR[name], N_BAR[name], value * j0, value)
+        (use, name): ModelErrors(name.title(), N_BAR[name], N_BAR[name], value * j0, value)
         for use in sets
         for name, value in ratios.items()
     }
-    return Found(
+    return VariantMeasures(
         scores=scores,
         j0=dict.fromkeys(sets, j0),
         force=np.full(6, 8.0),
@@ -58,6 +60,11 @@ def found(ratios: dict[str, float], *, j0: float = 12.0, error: float = 8.0) -> 
 def document(**change: Any) -> dict[str, Any]:
     value: dict[str, Any] = yaml.safe_load((TWIN / "reproduce.yaml").read_text(encoding="utf-8"))
     return value | change
+
+
+def with_words(value: dict[str, Any]) -> dict[str, Any]:
+    """The document as the page gets it, with its text in place of the file's name."""
+    return value | {"text": (TWIN / value["text"]).read_text(encoding="utf-8")}
 
 
 def bound(**entry: Any) -> dict[str, Any]:
@@ -93,9 +100,9 @@ def bound(**entry: Any) -> dict[str, Any]:
 def test_bounds_are_held_against_every_value(
     entry: dict[str, Any], met: bool, least: float, most: float
 ) -> None:
-    (held,) = checks(document(expected=[entry]), {"matched/as_published": found(RATIOS)})
-    assert held.met is met
-    assert (held.least, held.most) == (pytest.approx(least), pytest.approx(most))
+    (held,) = checks(document(expected=[entry]), {"matched/as_published": measures(RATIOS)})
+    assert held.check.met is met
+    assert (held.check.least, held.check.value) == (pytest.approx(least), pytest.approx(most))
 
 
 @pytest.mark.parametrize(
@@ -108,23 +115,23 @@ def test_bounds_are_held_against_every_value(
 )
 def test_bounds_on_nothing_are_refused(entry: dict[str, Any], words: str) -> None:
     with pytest.raises(CampaignError) as refused:
-        checks(document(expected=[entry]), {"matched/as_published": found(RATIOS)})
+        checks(document(expected=[entry]), {"matched/as_published": measures(RATIOS)})
     assert words in str(refused.value)
 
 
-def told(**change: Any) -> Told:
+def content(**change: Any) -> ReproductionContent:
     """Two variants on the plan of the tables, and the first again with another seed."""
-    right = found(
+    right = measures(
         {"mcfarland": 0.19, "linear": 0.22, "uncoupled": 0.32, "fossen": 0.34}, j0=8.0, error=1.0
     )
-    wrong, again = found(RATIOS), found(RATIOS | {"linear": 0.22})
+    wrong, again = measures(RATIOS), measures(RATIOS | {"linear": 0.22})
     by_key = {
         "matched/as_published": wrong,
         "matched/corrected": right,
         "matched_seed_1/as_published": again,
     }
     value = document(expected=[bound(figure="j0", low=11.5, high=13.5)])
-    setting = open_setting(str(TWIN))
+    setting = open_reproduction(str(TWIN))
     rows = [
         {"table": "5.2", "set": "training", "model": "linear", "n_bar_printed": 36, "J": 3.625, "J0": 13.047, "ratio_printed": 0.25,
          "ratio_recomputed": 0.2778, "note": "digits swapped"},
@@ -139,17 +146,19 @@ def told(**change: Any) -> Told:
     plan = yaml.safe_load((TWIN / "plans/matched.yaml").read_text(encoding="utf-8"))
     plans = dict.fromkeys(("matched", "matched_seed_1"), plan)
     assert setting.campaign.name == "vt690_twin"
-    given = {"document": value, "checks": tuple(checks(value, by_key))} | change
-    return Told(published=published, vehicle=VT690, plans=plans, found=by_key, **given)
+    given = {"document": with_words(value), "checks": tuple(checks(value, by_key))} | change
+    return ReproductionContent(
+        published=published, vehicle=VT690, plans=plans, measures=by_key, **given
+    )
 
 
 def test_transport_term_is_that_of_the_masses() -> None:
     """Errata V17: (m - Y_vdot) + (m - X_udot) = 123.7 kg."""
-    assert sum(told().transport) == pytest.approx(123.75, abs=0.06)
+    assert sum(content().transport) == pytest.approx(123.75, abs=0.06)
 
 
 def test_tables_put_published_figures_beside_ours() -> None:
-    ratio, size, *_ = list(error_tables(told(), "matched", printed=True))
+    ratio, size, *_ = list(error_tables(content(), "matched", printed=True))
     assert [head["name"] for head in ratio["columns"]][-3:] == [
         "J/J0 thesis",
         "J/J0 (a)",
@@ -161,13 +170,14 @@ def test_tables_put_published_figures_beside_ours() -> None:
 
 
 def test_inconsistent_row_and_number_of_terms_are_explained() -> None:
-    words = " ".join(block["text"] for block in row_notes(told()))
+    notes = campaign_text(content())["table_notes"].blocks(content())
+    words = " ".join(block["text"] for block in (*print_errors(content()), *notes))
     assert "3.625 over J0 = 13.047 is 0.278, but the table prints 0.250" in words
     assert "n-bar 24 in Tables 5.1 and 5.2, but 22 in Figure 5.14" in words
 
 
 def test_other_seeds_stand_beside_one_another() -> None:
-    validation, training = repeats(told())
+    validation, training = repeats(content())
     for shown, use in ((validation, "validation"), (training, "training")):
         assert shown["title"].endswith(f"with other random numbers, {use}: J/J0")
         linear = next(row for row in shown["rows"] if row[0] == "Linear")
@@ -179,30 +189,34 @@ def test_other_seeds_stand_beside_one_another() -> None:
 
 
 def test_first_screen_says_whether_the_table_came_out() -> None:
-    assert summary(told()).headline.startswith(
+    assert summary(content()).headline.startswith(
         "The published table comes out when the accelerometer"
     )
-    missed = Check("matched", "as_published", "J0", 13.0, None, 12.0, 12.0)
-    screen = summary(told(checks=(missed,)))
+    missed = VariantCheck("matched", "as_published", ReferenceCheck("J0", 12.0, low=13.0))
+    screen = summary(content(checks=(missed,)))
     assert screen.headline == "The published table does not come out"
     assert screen.level == "poor"
-    assert screen.warnings == ("J0: 12, asked at least 13 (matched, as_published)",)
+    assert screen.warnings == ("J0: 12, required at least 13 (matched, as_published)",)
 
 
-def test_a_known_miss_is_no_warning_but_said() -> None:
-    known = Check("matched", "corrected", "RMS", None, 0.9, 1.0, 1.0, "the attitude errs slowly")
-    screen = summary(told(checks=(known,)))
+def test_an_accepted_miss_is_no_warning() -> None:
+    check = ReferenceCheck("RMS", 1.0, high=0.9, accepted_reason="the attitude errs slowly")
+    accepted = VariantCheck("matched", "corrected", check)
+    screen = summary(content(checks=(accepted,)))
     assert screen.warnings == ()
     assert any("the attitude errs slowly" in words for words in screen.missing)
-    assert asked(told(checks=(known,)))["rows"][0][-2:] == ["missed", "the attitude errs slowly"]
+    assert check_table(content(checks=(accepted,)))["rows"][0][-2:] == [
+        "missed",
+        "the attitude errs slowly",
+    ]
 
 
 def test_sections_name_the_evidence() -> None:
-    shown = sections(told())
+    shown = sections(content())
     evidence, carried = [block for block in shown["why"]["blocks"] if block["kind"] == "table"]
     assert evidence["rows"][0][1:3] == [139.0, 82.0]
     assert carried["rows"] == [["Mcfarland", "r*|u|", 127.5, 138.0, 138.0]]
-    assert {"why", "tables", "asked", "force", "chosen"} <= set(shown)
+    assert {"why", "tables", "bounds", "force", "chosen"} <= set(shown)
 
 
 def truth_table(t_s: np.ndarray[Any, Any]) -> Any:
@@ -318,10 +332,33 @@ def test_documents_are_refused_in_words(
     tmp_path: Path, change: Callable[[dict[str, Any]], None], words: str
 ) -> None:
     with pytest.raises(PipelineError) as refused:
-        open_setting(copy(tmp_path, change))
+        open_reproduction(copy(tmp_path, change))
     assert words in str(refused.value)
 
 
 def test_a_campaign_without_a_document_is_named() -> None:
     with pytest.raises(CampaignError, match=r"reproduces nothing.*vt690_twin"):
-        open_setting(str(ROOT / "campaigns/bluerov2_dvl"))
+        open_reproduction(str(ROOT / "campaigns/bluerov2_dvl"))
+
+
+@pytest.mark.parametrize(
+    ("template", "words"),
+    [
+        ("# headline\n{{ nothing }}\n", "'nothing' is undefined"),
+        ("# headlin\nwords\n", "Did you mean 'headline'?"),
+        ("# why: Why\n[[plan_table]]\n", "Did you mean 'plan_tables'?"),
+        ("# headline\n{% if %}\n", "the text cannot be filled in"),
+        ("# headline\n{{ content.__class__.__mro__ }}\n", "the text cannot be filled in"),
+    ],
+)
+def test_a_template_with_a_fault_is_refused(template: str, words: str) -> None:
+    with pytest.raises(CampaignError) as refused:
+        sections(content(document=document(text=template), checks=()))
+    assert words in str(refused.value)
+
+
+def test_a_campaign_without_text_has_its_tables() -> None:
+    value = {name: item for name, item in document(expected=[]).items() if name != "text"}
+    bare = content(document=value, checks=())
+    assert summary(bare).headline == "The published table does not come out"
+    assert {"tables", "bounds", "force"} <= set(sections(bare))

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 
 from auvid.data_schemas.errors import PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
-from auvid.pipeline.graph import Graph
+from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import TEMPORARY, prune, sweep, write_atomically
 from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
-from auvid.stages import STAGES
+from auvid.stages import KINDS, STAGES
 from tests.support import toy_stages
 
 SCALARS = (
@@ -263,8 +263,10 @@ def test_stages_have_different_code() -> None:
 
 
 def test_artefact_paths_of_the_real_graph_are_distinct() -> None:
-    graph = Graph(STAGES)
-    paths = [
-        (port.stage.name, port.path("item", "key" if port.many else None)) for port in graph.outputs
-    ]
-    assert len(set(paths)) == len(paths)
+    for kind in KINDS:
+        graph = Graph(stages_of_kind(STAGES, KINDS, kind))
+        paths = [
+            (port.stage.name, port.path("item", "key" if port.many else None))
+            for port in graph.outputs
+        ]
+        assert len(set(paths)) == len(paths)

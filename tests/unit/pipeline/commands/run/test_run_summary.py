@@ -20,11 +20,12 @@ from auvid.pipeline.commands.run.run_summary import (
     warnings,
 )
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import Graph
+from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.fingerprints import hash_bytes
 from auvid.pipeline.store.manifest import Record
+from auvid.stages import KINDS as STAGE_KINDS
 from auvid.stages import STAGES
 from auvid.stages.presentation import remark, section
 from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
@@ -55,7 +56,12 @@ ERRORS = ("sse", "mae", "mse", "rms", "mad", "j0")
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
     campaign = load_campaign(write_campaign(tmp_path / "toy"), kinds=KINDS, vehicles=VEHICLES)
-    return Run(campaign, Graph(STAGES), {}, tmp_path / "runs" / "toy")
+    return Run(
+        campaign,
+        Graph(stages_of_kind(STAGES, STAGE_KINDS, "identification")),
+        {},
+        tmp_path / "runs" / "toy",
+    )
 
 
 def put(run: Run, stage: str, item: str, **artefacts: Any) -> None:
