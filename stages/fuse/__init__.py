@@ -130,15 +130,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 value=f"method {params.method}",
                 remedy=f"Set method: {method}, or leave {key} out.",
             )
-    vehicle = inputs.vehicle
+
     motion = sensor_motion(
         inputs.resampled,
-        vehicle,
+        inputs.vehicle,
         cutoff_hz=None if params.method == "smoother" else params.cutoff_hz,
         fit_gyro_bias=params.fit_gyro_bias,
         arm=not params.as_published,
     )
-    result = _fuse(inputs, params, vehicle, motion)
+    result = _fuse(inputs, params, motion)
     pose = _pose(motion, result.velocity)
     over_ground = np.hstack([result.velocity, motion.omega])
     nu_dot = np.hstack([result.v_dot, motion.omega_dot])
@@ -181,17 +181,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _fuse(inputs: Inputs, params: Params, vehicle: Vehicle, motion: Motion) -> FusionResult:
+def _fuse(inputs: Inputs, params: Params, motion: Motion) -> FusionResult:
     if params.method == "kinematic":
         return kinematic(motion)
     convention = (
-        params.accelerometer or inputs.log_info.get("accelerometer") or vehicle.accelerometer
+        params.accelerometer or inputs.log_info.get("accelerometer") or inputs.vehicle.accelerometer
     )
     if params.method == "thesis":
         return thesis(
             motion,
             inputs.resampled,
-            vehicle,
+            inputs.vehicle,
             convention=convention,
             cutoff_hz=params.cutoff_hz,
             as_published=params.as_published,
@@ -202,7 +202,7 @@ def _fuse(inputs: Inputs, params: Params, vehicle: Vehicle, motion: Motion) -> F
     return smoother(
         motion,
         samples,
-        vehicle,
+        inputs.vehicle,
         convention=convention,
         noise=params.noise,
         estimate_arm=params.estimate_dvl_arm,

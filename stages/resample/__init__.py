@@ -115,9 +115,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     Raises `DataError` for a leg outside its log, without attitude or depth, or with no
     part that all sensors cover long enough.
     """
-    vehicle = inputs.vehicle
-    lags = sensor_lags(vehicle, params.lag_s)
-    signals, notes = _signals(inputs, params, vehicle, lags)
+    lags = sensor_lags(inputs.vehicle, params.lag_s)
+    signals, notes = _signals(inputs, params, lags)
     covering = [item for stream, item in signals.items() if stream in COVERING]
     spans = [
         trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)
@@ -190,15 +189,15 @@ def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, flo
 
 
 def _signals(
-    inputs: Inputs, params: Params, vehicle: Vehicle, lags: Mapping[str, float]
+    inputs: Inputs, params: Params, lags: Mapping[str, float]
 ) -> tuple[dict[str, Signal], list[str]]:
     """Return the streams of a leg in body axes, and notes on what is missing or split."""
     start_us, end_us = (int(inputs.log_info[key]) for key in ("start_us", "end_us"))
     window = leg_window(inputs.leg, start_us, end_us)
     rotations = {
-        "imu": vehicle.imu.rotation,
-        "velocity": vehicle.dvl.rotation,
-        "water_velocity": vehicle.dvl.rotation,
+        "imu": inputs.vehicle.imu.rotation,
+        "velocity": inputs.vehicle.dvl.rotation,
+        "water_velocity": inputs.vehicle.dvl.rotation,
     }
     signals: dict[str, Signal] = {}
     notes = []

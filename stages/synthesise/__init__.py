@@ -80,7 +80,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `CampaignError` for unknown models, `DataError` without a training leg.
     """
-    vehicle = inputs.vehicle
     declared = _chosen(params.models)
     means = viscous_terms(strip_theory_of(inputs.vehicle)) if params.prior == "strip_theory" else {}
     training = [key for key, segment in inputs.segment.items() if segment["use"] == "training"]
@@ -114,7 +113,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             declared=whole,
             data=data,
             fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
-            vehicle=vehicle,
+            vehicle=inputs.vehicle,
             prior=prior,
             trim=params.trim,
         )

@@ -1,16 +1,20 @@
-"""Judge every model on every segment: predicted forces and the error tables of McCarter
-5.1 and 5.2, (4.22)-(4.27).
+"""Judge every model on every segment: predicted forces and error tables.
 
-Two things keep the tables honest. The mean force of the training legs alone stands
-beside the models as a reference row, because J0 contains it; and the report says how
-far the validation legs leave the range of motion that the models were fitted in.
+The tables are those of McCarter 5.1 and 5.2, (4.22)-(4.27). Two things keep them
+honest. The mean force of the training legs is a reference row beside the models,
+because J0 contains it; and the report says how far the validation legs leave the range
+of motion that the models were fitted in.
+
+Segments are in memory one at a time: a first pass adds up errors, a second finds their
+medians and what lies outside the training range; predictions are made when they are
+written.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,26 +25,21 @@ from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
-from auvid.hydro.identification.regression.error_measures import ErrorAccumulator
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.regression.error_measures import ErrorSums, MiddleErrors
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import AXIS_UNITS, VELOCITY, clock, force_columns, forces, named
-from auvid.stages.presentation import panel, plot, remark, section, series
-from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
-from auvid.stages.validate.tables import (
-    ALL,
+from auvid.stages.columns import VELOCITY, clock, force_columns, forces, named
+from auvid.stages.presentation import Block
+from auvid.stages.validate.free_run import free_run_table, run_segment
+from auvid.stages.validate.presentation import (
     FAILED_RATIO,
-    Seen,
-    constant_alone,
-    error_blocks,
-    error_rows,
-    metrics,
-    range_blocks,
+    prediction_plot,
     tables_as_text,
-    total_errors_of,
-    verdicts,
+    validate_section,
+    validate_views,
 )
+from auvid.stages.validate.tables import ALL, Group, RangeCovered, error_metrics, error_rows
 
 
 @dataclass(frozen=True)
@@ -87,100 +86,113 @@ class Outputs:
     views: Document = port("views")
 
 
+@dataclass(frozen=True)
+class Predictor:
+    """A model of a card: viscous terms, and the constant force `trim` (6,)."""
+
+    viscous: IdentifiedModel
+    trim: Array
+
+    @classmethod
+    def of(cls, card: Document) -> Predictor:
+        """Return the model of a card."""
+        terms = {
+            axis: {term: value for term, value in row.items() if term != CONSTANT}
+            for axis, row in card["solution"].items()
+        }
+        trim = [card["solution"].get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
+        return cls(IdentifiedModel(str(card["name"]), terms), np.array(trim))
+
+    def force(self, residual: pa.Table) -> Array:
+        """Return the force (n, 6) at the velocities of a residual table."""
+        if not self.viscous.terms:
+            return np.tile(self.trim, (residual.num_rows, 1))
+        ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
+        return np.asarray(self.viscous.force(matrix(residual, VELOCITY), ratio) + self.trim)
+
+
 def run(inputs: Inputs, params: Params) -> Outputs:
+    """Return predictions, error tables and free runs of every model.
+
+    Raises `DataError` without a model, `CampaignError` for a leg called `all`.
+    """
     cards = dict(inputs.model_card.items())
-    titles = {name: str(card["title"]) for name, card in cards.items()}
-    models = [IdentifiedModel(name, card["solution"]) for name, card in cards.items()]
-    trims = {
-        name: np.array([card["solution"].get(axis, {}).get(CONSTANT, 0.0) for axis in AXES])
-        for name, card in cards.items()
-    }
-    sums: dict[tuple[str, str, str], ErrorAccumulator] = {}
-    seen: dict[str, Seen] = {}
-    bare = [IdentifiedModel(model.name, without_constant(model.coefficients)) for model in models]
-    predictions, plots, free = {}, [], {}
-    for key, residual in inputs.residual.items():
-        segment = inputs.segment[key]
-        use, leg = str(segment["use"]), str(segment["leg"])
-        if leg == ALL:
+    if not cards:
+        raise DataError("there is no model to judge")
+    models = {name: Predictor.of(card) for name, card in cards.items()}
+    segments = dict(inputs.segment.items())
+    for segment in segments.values():
+        if segment["leg"] == ALL:
             raise CampaignError(
                 f"a leg may not be called '{ALL}': that is the row of all legs together",
                 field="legs",
-                value=leg,
+                value=ALL,
             )
-        measured = forces(residual, "tau_bar")
-        predicted = {model.name: predict(model, trims[model.name], residual) for model in models}
-        predictions[key] = _prediction_table(key, clock(residual), predicted)
+
+    def judged() -> Iterator[tuple[str, str, pa.Table, Array]]:
+        for key, residual in inputs.residual.items():
+            yield key, str(segments[key]["use"]), residual, forces(residual, "tau_bar")
+
+    def groups(key: str, model: str) -> tuple[Group, Group]:
+        use, leg = str(segments[key]["use"]), str(segments[key]["leg"])
+        return (use, ALL, model), (use, leg, model)
+
+    sums: dict[Group, ErrorSums] = {}
+    covered: dict[str, RangeCovered] = {}
+    plots: list[Block] = []
+    free: dict[str, FreeRuns] = {}
+    for key, use, residual, measured in judged():
+        predicted = {name: model.force(residual) for name, model in models.items()}
         for name, force in predicted.items():
-            sums[(use, leg, name)] = sums.get((use, leg, name), ErrorAccumulator()).add(
-                measured, force
-            )
-        seen[use] = seen.get(use, Seen()).add(matrix(residual, VELOCITY), measured)
+            errors = ErrorSums.of(measured, force)
+            for group in groups(key, name):
+                sums[group] = sums[group].merge(errors) if group in sums else errors
+        motion = RangeCovered.of(matrix(residual, VELOCITY), measured)
+        covered[use] = covered[use].merge(motion) if use in covered else motion
         if use == "validation":
-            plots.append(_prediction_plot(segment, clock(residual), measured, predicted))
-            runs = _free_runs(inputs, params, bare, np.array(list(trims.values())), key)
+            t = clock(residual) + float(segments[key]["leg_start_s"])
+            plots.append(prediction_plot(segments[key], t, measured, predicted))
+            runs = _free_runs(inputs, params, models, key)
             if runs is not None:
                 free[key] = runs
-    errors = total_errors_of(sums)
-    if not any(use == "validation" for use, _, _ in errors):
-        plots.append(
-            remark(
-                "No validation leg: nothing says how far these models hold outside the data they"
-                " were fitted on.",
-                "warning",
-            )
-        )
-    constant = constant_alone(seen)
-    flown = free_run_table(free, [model.name for model in models])
-    blocks = [
-        *verdicts(errors, cards, constant, params.failed_ratio),
-        *error_blocks(errors, cards, constant),
-        *range_blocks(seen),
-        *free_run_blocks(flown, titles),
-        *plots,
-    ]
+    middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
+    outside = np.zeros(6)
+    for key, use, residual, measured in judged():
+        for name, model in models.items():
+            force = model.force(residual)
+            for group in groups(key, name):
+                middle[group] = middle[group].add(measured, force)
+        if use == "validation" and "training" in covered:
+            outside += covered["training"].left_by(matrix(residual, VELOCITY))
+    errors_of = {
+        group: sums[group].measures(middle[group].medians(sums[group].n))
+        for group in sorted(sums, key=lambda group: group[1] != ALL)
+    }
+    free_run = free_run_table(free, list(models))
     return Outputs(
-        predictions=predictions,
-        error_table=error_rows(errors, cards),
-        error_metrics=metrics(errors),
-        free_run=flown,
-        tables_text=tables_as_text(errors, cards, constant).encode("utf-8"),
-        section=section(
-            "Validation",
-            blocks,
-            order=10,
-            look_for=(
-                "J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no"
-                " model."
-            ),
+        predictions=Collection(
+            {key: partial(_predictions, inputs, models, key) for key in segments}
         ),
-        views=_views(inputs.segment, cards),
+        error_table=error_rows(errors_of, cards),
+        error_metrics=error_metrics(errors_of),
+        free_run=free_run,
+        tables_text=tables_as_text(errors_of, cards, covered).encode("utf-8"),
+        section=validate_section(
+            errors_of, cards, covered, outside, free_run, plots, failed_ratio=params.failed_ratio
+        ),
+        views=validate_views(segments, cards),
     )
 
 
-def without_constant(coefficients: Coefficients) -> dict[str, dict[str, float]]:
-    """The coefficients of the viscous terms alone, axis by axis."""
-    return {
-        axis: {term: value for term, value in terms.items() if term != CONSTANT}
-        for axis, terms in coefficients.items()
-    }
-
-
 def _free_runs(
-    inputs: Inputs, params: Params, models: Sequence[IdentifiedModel], trims: Array, key: str
+    inputs: Inputs, params: Params, models: Mapping[str, Predictor], key: str
 ) -> FreeRuns | None:
-    if (
-        not params.free_run
-        or inputs.fused is None
-        or inputs.controls is None
-        or inputs.vehicle is None
-        or not models
-    ):
+    if not (params.free_run and inputs.fused and inputs.controls and inputs.vehicle is not None):
         return None
     return run_segment(
         inputs.vehicle,
-        models,
-        trims,
+        [model.viscous for model in models.values()],
+        np.array([model.trim for model in models.values()]),
         inputs.fused[key],
         inputs.controls[key],
         horizons_s=params.free_run_horizons_s,
@@ -189,73 +201,16 @@ def _free_runs(
     )
 
 
-def predict(model: IdentifiedModel, trim: Array, residual: pa.Table) -> Array:
-    """Force of a model at the velocities of a residual table: (n, 6), trim (6,) added."""
-    ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
-    bare = IdentifiedModel(model.name, without_constant(model.coefficients))
-    if not bare.terms:
-        return np.tile(trim, (residual.num_rows, 1))
-    return np.asarray(bare.force(matrix(residual, VELOCITY), ratio) + trim)
-
-
-def _prediction_table(key: str, t_s: Array, predicted: Mapping[str, Array]) -> pa.Table:
-    if not predicted:
-        raise DataError("there is no model to judge")
-    n, stacked = t_s.size, np.vstack(list(predicted.values()))
-    names = pa.array(np.repeat(list(predicted), n).tolist(), type=pa.string())
-    columns = {
-        "segment": pa.array([key] * len(names), type=pa.string()),
-        "model": names,
-        "t_s": np.tile(t_s, len(predicted)),
+def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table:
+    residual = inputs.residual[key]
+    n = residual.num_rows
+    columns: dict[str, Any] = {
+        "segment": [key] * (n * len(models)),
+        "model": [name for name in models for _ in range(n)],
+        "t_s": np.tile(clock(residual), len(models)),
     }
-    return make_table("predictions", {**columns, **named(force_columns("tau"), stacked)})
-
-
-def _prediction_plot(
-    segment: Document, t_s: Array, measured: Array, predicted: Mapping[str, Array]
-) -> dict[str, Any]:
-    t = t_s + float(segment["leg_start_s"])
-    panels = []
-    for index, axis in enumerate(AXES):
-        lines = [series("measured", t, measured[:, index], "measured")]
-        lines += [series(name, t, force[:, index], name) for name, force in predicted.items()]
-        panels.append(panel(axis, AXIS_UNITS[axis], lines))
-    title = f"Force on {segment['id']}: every model against measurement (McCarter Figures 5.8-5.15)"
-    return plot(
-        title,
-        panels,
-        group="time",
-        look_for="A model that follows the measured line here has not seen it before.",
-    )
-
-
-def _views(segments: Iterable[str], models: Iterable[str]) -> dict[str, Any]:
-    """The force of every model beside the measured one, and its error: prediction less
-    measurement.
-    """
-    groups = []
-    names = list(models)
-    for key in segments:
-        for (index, axis), model in itertools.product(enumerate(AXES), names):
-            group = {
-                "entity": f"residual/{axis}/{model}",
-                "table": f"predictions/{key}",
-                "columns": [force_columns("tau")[index]],
-                "names": [f"{axis} {model}"],
-                "roles": [model],
-                "tab": "Answer",
-                "unit": AXIS_UNITS[axis],
-                "filter": {"model": model},
-            }
-            less = {
-                "table": f"residual/{key}/residual",
-                "columns": [force_columns("tau_bar")[index]],
-            }
-            groups += [
-                group,
-                group | {"entity": f"error/{axis}/{model}", "tab": "Error", "less": less},
-            ]
-    return {"groups": groups}
+    force = np.vstack([model.force(residual) for model in models.values()])
+    return make_table("predictions", columns | named(force_columns("tau"), force))
 
 
 STAGE = Stage(

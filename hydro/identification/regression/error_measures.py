@@ -1,13 +1,16 @@
 """Error measures of a force model: McCarter 2014 (4.22)-(4.27).
 
+Sums over segments merge. The medians of (4.27) are exact and need no more memory than a
+few samples of each segment, but a second pass over them: a first one brackets the
+middle of all absolute errors, a second collects what lies within the bracket.
+
 The force error is tau_tilde = K xi - tau_bar, predicted minus measured (4.11). The
 totals mix N and N m, as the thesis has them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +19,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, Array
 
 TOTAL = "total"
+SKETCH = 128  # entries kept of each segment to bracket the medians
 
 
 @dataclass(frozen=True)
@@ -43,55 +47,127 @@ class ErrorMeasures:
         return self.rms / self.j0 if self.j0 > 0 else float("nan")
 
 
-def total_errors(measured: ArrayLike, predicted: ArrayLike) -> ErrorMeasures:
-    """The measures over all six axes: forces tau_bar and K xi, each (n, 6). MAD is the
-    sum of the six medians (4.27).
+@dataclass(frozen=True)
+class ErrorSums:
+    """Sums over `n` samples, per axis (6,): e^2, |e|, and tau_bar^2 of the measured force.
 
-    Raises `DataError` for an empty series, values that are not finite, or shapes that
-    differ.
+    `sketches`: of each segment every so-manieth absolute error in order of size (k, 6),
+    and how many samples each of them stands for.
     """
-    force, error = _checked(measured, predicted)
-    return _measures(force, error)
 
+    n: int
+    square: Array
+    absolute: Array
+    force_square: Array
+    sketches: tuple[tuple[Array, int], ...]
 
-def axis_errors(measured: ArrayLike, predicted: ArrayLike) -> dict[str, ErrorMeasures]:
-    """The measures of each axis X Y Z K M N by itself; J0 is that axis's own. Arguments
-    and errors as `total_errors`.
-    """
-    force, error = _checked(measured, predicted)
-    return {axis: _measures(force[:, [i]], error[:, [i]]) for i, axis in enumerate(AXES)}
+    @classmethod
+    def of(cls, measured: ArrayLike, predicted: ArrayLike) -> ErrorSums:
+        """Return the sums of one segment: forces tau_bar and K xi, each (n, 6).
 
+        Raises `DataError` for an empty series, values that are not finite, or shapes
+        that differ.
+        """
+        force, error = _checked(measured, predicted)
+        size = np.sort(np.abs(error), axis=0)
+        step = max(1, len(size) // SKETCH)
+        return cls(
+            len(size),
+            np.sum(error**2, axis=0),
+            np.sum(size, axis=0),
+            np.sum(force**2, axis=0),
+            ((size[::step].copy(), step),),
+        )
 
-def error_table(measured: ArrayLike, predicted: ArrayLike) -> dict[str, ErrorMeasures]:
-    """`total` and the six axes. Arguments and errors as `total_errors`."""
-    return {TOTAL: total_errors(measured, predicted), **axis_errors(measured, predicted)}
+    def merge(self, other: ErrorSums) -> ErrorSums:
+        """Return the sums over the samples of both."""
+        return ErrorSums(
+            self.n + other.n,
+            self.square + other.square,
+            self.absolute + other.absolute,
+            self.force_square + other.force_square,
+            self.sketches + other.sketches,
+        )
+
+    def bracket(self) -> tuple[Array, Array]:
+        """Return two bounds (6,) with the middle of all absolute errors between them.
+
+        With m entries of a segment's sketch below v, between (m - 1) step + 1 and
+        m step of its samples are.
+        """
+        values = np.concatenate([part for part, _ in self.sketches])
+        steps = np.concatenate([np.full(len(part), step) for part, step in self.sketches])
+        order = np.argsort(values, axis=0)
+        values = np.take_along_axis(values, order, axis=0)
+        most = np.cumsum(steps[order], axis=0)  # samples up to each entry, at most
+        least = most - sum(step for _, step in self.sketches)
+        first = np.sum(most - steps[order] <= (self.n - 1) // 2, axis=0) - 1
+        last = np.sum(least <= self.n // 2, axis=0)
+        low = np.take_along_axis(values, first[None], axis=0)[0]
+        high = np.take_along_axis(values, np.minimum(last, len(values) - 1)[None], axis=0)[0]
+        return low, np.where(last < len(values), high, np.inf)
+
+    def measures(self, medians: Array) -> dict[str, ErrorMeasures]:
+        """Return `total` and the six axes, given the medians (6,) of |e|.
+
+        The total's MAD is the sum of the six medians (4.27).
+        """
+        table = {}
+        for name, axes in {TOTAL: list(range(6)), **{a: [i] for i, a in enumerate(AXES)}}.items():
+            size = self.n * len(axes)
+            sse = float(np.sum(self.square[axes]))
+            table[name] = ErrorMeasures(
+                sse=sse,
+                mae=float(np.sum(self.absolute[axes])) / size,
+                mse=sse / size,
+                rms=float(np.sqrt(sse / size)),
+                mad=float(np.sum(medians[axes])),
+                j0=float(np.sqrt(np.sum(self.force_square[axes]) / size)),
+                n=self.n,
+            )
+        return table
 
 
 @dataclass(frozen=True)
-class ErrorAccumulator:
-    """Measured and predicted forces of several segments, to be judged together.
+class MiddleErrors:
+    """The absolute errors within a bracket (6,), and how many lie below it, by axis."""
 
-    The medians of MAD need every error, so the parts are kept (96 bytes a sample); the
-    order of the parts does not matter.
-    """
+    low: Array
+    high: Array
+    below: Array
+    inside: tuple[tuple[Array, ...], ...] = ((),) * 6
 
-    parts: tuple[tuple[Array, Array], ...] = field(default=())
+    @classmethod
+    def between(cls, low: Array, high: Array) -> MiddleErrors:
+        """Return those of no samples."""
+        return cls(low, high, np.zeros(6))
 
-    def add(self, measured: ArrayLike, predicted: ArrayLike) -> ErrorAccumulator:
-        """With one more segment, each (n, 6). Errors as `total_errors`."""
-        force, error = _checked(measured, predicted)
-        return ErrorAccumulator((*self.parts, (force, force + error)))
+    def add(self, measured: ArrayLike, predicted: ArrayLike) -> MiddleErrors:
+        """Return those with one more segment. Arguments and errors as `ErrorSums.of`."""
+        size = np.abs(_checked(measured, predicted)[1])
+        chosen = (size >= self.low) & (size <= self.high)
+        inside = tuple(
+            (*parts, size[chosen[:, axis], axis]) for axis, parts in enumerate(self.inside)
+        )
+        below = self.below + np.sum(size < self.low, axis=0)
+        return MiddleErrors(self.low, self.high, below, inside)
 
-    def merge(self, other: ErrorAccumulator) -> ErrorAccumulator:
-        """With the segments of another one."""
-        return ErrorAccumulator(self.parts + other.parts)
+    def medians(self, n: int) -> Array:
+        """Return the medians (6,) of all n absolute errors of each axis."""
+        middle = [(n - 1) // 2, n // 2]
+        return np.array(
+            [
+                np.mean(np.sort(np.concatenate(parts))[[at - int(below) for at in middle]])
+                for parts, below in zip(self.inside, self.below, strict=True)
+            ]
+        )
 
-    def table(self) -> Mapping[str, ErrorMeasures]:
-        """`error_table` of all segments together; `DataError` when there is none."""
-        if not self.parts:
-            raise DataError("no segment to judge a model on")
-        measured, predicted = (np.concatenate(series) for series in zip(*self.parts, strict=True))
-        return error_table(measured, predicted)
+
+def error_table(measured: ArrayLike, predicted: ArrayLike) -> dict[str, ErrorMeasures]:
+    """Return `total` and the six axes of one segment. Arguments as `ErrorSums.of`."""
+    sums = ErrorSums.of(measured, predicted)
+    middle = MiddleErrors.between(*sums.bracket()).add(measured, predicted)
+    return sums.measures(middle.medians(sums.n))
 
 
 def _checked(measured: ArrayLike, predicted: ArrayLike) -> tuple[Array, Array]:
@@ -105,17 +181,3 @@ def _checked(measured: ArrayLike, predicted: ArrayLike) -> tuple[Array, Array]:
     if not (np.isfinite(force).all() and np.isfinite(model).all()):
         raise DataError("a force is not finite, so the errors of the model are not defined")
     return force, model - force
-
-
-def _measures(force: Array, error: Array) -> ErrorMeasures:
-    sse = float(np.sum(error**2))
-    mse = sse / error.size
-    return ErrorMeasures(
-        sse=sse,
-        mae=float(np.mean(np.abs(error))),
-        mse=mse,
-        rms=float(np.sqrt(mse)),
-        mad=float(np.sum(np.median(np.abs(error), axis=0))),
-        j0=float(np.sqrt(np.mean(force**2))),
-        n=len(error),
-    )

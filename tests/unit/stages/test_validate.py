@@ -4,24 +4,24 @@ reads, and what they must not hide.
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
-from auvid.stages.base import collection
-from tests.support.motions import (
-    residual_table,
-    rich_motion,
-    segment_document,
-    shipped_vehicle,
-)
+from auvid.stages.base import Collection, collection
+from auvid.stages.columns import VELOCITY, force_columns
+from tests.support.motions import residual_table, rich_motion, segment_document, shipped_vehicle
 
 LEGS = {"one": "training", "two": "training", "check": "validation", "far": "validation"}
 MODELS = ("linear", "fossen", "pitch_yaw")
@@ -309,6 +309,48 @@ def test_leg_called_all_is_refused() -> None:
     data = {"all": legs()["one"]}
     with pytest.raises(CampaignError, match="may not be called 'all'"):
         run(data, use={"all": "training"})
+
+
+def lazy_leg(seed: int, samples: int = 12_000) -> pa.Table:
+    """A leg made when it is asked for: waves in all velocities, drag and noise."""
+    rng = np.random.default_rng(seed)
+    nu = 0.5 * np.sin(np.arange(samples)[:, None] * rng.uniform(0.01, 0.02, 6) + seed)
+    return residual_table(nu, -30.0 * nu + (1.0 + seed) * rng.normal(size=nu.shape))
+
+
+def test_memory_is_that_of_one_leg_and_the_errors_those_of_all_samples() -> None:
+    """Four times the legs need hardly more memory: sums of errors merge, medians are found
+    in a second pass, and predictions are made when they are written.
+    """
+    solution = {axis: {name: -29.0} for axis, name in zip(AXES, "uvwpqr", strict=True)}
+    cards, _ = run(legs(names=("one", "check")))
+    card = {**cards["linear"], "solution": solution}
+    peaks = {}
+    for count in (1, 3, 12):
+        names = [f"leg_{number}" for number in range(count)]
+        inputs = validate.Inputs(
+            collection({"linear": card}),
+            Collection({name: partial(lazy_leg, seed) for seed, name in enumerate(names)}),
+            collection({name: segment_document(name) for name in names}),
+        )
+        tracemalloc.start()
+        found = validate.run(inputs, validate.Params())
+        peaks[count] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    # One leg is 12,000 rows of 13 columns, 1.2 MB, and as much again for its errors.
+    assert peaks[12] < 1.15 * peaks[3]
+    tables = [lazy_leg(seed) for seed in range(12)]
+    nu, measured = (
+        np.concatenate([matrix(table, columns) for table in tables])
+        for columns in (VELOCITY, force_columns("tau_bar"))
+    )
+    error = np.abs(-29.0 * nu - measured)
+    for axis, size, force in zip(AXES, error.T, measured.T, strict=True):
+        row = rows(found)[("training", "all", "linear", axis)]
+        assert row["mad"] == pytest.approx(np.median(size), rel=1e-12)
+        assert row["mae"] == pytest.approx(np.mean(size), rel=1e-12)
+        assert row["j0"] == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-12)
+    assert found.predictions["leg_7"].num_rows == 12_000
 
 
 def test_force_without_motion_has_no_ratio() -> None:

@@ -13,7 +13,8 @@ from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
-from auvid.stages.validate.free_run import free_run_blocks, free_run_table, run_segment
+from auvid.stages.validate.free_run import free_run_table, run_segment
+from auvid.stages.validate.presentation import free_run_blocks
 from tests.support.motions import shipped_vehicle
 
 STABLE = {

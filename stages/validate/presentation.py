@@ -1,0 +1,350 @@
+"""The report section, recording views and text tables of the stage validate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
+from auvid.stages.base import Document
+from auvid.stages.columns import AXIS_UNITS, force_columns
+from auvid.stages.presentation import (
+    Block,
+    panel,
+    plot,
+    remark,
+    section,
+    series,
+    symbol,
+    table,
+    unit_of,
+    view,
+)
+from auvid.stages.validate.free_run import NAMES
+from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
+
+LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
+CONSTANT_TITLE = "constant alone"
+"""The reference row: the mean force of the training legs and no model."""
+FAILED_RATIO = 1.0
+OUTSIDE_SHARE = 0.05
+"""Share of validation samples outside the training range from which on a warning is given."""
+
+
+def validate_section(
+    errors: Errors,
+    cards: Mapping[str, Document],
+    covered: Mapping[str, RangeCovered],
+    outside: Array,
+    free_run: pa.Table,
+    plots: Sequence[Block],
+    *,
+    failed_ratio: float,
+) -> dict[str, Any]:
+    """Return the section: verdicts, error tables, ranges, free runs, then the plots."""
+    titles = {name: str(card["title"]) for name, card in cards.items()}
+    reference = mean_force_errors(covered)
+    blocks = [
+        *_verdicts(errors, cards, reference.get("validation", {}), failed_ratio),
+        *[block for use in LAYOUT for block in _error_tables(use, errors, cards, reference)],
+        *_leg_table(errors, titles),
+        *_range_blocks(covered, outside),
+        *free_run_blocks(free_run, titles),
+        *plots,
+    ]
+    if "validation" not in covered:
+        blocks.append(
+            remark(
+                "No validation leg: nothing says how far these models hold outside the data they"
+                " were fitted on.",
+                "warning",
+            )
+        )
+    look = "J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no model."
+    return section("Validation", blocks, order=10, look_for=look)
+
+
+def _of_all_legs(errors: Errors, use: str) -> dict[str, Mapping[str, ErrorMeasures]]:
+    return {
+        model: measures
+        for (kind, leg, model), measures in errors.items()
+        if (kind, leg) == (use, ALL)
+    }
+
+
+def _verdicts(
+    errors: Errors,
+    cards: Mapping[str, Document],
+    reference: Mapping[str, tuple[float, float]],
+    failed: float,
+) -> list[Block]:
+    """Return a warning that names all models that fail on an axis, with their J/J0.
+
+    A note per model that a constant force equals follows.
+    """
+    notes, failing = [], []
+    judged = _of_all_legs(errors, "validation")
+    for model, measures in judged.items():
+        title, ratios = cards[model]["title"], {axis: measures[axis].normalised for axis in AXES}
+        bad = [f"{axis} {ratio:.2f}" for axis, ratio in ratios.items() if ratio > failed]
+        if bad:
+            failing.append(f"{title} ({', '.join(bad)})")
+        idle = [
+            f"{axis} ({ratio:.2f} against {reference[axis][1]:.2f})"
+            for axis, ratio in ratios.items()
+            if cards[model]["trim"]
+            and axis in reference
+            and ratio >= reference[axis][1]
+            and min(ratio, measures[TOTAL].normalised) <= failed
+        ]
+        if idle:
+            notes.append(
+                remark(
+                    f"{title} predicts no better than a constant force alone in {', '.join(idle)}."
+                )
+            )
+    if not failing:
+        return notes
+    count = f"{len(failing)} of {len(judged)} models"
+    if len(failing) == len(judged) > 1:
+        count = "All models"
+    reason = f"J/J0 exceeds {failed:g}"
+    if failed == FAILED_RATIO:
+        reason = "the error exceeds the force itself"
+    words = f"{count} fail in some axes on validation, where {reason} (J/J0): {'; '.join(failing)}."
+    return [remark(words, "warning"), *notes]
+
+
+def _error_tables(
+    use: str,
+    errors: Errors,
+    cards: Mapping[str, Document],
+    reference: Mapping[str, Mapping[str, tuple[float, float]]],
+) -> list[Block]:
+    judged = _of_all_legs(errors, use)
+    if not judged:
+        return []
+    rows: list[list[Any]] = []
+    detail: list[list[Any]] = []
+    for model, measures in judged.items():
+        card, total = cards[model], measures[TOTAL]
+        ratios = [measures[axis].normalised for axis in (TOTAL, *AXES)]
+        rows.append([card["title"], card["n_bar"], card["rank"], total.rms, *ratios])
+        sums = [total.j0, total.sse, total.mae, total.mse, total.mad]
+        detail.append([card["title"], *sums, *(measures[axis].rms for axis in AXES)])
+    j0 = next(iter(judged.values()))
+    note = "Totals mix N and N m, as the thesis has them. J0: "
+    note += ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES) + "."
+    if use in reference:
+        ratios = [reference[use][axis][1] for axis in (TOTAL, *AXES)]
+        rows.append([CONSTANT_TITLE, 0, 0, reference[use][TOTAL][0], *ratios])
+        note += (
+            " The last row is no model but the reference: the mean force of the training legs and"
+            " nothing else."
+        )
+    heads = ["model", "n-bar", "rank", "J", "J/J0", *(f"J/J0 {axis}" for axis in AXES)]
+    units = [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
+    name = use.capitalize()
+    return [
+        table(f"{name} errors, in the layout of {LAYOUT[use]}", heads, rows, note=note),
+        table(
+            f"{name}: all measures (4.22)-(4.27)",
+            ["model", "J0", "SSE", "MAE", "MSE", "MAD", *units],
+            detail,
+            note=(
+                "Over all six axes together, N and N m mixed; MAD is the sum of the medians of the"
+                " six axes."
+            ),
+        ),
+    ]
+
+
+def _leg_table(errors: Errors, titles: Mapping[str, str]) -> list[Block]:
+    legs = sorted({(use, leg) for use, leg, _ in errors if leg != ALL})
+    if len(legs) < 2:
+        return []
+    rows = [
+        [title, *(errors[use, leg, model][TOTAL].normalised for use, leg in legs)]
+        for model, title in titles.items()
+    ]
+    return [table("J/J0 of every leg", ["model", *(f"{leg} ({use})" for use, leg in legs)], rows)]
+
+
+def _range_blocks(covered: Mapping[str, RangeCovered], outside: Array) -> list[Block]:
+    """Return the range of each velocity in training and in validation.
+
+    A warning names where the models have to extrapolate.
+    """
+    if not {"training", "validation"} <= set(covered):
+        return []
+    fitted, judged = covered["training"], covered["validation"]
+    rows, beyond = [], []
+    for index, name in enumerate(VELOCITIES):
+        unit = "m/s" if index < 3 else "rad/s"
+        low, high = judged.low[index], judged.high[index]
+        share = outside[index] / judged.n
+        rows.append([name, unit, fitted.low[index], fitted.high[index], low, high, 100.0 * share])
+        if share >= OUTSIDE_SHARE:
+            beyond.append(
+                f"{name} ({100.0 * share:.0f} % of the time, {low:.2g} to {high:.2g} {unit})"
+            )
+    heads = ["velocity", "unit", "training lowest", "highest", "validation lowest", "highest"]
+    blocks = [table("Range of motion: fitted in, judged in", [*heads, ("outside", "%")], rows)]
+    if beyond:
+        words = (
+            f"The validation legs leave the range of the training legs in {', '.join(beyond)}:"
+            " there every model extrapolates."
+        )
+        blocks.insert(0, remark(words, "warning"))
+    return blocks
+
+
+def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]:
+    """Return a table per segment of the runs that stayed bounded.
+
+    One warning names the models that left the bounds.
+    """
+    rows = results.to_pylist()
+    units = [(symbol(name), unit_of("free_run", name)) for name in NAMES]
+    heads = ["model", ("after", "s"), "starts", "diverged", *units]
+    blocks: list[Block] = []
+    for segment in dict.fromkeys(row["segment"] for row in rows):
+        own = [row for row in rows if row["segment"] == segment]
+        bounded = [row for row in own if row["diverged"] < row["starts"]]
+        note = (
+            "RMS of simulated minus measured state at that time after a measured start, over the"
+            " runs that stayed bounded."
+        )
+        if len(bounded) < len(own):
+            note += f" {len(own) - len(bounded)} rows without a bounded run are left out."
+        cells = [
+            [
+                titles[row["model"]],
+                *(row[name] for name in ("horizon_s", "starts", "diverged", *NAMES)),
+            ]
+            for row in bounded
+        ]
+        if cells:
+            blocks.append(
+                table(f"Free run on {segment}: error of the state", heads, cells, note=note)
+            )
+    lost = [
+        item
+        for item in (_divergence(model, title, rows) for model, title in titles.items())
+        if item
+    ]
+    if lost:
+        words = (
+            f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
+            " rad/s), first after: "
+        )
+        words += ", ".join(f"{title} {first_s:.1f} s" for title, first_s, _ in lost) + "."
+        for horizon in sorted({never for *_, never in lost if never is not None}):
+            names = [title for title, _, never in lost if never == horizon]
+            everyone = len(names) == len(titles) > 1
+            words += (
+                f" No run of {horizon:g} s held: {'all models' if everyone else ', '.join(names)}."
+            )
+        blocks.insert(0, remark(words, "warning"))
+    return blocks
+
+
+def _divergence(
+    model: str, title: str, rows: Sequence[Mapping[str, Any]]
+) -> tuple[str, float, float | None] | None:
+    """Return title, first time out of bounds, and the shortest horizon without a run.
+
+    None for a model that stayed within the bounds.
+    """
+    own = [row for row in rows if row["model"] == model]
+    diverged = [float(row["first_divergence_s"]) for row in own if row["diverged"]]
+    reached = {float(row["horizon_s"]) for row in own if row["diverged"] < row["starts"]}
+    never = {float(row["horizon_s"]) for row in own} - reached
+    return (title, min(diverged), min(never, default=None)) if diverged else None
+
+
+def prediction_plot(
+    segment: Document, t: Array, measured: Array, predicted: Mapping[str, Array]
+) -> Block:
+    """Return the force of every model against the measured one (n, 6), axis by axis."""
+    panels = [
+        panel(
+            axis,
+            AXIS_UNITS[axis],
+            [
+                series("measured", t, measured[:, index], "measured"),
+                *(series(name, t, force[:, index], name) for name, force in predicted.items()),
+            ],
+        )
+        for index, axis in enumerate(AXES)
+    ]
+    return plot(
+        f"Force on {segment['id']}: every model against measurement (McCarter Figures 5.8-5.15)",
+        panels,
+        group="time",
+        look_for="A model that follows the measured line here has not seen it before.",
+    )
+
+
+def validate_views(segments: Iterable[str], models: Iterable[str]) -> dict[str, Any]:
+    """Return the force of every model beside the measured one, and its error."""
+    names = list(models)
+    groups = []
+    for key in segments:
+        for axis, column, measured in zip(
+            AXES, force_columns("tau"), force_columns("tau_bar"), strict=True
+        ):
+            for model in names:
+                force = view(
+                    f"residual/{axis}/{model}",
+                    f"predictions/{key}",
+                    [column],
+                    [model],
+                    tab="Answer",
+                    names=[f"{axis} {model}"],
+                    filter={"model": model},
+                )
+                less = {"table": f"residual/{key}/residual", "columns": [measured]}
+                error = {"entity": f"error/{axis}/{model}", "tab": "Error", "less": less}
+                groups += [force, force | error]
+    return {"groups": groups}
+
+
+def tables_as_text(
+    errors: Errors, cards: Mapping[str, Document], covered: Mapping[str, RangeCovered]
+) -> str:
+    """Return the tables as plain text, as McCarter 5.1 and 5.2 with per-axis columns."""
+    reference = mean_force_errors(covered)
+    titles = ("model", CONSTANT_TITLE, *(str(card["title"]) for card in cards.values()))
+    width = max(map(len, titles))
+
+    def line(title: str, n_bar: int, rank: int, j: float, ratios: Iterable[float]) -> str:
+        numbers = "".join(f"{ratio:9.3f}" for ratio in ratios)
+        return f"{title:<{width}}{n_bar:>6}{rank:>6}{j:10.3f}{numbers}"
+
+    lines: list[str] = []
+    for use, layout in LAYOUT.items():
+        judged = _of_all_legs(errors, use)
+        if not judged:
+            continue
+        total = next(iter(judged.values()))[TOTAL]
+        lines += [
+            f"{use.capitalize()} ({layout}), J0 = {total.j0:.3f} (N and N m mixed); right of J/J0"
+            " the same per axis",
+            "",
+            f"{'model':<{width}}{'n-bar':>6}{'rank':>6}{'J':>10}{'J/J0':>9}"
+            + "".join(f"{axis:>9}" for axis in AXES),
+        ]
+        for model, measures in judged.items():
+            card, ratios = cards[model], [measures[axis].normalised for axis in (TOTAL, *AXES)]
+            lines.append(
+                line(card["title"], card["n_bar"], card["rank"], measures[TOTAL].rms, ratios)
+            )
+        if use in reference:
+            ratios = [reference[use][axis][1] for axis in (TOTAL, *AXES)]
+            lines.append(line(CONSTANT_TITLE, 0, 0, reference[use][TOTAL][0], ratios))
+        lines.append("")
+    return "\n".join(lines)
