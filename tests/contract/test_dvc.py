@@ -132,21 +132,23 @@ def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
         each = entry.get("foreach")
         for campaign in campaigns_of(entry) if each else []:
             filled = {
-                part: {text.replace("${item}", campaign) for text in found}
+                part: {text.replace("${item}", campaign) for text in named_paths}
                 for part in ("deps", "outs", "metrics")
-                if (found := paths(entry["do"].get(part, [])))
+                if (named_paths := paths(entry["do"].get(part, [])))
             }
             resolved[f"{name}@{campaign}"] = filled
-    made = {
+    outputs = {
         path
         for parts in resolved.values()
         for path in (*parts.get("outs", ()), *parts.get("metrics", ()))
     }
-    made |= paths(DVC["code"]["outs"])
-    wanted = {path for parts in resolved.values() for path in parts["deps"]}
+    outputs |= paths(DVC["code"]["outs"])
+    needed = {path for parts in resolved.values() for path in parts["deps"]}
     assert (
         sorted(
-            path for path in wanted - made if path.startswith("runs/") or not (ROOT / path).exists()
+            path
+            for path in needed - outputs
+            if path.startswith("runs/") or not (ROOT / path).exists()
         )
         == []
     )

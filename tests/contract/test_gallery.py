@@ -28,9 +28,9 @@ def test_page_is_that_of_the_list_and_its_picture_shows_something(name: str) -> 
     case = CASES[name]
     assert (FOLDER / name / gallery.PAGE).read_text(encoding="utf-8") == gallery.page_of(case)
     assert (ROOT / "campaigns" / case["target"] / "campaign.yaml").is_file()
-    seen = look(FOLDER / name / gallery.PICTURE)
-    assert seen.bytes <= gallery.LARGEST
-    assert seen.colours > 30, "an empty viewer has a handful of greys"
+    picture = look(FOLDER / name / gallery.PICTURE)
+    assert picture.bytes <= gallery.LARGEST
+    assert picture.colours > 30, "an empty viewer has a handful of greys"
     assert 1 <= len(re.findall(r"[.:;](?:\s|$)", str(case["see"]))) <= 4, "two sentences"
 
 

@@ -111,8 +111,8 @@ def impurities(tree: ast.AST) -> set[str]:
     return names
 
 
-def offenders(found: dict[Path, set[str]]) -> dict[str, set[str]]:
-    return {str(path.relative_to(ROOT)): names for path, names in found.items() if names}
+def offenders(names_by_file: dict[Path, set[str]]) -> dict[str, set[str]]:
+    return {str(path.relative_to(ROOT)): names for path, names in names_by_file.items() if names}
 
 
 def test_each_floor_imports_only_from_below() -> None:

@@ -49,10 +49,10 @@ def test_make_targets_exist(line: str) -> None:
 @pytest.mark.parametrize("line", sorted({line for line in SHELL if line.startswith("auvid ")}))
 def test_commands_and_options_exist(line: str) -> None:
     _, command, *words = line.split()
-    shown = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "200"})
-    assert shown.exit_code == 0, line
+    result = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, line
     for option in (word for word in words if word.startswith("--")):
-        assert option in shown.output, line
+        assert option in result.output, line
 
 
 @pytest.mark.parametrize("option", ["--until", "--engine", "--strict"])

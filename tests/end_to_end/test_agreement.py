@@ -30,11 +30,11 @@ PROTECTED = {"small.BIN": 60_000, "small.tlog": 0, "sample_appended_multiple.ulg
 
 @pytest.mark.parametrize("name", LOGS)
 def test_whole_logs_agree(name: str) -> None:
-    found = agreement.compare(DATA / name, name)
-    assert found is not None
-    assert (found.missing, found.differing, found.status) == ([], [], "complete")
-    assert found.ours >= found.theirs > 5000
-    assert found.columns > 300
+    result = agreement.compare(DATA / name, name)
+    assert result is not None
+    assert (result.missing, result.differing, result.status) == ([], [], "complete")
+    assert result.ours >= result.theirs > 5000
+    assert result.columns > 300
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -48,22 +48,22 @@ def test_nothing_is_missing_of_damaged_logs(name: str, seed: int, tmp_path: Path
         PROTECTED[path.name],
     )
     path.write_bytes(data)
-    found = agreement.compare(path, path.name)
-    assert found is not None
-    assert (found.missing, found.differing) == ([], [])
-    assert "fails" not in found.note
-    assert found.status == "damaged"
-    assert found.theirs > 1000
+    result = agreement.compare(path, path.name)
+    assert result is not None
+    assert (result.missing, result.differing) == ([], [])
+    assert "fails" not in result.note
+    assert result.status == "damaged"
+    assert result.theirs > 1000
 
 
 def test_a_ulog_cut_off_agrees(tmp_path: Path) -> None:
     path = tmp_path / "cut.ulg"
     path.write_bytes((DATA / LOGS[2]).read_bytes()[:300_000])
-    found = agreement.compare(path, path.name)
-    assert found is not None
-    assert found.status == "truncated"
-    assert found.agrees
-    assert found.theirs > 1000
+    result = agreement.compare(path, path.name)
+    assert result is not None
+    assert result.status == "truncated"
+    assert result.agrees
+    assert result.theirs > 1000
 
 
 def test_a_missing_record_and_a_wrong_value_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,12 +87,12 @@ def test_a_missing_record_and_a_wrong_value_are_found(monkeypatch: pytest.Monkey
         return replace(log, messages={**log.messages, "IMU": cut, "ATT": turned})
 
     monkeypatch.setattr(type(DATAFLASH), "read", wrong)
-    found = agreement.compare(DATA / LOGS[0], "small.BIN")
-    assert found is not None
-    assert not found.agrees
-    assert len(found.missing) == 1
-    assert found.missing[0].startswith("IMU at byte")
-    assert found.differing == ["ATT.Roll"]
+    result = agreement.compare(DATA / LOGS[0], "small.BIN")
+    assert result is not None
+    assert not result.agrees
+    assert len(result.missing) == 1
+    assert result.missing[0].startswith("IMU at byte")
+    assert result.differing == ["ATT.Roll"]
 
 
 def test_files_without_another_library_are_left_out() -> None:

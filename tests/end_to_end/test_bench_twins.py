@@ -70,26 +70,26 @@ def test_printed_values_are_found_and_a_missed_bound_fails(
 ) -> None:
     campaign = small_workspace(tmp_path)
     monkeypatch.chdir(tmp_path)
-    status, shown = reproduce()
-    assert status == 0, shown
-    assert "Table 14" in shown
-    assert "bounds: " in shown
-    assert "MISSED" not in shown
+    status, printed = reproduce()
+    assert status == 0, printed
+    assert "Table 14" in printed
+    assert "bounds: " in printed
+    assert "MISSED" not in printed
     run = comparison.open_comparison("small")
     assert run is not None
     rows = comparison_rows(run)
-    asked = [row for row in rows if row["met"] is not None]
-    assert len(asked) >= 6
+    bounded = [row for row in rows if row["met"] is not None]
+    assert len(bounded) >= 6
     page = (tmp_path / "runs/small/report/report_html.html").read_text(encoding="utf-8")
     assert "Errata of the source" in page
     assert "Printed tables beside ours" in page
     published = load(campaign / "published.yaml")
     published["tables"][-1]["rows"][0]["truth"] = -50.0
     save(campaign / "published.yaml", published)
-    status, shown = reproduce()
+    status, printed = reproduce()
     assert status == 1
-    assert "MISSED" in shown
-    assert f"bounds: {len(asked) - 1} of {len(asked)} met" in shown
+    assert "MISSED" in printed
+    assert f"bounds: {len(bounded) - 1} of {len(bounded)} met" in printed
 
 
 @pytest.mark.parametrize("name", ["thaus_twin", "remus_twin"])
@@ -108,22 +108,24 @@ def test_documents_of_the_campaigns_agree(name: str) -> None:
     ):
         check_document(document, schema)
     flown = {entry["id"] for kind in ("decays", "swings") for entry in plan["bench"][kind]}
-    told = [
+    named_legs = [
         leg
         for part, kind in (("free_decay", "decays"), ("quadrifilar", "swings"))
         for entry in apparatus[part][kind]
         for leg in entry["legs"]
     ]
-    assert set(told) == flown
+    assert set(named_legs) == flown
     listed = {entry["id"] for entry in published["errata"]}
     assert {
         erratum for table in published["tables"] for erratum in table.get("errata", ())
     } <= listed
     if name == "thaus_twin":
-        asked = sum(
+        bounded = sum(
             "most_relative_error" in row or "verdict" in row
             for table in published["tables"]
             for row in table["rows"]
         )
-        assert f"bounds: {asked} of {asked} met" in (ROOT / "README.md").read_text(encoding="utf-8")
+        assert f"bounds: {bounded} of {bounded} met" in (ROOT / "README.md").read_text(
+            encoding="utf-8"
+        )
         assert listed == {f"A{number}" for number in range(1, 31)}

@@ -35,6 +35,6 @@ def test_dive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     section = json.loads(
         (tmp_path / "runs/blueye_heave/rlse/descent/section.json").read_text(encoding="utf-8")
     )
-    said = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
-    assert "faster than it was sampled" in said
-    assert "without a unit of force" in said
+    remarks = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
+    assert "faster than it was sampled" in remarks
+    assert "without a unit of force" in remarks

@@ -246,17 +246,17 @@ def test_findings_of_every_licensed_log(
     code = check([str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target))
     (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
     check_document(page["health"], "health")
-    found = {item["id"]: item for item in page["health"]["findings"]}
-    assert set(found) >= set(row.must), sorted(set(row.must) - set(found))
-    assert not set(found) & row.must_not
+    by_id = {item["id"]: item for item in page["health"]["findings"]}
+    assert set(by_id) >= set(row.must), sorted(set(row.must) - set(by_id))
+    assert not set(by_id) & row.must_not
     for name, words in row.must.items():
         texts = [item["text"] for item in page["health"]["findings"] if item["id"] == name]
         assert words is None or any(words in text for text in texts), texts
     assert row.verdict in page["health"]["verdict"]
     assert code == row.code
-    shown = capsys.readouterr().out
-    assert all(item["id"] in shown for item in found.values())
-    assert "\x1b" not in shown  # no colours where the output is no terminal
+    printed = capsys.readouterr().out
+    assert all(item["id"] in printed for item in by_id.values())
+    assert "\x1b" not in printed  # no colours where the output is no terminal
 
 
 def test_the_page_of_the_dive(
@@ -264,13 +264,13 @@ def test_the_page_of_the_dive(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "110")
     assert check([str(DIVE)]) == 0
-    shown = capsys.readouterr().out
-    lines = shown.splitlines()
+    printed = capsys.readouterr().out
+    lines = printed.splitlines()
     assert len(lines) <= 45, "one screen"
-    assert re.search(r"velocity +VISO +1011 +7\.78 +65 +0\.41 +XKF1", shown)
+    assert re.search(r"velocity +VISO +1011 +7\.78 +65 +0\.41 +XKF1", printed)
     assert "complete" in lines[1]
-    assert "cannot run: synthesise heave, roll, pitch: hardly any motion" in shown
-    assert "motion RMS: u 0.0984" in shown
+    assert "cannot run: synthesise heave, roll, pitch: hardly any motion" in printed
+    assert "motion RMS: u 0.0984" in printed
 
 
 def test_on_a_narrow_screen_numbers_stay_whole(
@@ -278,10 +278,10 @@ def test_on_a_narrow_screen_numbers_stay_whole(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
-    shown = capsys.readouterr().out
-    assert "…" not in shown
-    assert re.search(r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+ +2 +[\d.]+ +0\.76", shown)
-    assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+ +3 ", shown)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    assert re.search(r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+ +2 +[\d.]+ +0\.76", printed)
+    assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+ +3 ", printed)
 
 
 def test_a_campaign_with_its_legs_and_vehicle(
@@ -302,9 +302,9 @@ def test_a_campaign_with_its_legs_and_vehicle(
     assert train["covered_s"] == pytest.approx(90.0, abs=0.3)
     assert validate["excited"] == ["surge", "sway", "yaw"]
     assert train["active_share"] > 0.9
-    shown = capsys.readouterr().out
-    assert "because the vehicle file names it" in " ".join(shown.split())
-    assert re.search(r"train +training +0\.0 +90\.0", shown)
+    printed = capsys.readouterr().out
+    assert "because the vehicle file names it" in " ".join(printed.split())
+    assert re.search(r"train +training +0\.0 +90\.0", printed)
 
 
 def test_a_twin_that_has_not_flown_is_sent_to_its_stage(
@@ -318,9 +318,9 @@ def test_a_twin_that_has_not_flown_is_sent_to_its_stage(
 
 
 def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
-    whole = SMALL.read_bytes()
-    (tmp_path / "cut.BIN").write_bytes(whole[: len(whole) - 9])
-    (tmp_path / "damaged.BIN").write_bytes(whole[:200_000] + bytes(700) + whole[200_500:])
+    data = SMALL.read_bytes()
+    (tmp_path / "cut.BIN").write_bytes(data[: len(data) - 9])
+    (tmp_path / "damaged.BIN").write_bytes(data[:200_000] + bytes(700) + data[200_500:])
     target = tmp_path / "health.json"
     assert (
         check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target))
@@ -329,12 +329,12 @@ def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
     cut, damaged = (
         page["health"] for page in json.loads(target.read_text(encoding="utf-8"))["logs"]
     )
-    found = {item["id"]: item for item in cut["findings"]}
+    by_id = {item["id"]: item for item in cut["findings"]}
     assert cut["status"] == "truncated"
-    assert 0 < found["file_truncated"]["value"] < 200
-    found = {item["id"]: item for item in damaged["findings"]}
+    assert 0 < by_id["file_truncated"]["value"] < 200
+    by_id = {item["id"]: item for item in damaged["findings"]}
     assert damaged["status"] == "damaged"
-    assert 500 <= found["file_damaged"]["value"] < 1000
+    assert 500 <= by_id["file_damaged"]["value"] < 1000
 
 
 def test_html_is_one_file_with_everything_escaped(
@@ -362,11 +362,11 @@ def test_html_is_one_file_with_everything_escaped(
     assert not re.search(r"(src|href)=[\"']?(http|//)", page)
     assert "\x1b" not in page
     assert "\u202e" not in page
-    shown = capsys.readouterr().out
-    assert "\x1b" not in shown
-    assert "\u202e" not in shown
-    assert "[bold]x[/bold]" in shown
-    assert "title" not in shown
+    printed = capsys.readouterr().out
+    assert "\x1b" not in printed
+    assert "\u202e" not in printed
+    assert "[bold]x[/bold]" in printed
+    assert "title" not in printed
 
 
 def test_json_on_standard_output_is_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -382,8 +382,8 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
     (tmp_path / "zeros.BIN").write_bytes(bytes(5000))
     (tmp_path / "picture.BIN").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
     (tmp_path / "letter.txt").write_text("Dear crew, the dive went well.\n")
-    whole = SMALL.read_bytes()
-    (tmp_path / "headers.BIN").write_bytes(whole[:3500])
+    data = SMALL.read_bytes()
+    (tmp_path / "headers.BIN").write_bytes(data[:3500])
     (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
     (tmp_path / "folder").mkdir()
     reasons = {
@@ -411,11 +411,11 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stdout + done.stderr
     pages = re.split(r"(?m)^.*/([\w.]+) ─+$", done.stdout)[1:]
-    said = dict(zip(pages[::2], pages[1::2], strict=True))
+    printed_by_file = dict(zip(pages[::2], pages[1::2], strict=True))
     for name, reason in reasons.items():
-        assert re.search(reason, said[name]), said[name]
-        assert "✗ refused" in said[name]
-    assert "no_actuation" in said["small.BIN"]
+        assert re.search(reason, printed_by_file[name]), printed_by_file[name]
+        assert "✗ refused" in printed_by_file[name]
+    assert "no_actuation" in printed_by_file["small.BIN"]
 
 
 def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -487,14 +487,14 @@ def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFi
         align=True,
         json_file=str(target),
     )
-    found = json.loads(target.read_text(encoding="utf-8"))["alignment"]
+    alignment = json.loads(target.read_text(encoding="utf-8"))["alignment"]
     start_s = json.loads(target.read_text(encoding="utf-8"))["logs"][0]["health"]["duration_s"]
     assert start_s == pytest.approx(130.0, abs=0.1)
     # The CSV counts from the first record of the dive, at 600.014074 s of the boot
     # clock.
-    assert found["offset_s"] == pytest.approx(600.014074 - SHIFT_S, abs=0.001)
-    assert found["std_s"] < 0.001
-    assert found["correlation"] > 0.999
+    assert alignment["offset_s"] == pytest.approx(600.014074 - SHIFT_S, abs=0.001)
+    assert alignment["std_s"] < 0.001
+    assert alignment["correlation"] > 0.999
     assert "angular rate" in capsys.readouterr().out
 
 
@@ -506,9 +506,10 @@ def test_clocks_of_the_autopilot_log_and_the_telemetry_of_one_dive(
     """
     tlog = ROOT / "campaigns" / "bluerov2_dvl_tlog" / "logs" / "dive.tlog"
     pages = [log_pages(str(path), None)[0] for path in (DIVE, tlog)]
-    found = align_clocks(*pages)
-    assert (found.first, found.second, found.signal) == (str(DIVE), str(tlog), "angular rate")
-    assert abs(found.offset.offset_s) < 3 * found.offset.std_s < 1e-3
+    alignment = align_clocks(*pages)
+    assert (alignment.first, alignment.second) == (str(DIVE), str(tlog))
+    assert alignment.signal == "angular rate"
+    assert abs(alignment.offset.offset_s) < 3 * alignment.offset.std_s < 1e-3
     by_depth = align_clocks(
         *(
             replace(page, outputs=replace(page.outputs, imu=None))
@@ -537,8 +538,8 @@ def test_a_common_trend_is_no_alignment() -> None:
         log = RawLog(
             name, (RawFile(f"{name}.csv", np.frombuffer(text.encode(), np.uint8), DEPTH_MAP),)
         )
-        made = ingest.run(ingest.Inputs(log), ingest.Params())
-        pages.append(LogPage(name, made.health, outputs=made))
+        ingested = ingest.run(ingest.Inputs(log), ingest.Params())
+        pages.append(LogPage(name, ingested.health, outputs=ingested))
     with pytest.raises(
         PipelineError, match=r"cannot be aligned.*correlation 0.[89].*standard deviation"
     ):

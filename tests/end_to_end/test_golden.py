@@ -108,10 +108,10 @@ def test_dvc_shows_the_same_figures(workspace: Path, tables: Tables) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    shown = json.loads(done.stdout)[""]["data"][f"runs/{NAME}/validate/error_metrics.json"]
+    dvc_metrics = json.loads(done.stdout)[""]["data"][f"runs/{NAME}/validate/error_metrics.json"]
     for use, models in tables.items():
         for model, row in models.items():
-            assert shown["data"][use][model] == {
+            assert dvc_metrics["data"][use][model] == {
                 name: row[name] for name in FIGURES if name != "J0"
             }
 
@@ -124,9 +124,9 @@ def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path:
     leaves room on both sides.
     """
     write_workspace(tmp_path, NAME)
-    found = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
+    program_text = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
     wide = subprocess.run(
-        [sys.executable, "-c", found], capture_output=True, text=True, check=True
+        [sys.executable, "-c", program_text], capture_output=True, text=True, check=True
     ).stdout.strip()
     program = (
         "import sys; from auvid.pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]];"

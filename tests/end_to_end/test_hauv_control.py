@@ -77,17 +77,17 @@ def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
 
 def test_a_controller_on_the_identified_model_is_as_good_as_one_on_the_true_model() -> None:
     card = json.loads((ROOT / "campaigns/hauv_redesign/prestero.json").read_text(encoding="utf-8"))
-    found = {
+    results = {
         (item.designed_on, item.flight.name): item
         for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, card)
     }
-    assert {name for name, _ in found} == {TRUE, IDENTIFIED, "corrected"}
+    assert {name for name, _ in results} == {TRUE, IDENTIFIED, "corrected"}
     for flight in FLIGHTS:
         errors = [
-            float(found[name, flight].errors.cross_track_rms_m) for name in (IDENTIFIED, TRUE)
+            float(results[name, flight].errors.cross_track_rms_m) for name in (IDENTIFIED, TRUE)
         ]
         assert errors[0] < errors[1] + 0.01  # m
     # Strip theory does not know the drag: the place of that time is missed by more than
     # a metre.
-    assert float(found[IDENTIFIED, "undisturbed"].errors.steady_m) < 0.1
-    assert float(found["corrected", "undisturbed"].errors.steady_m) > 1.0
+    assert float(results[IDENTIFIED, "undisturbed"].errors.steady_m) < 0.1
+    assert float(results["corrected", "undisturbed"].errors.steady_m) > 1.0

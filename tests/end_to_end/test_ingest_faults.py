@@ -183,8 +183,8 @@ def auvid(
             cli.main()
         except SystemExit as end:
             code = end.code or 0
-        said = capsys.readouterr()
-        text = said.out + said.err
+        printed = capsys.readouterr()
+        text = printed.out + printed.err
         assert "Traceback" not in text
         assert "internal fault" not in text
         return int(code), " ".join(text.split())
@@ -212,44 +212,44 @@ def test_no_log_is_refused_with_the_reason(
     content, reason = REFUSALS[name]
     place(content)
     columns = name.startswith("csv")
-    code, said = auvid("run", "bad", "--until", "ingest", columns=columns)
+    code, printed = auvid("run", "bad", "--until", "ingest", columns=columns)
     assert code == REFUSED
-    assert any(word in said for word in reason.split("|")), said
-    assert "dive" in said
+    assert any(word in printed for word in reason.split("|")), printed
+    assert "dive" in printed
     words = ["--columns", "campaigns/bad/map.yaml"] if columns else []
-    code, said = auvid("check", "campaigns/bad/dive.log", *words)
+    code, printed = auvid("check", "campaigns/bad/dive.log", *words)
     assert code == REFUSED
-    assert "refused" in said
+    assert "refused" in printed
 
 
 @pytest.mark.parametrize("name", LOSSES)
 def test_what_is_wrong_with_a_log_is_told_and_the_rest_is_used(
     name: str, auvid: Callable[..., tuple[int, str]]
 ) -> None:
-    content, told, samples = LOSSES[name]
+    content, words_expected, samples = LOSSES[name]
     place(content)
     columns = name.startswith("csv")
-    code, said = auvid("run", "bad", "--until", "ingest", columns=columns)
-    assert code == FINE, said
+    code, printed = auvid("run", "bad", "--until", "ingest", columns=columns)
+    assert code == FINE, printed
     info = log_info()
     dropped = (Path("runs/bad/ingest/dive") / "section.json").read_text(encoding="utf-8")
     words = json.dumps(info, ensure_ascii=False) + dropped
-    assert not told or any(word in words for word in told.split("|")), words
+    assert not words_expected or any(word in words for word in words_expected.split("|")), words
     assert max(stream["rows"] for stream in info["streams"].values()) == samples
-    code, said = auvid(
+    code, printed = auvid(
         "check",
         "campaigns/bad/dive.log",
         *(["--columns", "campaigns/bad/map.yaml"] if columns else []),
     )
-    assert code in (FINE, 3), said
+    assert code in (FINE, 3), printed
 
 
 def test_a_folder_in_place_of_a_log(auvid: Callable[..., tuple[int, str]]) -> None:
     Path("campaigns/bad/dive.log").mkdir(parents=True)
-    code, said = auvid("run", "bad", "--until", "ingest")
+    code, printed = auvid("run", "bad", "--until", "ingest")
     assert code == REFUSED
-    assert "is a folder, not a file" in said
-    assert "campaign.yaml" in said
+    assert "is a folder, not a file" in printed
+    assert "campaign.yaml" in printed
 
 
 def test_a_log_without_permission(
@@ -265,9 +265,9 @@ def test_a_log_without_permission(
         return before(self, *args, **keys)
 
     monkeypatch.setattr(Path, "open", refuse)
-    code, said = auvid("run", "bad", "--until", "ingest")
+    code, printed = auvid("run", "bad", "--until", "ingest")
     assert code == REFUSED
-    assert "no permission" in said
+    assert "no permission" in printed
 
 
 @pytest.mark.parametrize("change", ["grows", "is written anew", "disappears", "is cut short"])
@@ -285,18 +285,18 @@ def test_a_log_that_changes_while_it_is_read(
         elif change == "is written anew":
             path.with_suffix(".new").write_bytes(dive(40))
             path.with_suffix(".new").replace(path)
-        elif (
-            change == "is cut short"
-        ):  # by another process, as a log on its way to this machine; memory that maps the file would be gone
+        elif change == "is cut short":
+            # By another process, as a log on its way to this machine; memory that maps the
+            # file would be gone.
             subprocess.run([*CUT, str(path), "100"], check=True)
         else:
             path.unlink()
         return found
 
     monkeypatch.setattr(sources.Log, "load", changing)
-    code, said = auvid("run", "bad", "--until", "ingest")
+    code, printed = auvid("run", "bad", "--until", "ingest")
     assert code == REFUSED
-    assert ("is not there" if change == "disappears" else "changed while it was read") in said
+    assert ("is not there" if change == "disappears" else "changed while it was read") in printed
     assert not Path("runs/bad/ingest/dive/log_info.json").exists()
 
 
@@ -311,7 +311,7 @@ def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "words_expected"),
     [
         (("--only", "ingesd"), "Did you mean 'ingest'?"),
         (("--until", "ingesd"), "Did you mean 'ingest'?"),
@@ -321,8 +321,8 @@ def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
     ],
 )
 def test_wrong_use_has_an_exit_code_of_its_own(
-    words: tuple[str, ...], told: str, auvid: Callable[..., tuple[int, str]]
+    words: tuple[str, ...], words_expected: str, auvid: Callable[..., tuple[int, str]]
 ) -> None:
     place(dive(5))
-    code, said = auvid("run", "bad", *words)
-    assert (code, told in said) == (2, True), said
+    code, printed = auvid("run", "bad", *words)
+    assert (code, words_expected in printed) == (2, True), printed

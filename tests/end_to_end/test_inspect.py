@@ -74,14 +74,14 @@ def test_picture_is_not_empty(recording: Path) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     file = PICTURES / "inspect_log.png"
     file.write_bytes(viewer.picture(recording, size=(800, 500)))
-    seen = look(file)
-    assert seen.size == (800, 500)
-    assert seen.colours > 30, "an empty viewer has a handful of greys"
-    assert seen.bytes <= 200_000
+    picture = look(file)
+    assert picture.size == (800, 500)
+    assert picture.colours > 30, "an empty viewer has a handful of greys"
+    assert picture.bytes <= 200_000
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("no_such_campaign",), "no such campaign"),
         (("nowhere/dive.BIN",), "is not there"),
@@ -91,8 +91,8 @@ def test_picture_is_not_empty(recording: Path) -> None:
         ((str(SMALL),), "--save FILE.rrd"),
     ],
 )
-def test_refusals_say_what_to_do(words: tuple[str, ...], said: str) -> None:
-    assert said in str(auvid("inspect", *words).fault)
+def test_refusals_say_what_to_do(words: tuple[str, ...], message: str) -> None:
+    assert message in str(auvid("inspect", *words).fault)
 
 
 def test_recording_cut_off_or_of_something_else_is_refused(recording: Path, tmp_path: Path) -> None:

@@ -134,10 +134,10 @@ def test_uncoupled_names_the_pairs_that_ahead_motion_cannot_separate() -> None:
         for item in sums.values()
         for weight in item["weights"].values()
     )
-    shown = [
+    tables_shown = [
         block for block in fitted.section["blocks"] if "inseparable terms" in block.get("title", "")
     ]
-    assert len(shown[0]["rows"]) == 2
+    assert len(tables_shown[0]["rows"]) == 2
     assert all(len(card["axes"][axis]["terms"]) == card["axes"][axis]["rank"] for axis in "YZKMN")
 
 
@@ -156,7 +156,8 @@ def test_models_that_do_not_span_the_truth_rank_as_they_should(
     of_mcfarland: tuple[synthesise.Outputs, validate.Outputs],
 ) -> None:
     ratio = {
-        name: found["ratio"] for name, found in of_mcfarland[1].error_metrics["training"].items()
+        name: metrics["ratio"]
+        for name, metrics in of_mcfarland[1].error_metrics["training"].items()
     }
     assert ratio["mcfarland"] < 1e-9
     assert 0.01 < ratio["gertler_hagen"] < ratio["fossen"] < 1.0

@@ -54,15 +54,15 @@ def area(page: Browser) -> tuple[float, float, float, float]:
     """Place of the first plot, scrolled into view; sections get their height when they
     come near, so until it stays where it is.
     """
-    seen: tuple[float, float, float, float] | None = None
+    last: tuple[float, float, float, float] | None = None
     for _ in range(20):
         page.evaluate(f"{FIRST_AREA}.scrollIntoView({{block: 'center'}})")
         page.screenshot()  # lays the page out
         left, top, width, height = page.evaluate(f"{BOX}({FIRST_AREA}.getBoundingClientRect())")
-        if seen == (left, top, width, height):
-            return seen
-        seen = (left, top, width, height)
-    raise AssertionError(f"the first plot does not come to rest: {seen}")
+        if last == (left, top, width, height):
+            return last
+        last = (left, top, width, height)
+    raise AssertionError(f"the first plot does not come to rest: {last}")
 
 
 def view(page: Browser) -> list[float]:
@@ -115,9 +115,12 @@ def test_what_is_folded_away_is_printed(page: Browser) -> None:
 
 def test_every_plot_draws_its_lines(page: Browser) -> None:
     drawn = page.evaluate(
-        """(() => { for (const section of document.querySelectorAll('.chapter > section')) section.style.contentVisibility = 'visible';
+        """(() => {
+        for (const section of document.querySelectorAll('.chapter > section'))
+          section.style.contentVisibility = 'visible';
         return [...document.querySelectorAll('path.line:not(.off)')].map(line => {
-          const box = line.getBoundingClientRect(), area = line.closest('.area').getBoundingClientRect();
+          const box = line.getBoundingClientRect();
+          const area = line.closest('.area').getBoundingClientRect();
           return [box.width / area.width, box.height / area.height]; }); })()"""
     )
     assert len(drawn) > 80
@@ -186,7 +189,8 @@ def test_keyboard_moves_the_cursor_zooms_pans_and_resets(page: Browser) -> None:
 
 def test_readout_is_the_value_of_the_line(page: Browser) -> None:
     value, near = page.evaluate(
-        """(() => { const line = document.querySelector('path.line'), {xs, ys} = decode(line), i = 40;
+        """(() => { const line = document.querySelector('path.line');
+        const {xs, ys} = decode(line), i = 40;
         return [ys[i], plots[0].nearest(line, xs[i])]; })()"""
     )
     assert value == near

@@ -208,7 +208,7 @@ def test_command_makes_a_campaign_that_runs(
     (tmp_path / "params.yaml").write_text("campaigns: []\n", encoding="utf-8")
     (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan("short", settle_s=5)), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    made = CliRunner().invoke(
+    simulated = CliRunner().invoke(
         cli.app,
         [
             "simulate",
@@ -222,7 +222,7 @@ def test_command_makes_a_campaign_that_runs(
             "2",
         ],
     )
-    assert made.exit_code == 0, made.output
+    assert simulated.exit_code == 0, simulated.output
     assert sorted(path.name for path in (tmp_path / "campaigns/mine/logs").iterdir()) == [
         "yaw_2133.tlog",
         "yaw_2350.tlog",

@@ -203,9 +203,9 @@ def main() -> int:
     parser.add_argument("--mutations", type=int, default=20_000)
     parser.add_argument("--every", type=int, default=1, help="try each N-th case only")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1))
-    given = parser.parse_args()
-    names = given.reader or list(NAMES)
-    work = list(chunks(names, given.mutations, given.every))
+    arguments = parser.parse_args()
+    names = arguments.reader or list(NAMES)
+    work = list(chunks(names, arguments.mutations, arguments.every))
     tallies = {(name, kind): Tally() for name in names for kind in KINDS}
     seconds = dict.fromkeys(names, 0.0)
     console, begin = (
@@ -216,7 +216,7 @@ def main() -> int:
         "system"  # the others reserve address space that would count as used
     )
     with (
-        multiprocessing.get_context("spawn").Pool(given.jobs, _start_worker) as pool,
+        multiprocessing.get_context("spawn").Pool(arguments.jobs, _start_worker) as pool,
         Progress(console=console) as progress,
     ):
         bars = {
@@ -234,7 +234,7 @@ def main() -> int:
     bad = report(console, tallies, peaks)
     console.print(
         f"{sum(tally.cases for tally in tallies.values())} cases in"
-        f" {time.perf_counter() - begin:.0f} s on {given.jobs} processes"
+        f" {time.perf_counter() - begin:.0f} s on {arguments.jobs} processes"
     )
     return int(bad)
 

@@ -57,8 +57,8 @@ def auvid(
         cli.main()
     except SystemExit as end:
         code = end.code or 0
-    said = capsys.readouterr()
-    return int(code), said.out, said.err
+    printed = capsys.readouterr()
+    return int(code), printed.out, printed.err
 
 
 def replaced(file: Path, old: str, new: str) -> Edit:
@@ -261,10 +261,10 @@ def run_fine(
 
 
 def ratio(root: Path, model: str = "fossen", use: str = "training") -> float:
-    found: dict[str, Any] = json.loads(
+    metrics: dict[str, Any] = json.loads(
         (root / "runs/example/validate/error_metrics.json").read_text()
     )
-    return float(found[use][model]["ratio"])
+    return float(metrics[use][model]["ratio"])
 
 
 def dropped(root: Path) -> dict[str, int]:

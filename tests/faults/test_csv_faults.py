@@ -194,7 +194,7 @@ SIMPLE: dict[str, object] = {
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message_part"),
     [
         (b"t;d\n0,0;1,5\n", 'add delimiter: ";" to the column map, and decimal: ","'),
         (b"t\td\n0\t1\n", 'add delimiter: "\\t" to the column map'),
@@ -204,8 +204,8 @@ SIMPLE: dict[str, object] = {
     ],
 )
 def test_what_a_spreadsheet_makes_of_a_log_is_refused_with_the_remedy(
-    content: bytes, told: str
+    content: bytes, message_part: str
 ) -> None:
     with pytest.raises(LogError) as refused:
         read_csv(RawFile("dive.csv", np.frombuffer(content, np.uint8), SIMPLE))
-    assert told in str(refused.value)
+    assert message_part in str(refused.value)

@@ -96,7 +96,7 @@ def _quietly(read: Callable[[], Any]) -> Any:
         return read()
 
 
-def compare_dataflash(path: Path, log: DecodedLog, found: Agreement) -> None:
+def compare_dataflash(path: Path, log: DecodedLog, agreement: Agreement) -> None:
     """Records are paired by their offset."""
     from pymavlink.DFReader import DFReader_binary
 
@@ -122,13 +122,13 @@ def compare_dataflash(path: Path, log: DecodedLog, found: Agreement) -> None:
         follows = theirs[index + 1][0] if index + 1 < len(theirs) else size
         before = theirs[index - 1][1] if index else 0
         if log.status == "complete" or (before == start and follows == stop):
-            found.missing.append(f"{name} at byte {start}")
-    found.theirs = len(theirs)
-    _compare_columns(log, matched, found)
+            agreement.missing.append(f"{name} at byte {start}")
+    agreement.theirs = len(theirs)
+    _compare_columns(log, matched, agreement)
 
 
 def _compare_columns(
-    log: DecodedLog, matched: dict[str, list[tuple[int, Any]]], found: Agreement
+    log: DecodedLog, matched: dict[str, list[tuple[int, Any]]], agreement: Agreement
 ) -> None:
     """Columns of records that both sides have; where a type has several layouts, those
     fields that a record has.
@@ -141,7 +141,7 @@ def _compare_columns(
                 fields[key][0].append(row)
                 fields[key][1].append(getattr(message, key))
         for key, (where, values) in fields.items():
-            found.columns += 1
+            agreement.columns += 1
             if isinstance(values[0], bytes):  # the contents of a file, in which NUL is a value
                 same = [value.rstrip(b"\0") for value in values] == table.columns[key][
                     where
@@ -149,10 +149,10 @@ def _compare_columns(
             else:
                 same = key in table.columns and equal(_as_text(table.columns[key][where]), values)
             if not same:
-                found.differing.append(f"{name}.{key}")
+                agreement.differing.append(f"{name}.{key}")
 
 
-def compare_text(path: Path, log: DecodedLog, found: Agreement) -> None:
+def compare_text(path: Path, log: DecodedLog, agreement: Agreement) -> None:
     """Records are paired by their order; pymavlink ends a text at its first comma and
     drops a unit without a label.
     """
@@ -167,15 +167,15 @@ def compare_text(path: Path, log: DecodedLog, found: Agreement) -> None:
         return records
 
     theirs = _quietly(read)
-    found.theirs = sum(map(len, theirs.values()))
+    agreement.theirs = sum(map(len, theirs.values()))
     for name, messages in theirs.items():
         if len(messages) > log.counts.get(name, 0):
-            found.missing.append(f"{len(messages) - log.counts.get(name, 0)} {name}")
+            agreement.missing.append(f"{len(messages) - log.counts.get(name, 0)} {name}")
         elif name not in ("MSG", "UNIT") and len(messages) == log.counts[name]:
-            _compare_columns(log, {name: list(enumerate(messages))}, found)
+            _compare_columns(log, {name: list(enumerate(messages))}, agreement)
 
 
-def compare_tlog(path: Path, log: DecodedLog, found: Agreement) -> None:
+def compare_tlog(path: Path, log: DecodedLog, agreement: Agreement) -> None:
     """Frames are paired by their bytes, equal ones in their order; frames whose own
     time stamp is damaged are no records for auvid.
     """
@@ -196,11 +196,11 @@ def compare_tlog(path: Path, log: DecodedLog, found: Agreement) -> None:
     stop = dict(zip(records.start.tolist(), records.stop.tolist(), strict=True))
     missing = Counter(bytes(message.get_msgbuf()) for message in theirs)
     missing.subtract(data[start + 8 : end] for start, end in stop.items())
-    spoilt = sum(part.count for part in log.account.skipped if part.reason == BAD_STAMP)
+    corrupted = sum(part.count for part in log.account.skipped if part.reason == BAD_STAMP)
     lost = sum(count for count in missing.values() if count > 0)
-    found.missing += [f"{lost - spoilt} frames"] if lost > spoilt else []
-    found.note = f"{spoilt} frames have a damaged time stamp" if spoilt else ""
-    found.theirs = len(theirs)
+    agreement.missing += [f"{lost - corrupted} frames"] if lost > corrupted else []
+    agreement.note = f"{corrupted} frames have a damaged time stamp" if corrupted else ""
+    agreement.theirs = len(theirs)
     rows_of: dict[bytes, list[int]] = defaultdict(list)
     for table in log.messages.values():
         for row, at in enumerate(table.offset.tolist()):
@@ -215,21 +215,21 @@ def compare_tlog(path: Path, log: DecodedLog, found: Agreement) -> None:
     for name, pairs in matched.items():
         table, where = log.messages[name], [row for row, _ in pairs]
         for key in pairs[0][1].get_fieldnames():
-            found.columns += 1
+            agreement.columns += 1
             values = [
                 getattr(message, f"_{key}_raw", getattr(message, key)) for _, message in pairs
             ]
             if not equal(table.columns[key][where], values):
-                found.differing.append(f"{name}.{key}")
+                agreement.differing.append(f"{name}.{key}")
         if log.status == "complete":
-            found.columns += 1
+            agreement.columns += 1
             if table.columns["time_unix_us"][where].tolist() != [
                 round(message._timestamp * 1e6) for _, message in pairs
             ]:
-                found.differing.append(f"{name} time stamp")
+                agreement.differing.append(f"{name} time stamp")
 
 
-def compare_ulog(path: Path, log: DecodedLog, found: Agreement) -> None:
+def compare_ulog(path: Path, log: DecodedLog, agreement: Agreement) -> None:
     """Records are paired by their order; of damaged logs by their bytes, as pyulog has
     no offsets.
     """
@@ -239,22 +239,22 @@ def compare_ulog(path: Path, log: DecodedLog, found: Agreement) -> None:
     for item in theirs.data_list:
         name = f"{item.name}.{item.multi_id}" if item.multi_id else item.name
         count = len(item.data["timestamp"])
-        found.theirs += count
+        agreement.theirs += count
         table = log.messages.get(name)
         if table is None or len(table) < count:
-            found.missing.append(f"{count - (0 if table is None else len(table))} {name}")
+            agreement.missing.append(f"{count - (0 if table is None else len(table))} {name}")
             continue
         for key, column in table.columns.items():
             if column.dtype.kind == "S":
                 continue  # pyulog gives one column per character
-            found.columns += 1
+            agreement.columns += 1
             if len(table) != count:
                 rows = np.flatnonzero(np.isin(table.columns["timestamp"], item.data["timestamp"]))[
                     :count
                 ]
                 column = column[rows]
             if column.tobytes() != np.ascontiguousarray(item.data[key]).tobytes():
-                found.differing.append(f"{name}.{key}")
+                agreement.differing.append(f"{name}.{key}")
 
 
 COMPARE: dict[str, Callable[[Path, DecodedLog, Agreement], None]] = {
@@ -277,9 +277,9 @@ def compare(path: Path, name: str) -> Agreement | None:
     if reader.name not in COMPARE:
         return None
     log = reader.read(file)
-    found = Agreement(name, reader.name, log.status, sum(log.counts.values()))
+    agreement = Agreement(name, reader.name, log.status, sum(log.counts.values()))
     try:
-        COMPARE[reader.name](path, log, found)
+        COMPARE[reader.name](path, log, agreement)
     except (
         TypeError,
         ValueError,
@@ -288,8 +288,8 @@ def compare(path: Path, name: str) -> Agreement | None:
         AttributeError,
         UnicodeDecodeError,
     ) as fault:
-        found.note = f"the other library fails: {type(fault).__name__}: {fault}"[:80]
-    return found
+        agreement.note = f"the other library fails: {type(fault).__name__}: {fault}"[:80]
+    return agreement
 
 
 def table_of(results: Iterable[Agreement]) -> Table:
@@ -323,15 +323,15 @@ def main() -> int:
     folder = parser.parse_args().folder
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     console = Console(width=None if sys.stdout.isatty() else TABLE_WIDTH)
-    found = [
+    agreements = [
         compare(path, str(path.relative_to(folder)))
         for path in track(files, "comparing", console=Console(stderr=True))
     ]
-    results = [one for one in found if one is not None]
+    results = [one for one in agreements if one is not None]
     console.print(table_of(results))
     bad = [one.file for one in results if not one.agrees]
     console.print(
-        f"{len(results)} logs, {len(found) - len(results)} other files; "
+        f"{len(results)} logs, {len(agreements) - len(results)} other files; "
         + (f"disagree: {', '.join(bad)}" if bad else "all agree")
     )
     return int(bool(bad))

@@ -27,7 +27,10 @@ from tests.support.small_logs import BINARY, SmallLog, small_log
 FOLDER = Path(__file__).parents[1] / "data" / "fuzz"
 WORST_SHARE = 0.01
 MEAN_SHARE = 0.001
-BESIDE = 2  # records beside damage, in two places; without a checksum such a one cannot always be told from a damaged one
+NEIGHBOURS = 2
+"""Records next to damage in two places: without a checksum such a record cannot always
+be distinguished from a damaged one.
+"""
 
 
 def count(source: SmallLog, kind: str, mutated: int) -> int:
@@ -55,12 +58,12 @@ def damaged(source: SmallLog, kind: str, number: int) -> tuple[bytes, list[Kept]
 
 def failures(source: SmallLog, result: Judgement) -> list[str]:
     """What is wrong with the outcome of one case."""
-    found = list(result.faults)
-    if result.lost > max(BESIDE, WORST_SHARE * result.expected):
-        found.append(f"lost {result.lost} of {result.expected} whole records")
+    reasons = list(result.faults)
+    if result.lost > max(NEIGHBOURS, WORST_SHARE * result.expected):
+        reasons.append(f"lost {result.lost} of {result.expected} whole records")
     if result.invented:
-        found.append(f"invented {result.invented} records")
-    return found
+        reasons.append(f"invented {result.invented} records")
+    return reasons
 
 
 def ingest_fault(source: SmallLog, data: bytes) -> str | None:

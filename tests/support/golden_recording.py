@@ -25,7 +25,7 @@ def tables() -> dict[str, pa.Table]:
     stamps = (t * 1e6).astype(np.int64) + 5_000_000
     kept = (t < 20) | (t > 40)
     zero = np.zeros(t.size)
-    found: dict[str, dict[str, Any]] = {
+    entities: dict[str, dict[str, Any]] = {
         "attitude": {"time_us": stamps, "phi_rad": zero, "theta_rad": zero, "psi_rad": 0.1 * t},
         "velocity": {
             "time_us": stamps[kept],
@@ -38,7 +38,7 @@ def tables() -> dict[str, pa.Table]:
         "mode": {"time_us": stamps[[0, 300]], "mode": ["MANUAL", HOSTILE], "armed": [False, True]},
         "events": {"time_us": stamps[[10]], "text": [HOSTILE]},
     }
-    return {name: make_table(name, columns) for name, columns in found.items()}
+    return {name: make_table(name, columns) for name, columns in entities.items()}
 
 
 INFO: dict[str, Any] = {"start_us": 5_000_000, "end_us": 65_000_000, "notes": ["a note"]}

@@ -24,8 +24,8 @@ class Look:
 def look(file: Path) -> Look:
     """Look at a picture file."""
     with Image.open(file) as image:
-        shown = image.convert("RGB")
-        return Look(shown.size, len(shown.getcolors(1 << 24) or ()), file.stat().st_size)
+        pixels = image.convert("RGB")
+        return Look(pixels.size, len(pixels.getcolors(1 << 24) or ()), file.stat().st_size)
 
 
 def assert_pictured(recording: Path, name: str) -> None:
@@ -40,6 +40,6 @@ def assert_pictured(recording: Path, name: str) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     file = PICTURES / f"inspect_{name}.png"
     file.write_bytes(viewer.picture(recording, size=(800, 500)))
-    seen = look(file)
-    assert seen.size == (800, 500)
-    assert seen.colours > 30, "an empty viewer has a handful of greys"
+    picture = look(file)
+    assert picture.size == (800, 500)
+    assert picture.colours > 30, "an empty viewer has a handful of greys"

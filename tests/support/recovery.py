@@ -44,8 +44,8 @@ def judge(source: SmallLog, damaged: bytes, kept: Sequence[Kept]) -> Judgement:
     """
     result = Judgement()
     ranges = _Ranges(kept)
-    whole, moved = _whole(source, ranges)
-    result.expected = int(whole.sum())
+    intact, moved = _intact(source, ranges)
+    result.expected = int(intact.sum())
     begin = time.perf_counter()
     try:
         with warnings.catch_warnings():
@@ -66,10 +66,10 @@ def judge(source: SmallLog, damaged: bytes, kept: Sequence[Kept]) -> Judgement:
     if seconds > SLOW_S:
         result.faults.append(f"slow: {seconds:.1f} s")
     result.faults += _account_faults(log, len(damaged))
-    found = _found(source, log, damaged)
-    result.lost = result.expected - _count_recovered(source, found, whole, moved)
-    result.invented = _invented(source, damaged, ranges, found)
-    result.faults += _wrong_values(source, log, damaged, whole, moved)
+    offsets_by_type = _offsets_by_type(source, log, damaged)
+    result.lost = result.expected - _count_recovered(source, offsets_by_type, intact, moved)
+    result.invented = _invented(source, damaged, ranges, offsets_by_type)
+    result.faults += _wrong_values(source, log, damaged, intact, moved)
     return result
 
 
@@ -80,7 +80,7 @@ class _Ranges:
         columns = np.array([tuple(part) for part in kept], np.int64).reshape(-1, 3).T
         self.start, self.stop, self.offset = columns
 
-    def whole(self, start: Ints, stop: Ints) -> tuple[Mask, Ints]:
+    def intact(self, start: Ints, stop: Ints) -> tuple[Mask, Ints]:
         """Which ranges of the source are whole in the damaged log, and by how much they
         moved.
         """
@@ -103,17 +103,17 @@ class _Ranges:
         return np.where(inside, source, -1), np.where(inside, self.stop[part], -1)
 
 
-def _whole(source: SmallLog, ranges: _Ranges) -> tuple[Mask, Ints]:
+def _intact(source: SmallLog, ranges: _Ranges) -> tuple[Mask, Ints]:
     """Which records are whole with all that defines them, and where they are now."""
     places = source.places
     # A range that begins one byte before the file (the line feed of the first line) has
     # no such byte to lose.
-    whole, shift = ranges.whole(np.maximum(places.start, 0), places.stop)
+    intact, shift = ranges.whole(np.maximum(places.start, 0), places.stop)
     defined = np.array(
         [ranges.whole(np.maximum(spans[:, 0], 0), spans[:, 1])[0].all() for spans in places.needs],
         np.bool_,
     )
-    return whole & defined[places.type], places.first + shift
+    return intact & defined[places.type], places.first + shift
 
 
 def _offsets(table: Messages, source: SmallLog, damaged: bytes) -> Ints:
@@ -123,7 +123,7 @@ def _offsets(table: Messages, source: SmallLog, damaged: bytes) -> Ints:
     return np.concatenate([[0], line_ends(damaged)])[table.offset - 1]
 
 
-def _found(source: SmallLog, log: DecodedLog, damaged: bytes) -> dict[str, Ints]:
+def _offsets_by_type(source: SmallLog, log: DecodedLog, damaged: bytes) -> dict[str, Ints]:
     """Byte offsets of the records that were read, by type."""
     if source.name == "tlog":
         return {"frame": explain(np.frombuffer(damaged, np.uint8)).records.start.astype(np.int64)}
@@ -150,16 +150,22 @@ def _account_faults(log: DecodedLog, size: int) -> list[str]:
     return faults
 
 
-def _count_recovered(source: SmallLog, found: dict[str, Ints], whole: Mask, moved: Ints) -> int:
+def _count_recovered(
+    source: SmallLog, offsets_by_type: dict[str, Ints], intact: Mask, moved: Ints
+) -> int:
     """Whole records that were read as what they are."""
     count = 0
     for index, name in enumerate(source.places.types):
-        if name in found:
-            count += int(np.isin(moved[whole & (source.places.type == index)], found[name]).sum())
+        if name in offsets_by_type:
+            count += int(
+                np.isin(moved[intact & (source.places.type == index)], offsets_by_type[name]).sum()
+            )
     return count
 
 
-def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str, Ints]) -> int:
+def _invented(
+    source: SmallLog, damaged: bytes, ranges: _Ranges, offsets_by_type: dict[str, Ints]
+) -> int:
     """Records where the source has none: those that begin in kept bytes but at no
     record of the source, and frames with a checksum whose content the source does not
     have. What begins in repeated or spliced bytes may be a true copy.
@@ -176,7 +182,7 @@ def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str
         )
     count = 0
     before = int((source.places.first - source.places.start).max())
-    for offset in found.values():
+    for offset in offsets_by_type.values():
         origin, end = ranges.origin(offset)
         # A line behind a line feed that is not of the source is the rest of a damaged
         # one.
@@ -190,7 +196,7 @@ def _invented(source: SmallLog, damaged: bytes, ranges: _Ranges, found: dict[str
 
 
 def _wrong_values(
-    source: SmallLog, log: DecodedLog, damaged: bytes, whole: Mask, moved: Ints
+    source: SmallLog, log: DecodedLog, damaged: bytes, intact: Mask, moved: Ints
 ) -> list[str]:
     """Types of which a whole record does not have the values of the source."""
     faults = []
@@ -202,7 +208,7 @@ def _wrong_values(
             member = np.searchsorted(source.places.first, clean.offset)
         else:
             member = np.flatnonzero(source.places.type == source.places.types.index(name))
-        rows = np.flatnonzero(whole[member])
+        rows = np.flatnonzero(intact[member])
         offset = _offsets(table, source, damaged)
         if not rows.size or not offset.size:
             continue
@@ -229,9 +235,9 @@ def _has_earlier_rival(source: SmallLog, name: str, damaged: bytes) -> bool:
     )
     if source.name not in ("dataflash", "dataflash_text") or not len(spans):
         return False
-    whole = source.data[int(spans[0, 0]) : int(spans[0, 1])]
-    head = whole[:25] if source.name == "dataflash" else whole[: whole.index(b"TimeUS")]
-    return 0 <= damaged.find(head) < damaged.find(whole)
+    intact = source.data[int(spans[0, 0]) : int(spans[0, 1])]
+    head = intact[:25] if source.name == "dataflash" else intact[: intact.index(b"TimeUS")]
+    return 0 <= damaged.find(head) < damaged.find(intact)
 
 
 def _equal(first: npt.NDArray[np.generic], second: npt.NDArray[np.generic]) -> bool:

@@ -29,7 +29,7 @@ def stepped_run(
     t, states = [0.0], [np.zeros(2)]
     for level in levels:
         times = t[-1] + np.arange(1, per + 1) / rate_hz
-        found = solve_ivp(
+        solution = solve_ivp(
             lambda _, y, f=level: [slope(y[0], y[1], f), y[0]],
             (t[-1], times[-1]),
             states[-1],
@@ -39,6 +39,6 @@ def stepped_run(
             atol=1e-13,
         )
         t.extend(times)
-        states.extend(found.y.T)
+        states.extend(solution.y.T)
     out = np.array(states)
     return np.array(t), out[:, 0], out[:, 1], np.repeat(np.asarray(levels, dtype=np.float64), per)

@@ -84,13 +84,13 @@ class Log:
         """Its health document."""
         tables = {name: make_table(name, columns) for name, columns in self.streams.items()}
         for name, table in tables.items():
-            known = self.info["streams"].get(name, {})
+            described = self.info["streams"].get(name, {})
             alternatives = [
                 {"source": item.source, "columns": "", "status": item.refused or "available"}
                 for item in self.others
             ]
             self.info["streams"][name] = {
-                "source": known.get("source", name.upper()),
+                "source": described.get("source", name.upper()),
                 "alternatives": alternatives,
                 "rows": table.num_rows,
                 "rejected": sum(row["count"] for row in self.dropped if row["stream"] == name),
@@ -112,8 +112,8 @@ class Log:
 
     def finding(self, name: str) -> dict[str, Any]:
         """The one finding of this name."""
-        (found,) = (item for item in self.health()["findings"] if item["id"] == name)
-        return dict(found)
+        (match,) = (item for item in self.health()["findings"] if item["id"] == name)
+        return dict(match)
 
 
 def micro(t: Array) -> npt.NDArray[np.int64]:
