@@ -111,7 +111,9 @@ regress: $(RUN)
 		auvid run $$name --until validate && auvid regress $$name || status=1; \
 	done; exit $$status
 
-# Two or more workers; campaigns that several tests look at run once for all of them.
+# Two or more workers; campaigns that several tests look at run once for all of them. Byte code is
+# kept even where the environment says not to: tests start dozens of programs.
+test test-all: export PYTHONDONTWRITEBYTECODE =
 test: $(TEST)
 	pytest -n auto --dist worksteal -m "not release"
 
