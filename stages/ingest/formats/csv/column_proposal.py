@@ -1,6 +1,4 @@
-"""A first draft of a column map from the names of the columns alone, for a user to
-correct. Nothing is read with it.
-"""
+"""Draft of a column map from the names of the columns, for a user to correct."""
 
 from __future__ import annotations
 
@@ -84,7 +82,7 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     (rf"\b(northing|easting){END}", "position", "{}_m", {"northing": "x", "easting": "y"}),
     (r"\b(?:voltage|volt)\b", "battery", "voltage_v", {}),
 )
-SHOWN = 20
+NAMED_COLUMNS = 20
 NEEDS = {
     "attitude": "resample",
     "depth": "resample",
@@ -94,30 +92,31 @@ NEEDS = {
 
 
 def proposed_map(names: Sequence[str]) -> str:
-    """What the columns look like and what the chain would miss, in one sentence, and a
-    column map as YAML that says `?` for what the names do not tell: units that no name
-    ends with, and every column if no name is known. Columns without a guess stand in a
-    comment.
+    """Return a sentence on what the columns look like, and a column map as YAML.
+
+    The sentence names what the chain would miss. `?` stands for what the names do not
+    tell: units that no name ends with, and every column if no name is known. Columns
+    without a guess stand in a comment.
     """
     words = [" ".join(WORDS.findall(name)).lower() for name in names]
     time = next((index for index, item in enumerate(words) if TIME.search(item)), 0)
     steered = {"surge", "sway"} <= set(words)  # then a bare `yaw` is a command as well
-    found: dict[tuple[str, str], int] = {}
+    guesses: dict[tuple[str, str], int] = {}
     for index, item in enumerate(words):
         if index == time or NO_MEASUREMENT.search(item):
             continue
         place = ("actuators", "command_yaw") if steered and item == "yaw" else _place(item)
         if place is not None:
-            found.setdefault(place, index)
+            guesses.setdefault(place, index)
     lines = [
         f"time: {{column: {_quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch:"
         " boot}"
     ]
     lines += ["accelerometer: specific_force"] * any(
-        field.startswith("accel") for _, field in found
+        field.startswith("accel") for _, field in guesses
     )
     lines.append("columns:")
-    for (stream, field), index in found.items():
+    for (stream, field), index in guesses.items():
         unit = (
             "'1'"
             if field.startswith("command")
@@ -129,25 +128,25 @@ def proposed_map(names: Sequence[str]) -> str:
             f"  - {{column: {_quoted(names[index])}, stream: {stream}, field: {field}, unit:"
             f" {unit}}}"
         )
-    if not found:
+    if not guesses:
         lines.append(f"  - {{column: {UNKNOWN}, stream: depth, field: depth_m, unit: {UNKNOWN}}}")
-    rest = [name for index, name in enumerate(names) if index not in (time, *found.values())]
+    rest = [name for index, name in enumerate(names) if index not in (time, *guesses.values())]
     if rest:
-        more = f" and {len(rest) - SHOWN} more" if len(rest) > SHOWN else ""
-        lines.append(f"# no guess for {', '.join(map(_quoted, rest[:SHOWN]))}{more}")
-    there = [stream for stream in STREAMS if any(item == stream for item, _ in found)]
+        more = f" and {len(rest) - NAMED_COLUMNS} more" if len(rest) > NAMED_COLUMNS else ""
+        lines.append(f"# no guess for {', '.join(map(_quoted, rest[:NAMED_COLUMNS]))}{more}")
+    there = [stream for stream in STREAMS if any(item == stream for item, _ in guesses)]
     missing = [f"{stream} ({stage})" for stream, stage in NEEDS.items() if stream not in there]
     parts = {
-        stream: [field for field in NEEDED[stream] if (stream, field) not in found]
+        stream: [field for field in NEEDED[stream] if (stream, field) not in guesses]
         for stream in there
     }
     like = [
         stream + (f" (without {', '.join(lack)})" if (lack := parts[stream]) else "")
         for stream in there
     ]
-    said = f"The names look like {', '.join(like)}" if like else "No name tells what it is"
-    said += f"; nothing looks like {', '.join(missing)}." if missing else "."
-    return f"{said} A draft to correct (columns, units, signs and frames):\n" + "\n".join(lines)
+    summary = f"The names look like {', '.join(like)}" if like else "No name tells what it is"
+    summary += f"; nothing looks like {', '.join(missing)}." if missing else "."
+    return f"{summary} A draft to correct (columns, units, signs and frames):\n" + "\n".join(lines)
 
 
 def _place(words: str) -> tuple[str, str] | None:

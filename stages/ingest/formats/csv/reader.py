@@ -1,8 +1,8 @@
-"""CSV logs: recognise, and read through a column map. Parsing is pyarrow's; units,
-signs, time and the account of rows are ours.
+"""CSV logs: recognise, and read through a column map.
 
-The messages of a decoded CSV are the streams themselves, already in SI, FRD and NED;
-`offset` holds the row as an editor counts it (the header is row 1).
+Parsing is pyarrow's; units, signs, time and the account of rows are ours. The messages
+of a decoded CSV are the streams themselves, already in SI, FRD and NED; `offset` holds
+the row as an editor counts it (the header is row 1).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
 from auvid.data_schemas.errors import CampaignError, LogError
+from auvid.hydro.arrays import Array, Buffer, Ints, Mask
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import (
     ByteAccount,
     DecodedLog,
     LogReader,
-    LogStatus,
     Messages,
     Skipped,
 )
@@ -52,14 +52,11 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
 NO_VALUE = "no value in the row"
 REPEATED = "held value repeated"
-Rows = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Head:
-    """The first line of a file: its column names, its length in bytes, the text
-    encoding and the separator.
-    """
+    """First line of a file: column names, length in bytes, text encoding, separator."""
 
     names: tuple[str, ...]
     bytes: int
@@ -79,7 +76,7 @@ CSV = LogReader("csv", recognises, lambda file, wanted: read_csv(file, wanted)[0
 
 
 def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[DecodedLog, ColumnMap]:
-    """The streams of a CSV log, and its checked column map.
+    """Return the streams of a CSV log, and its checked column map.
 
     Raises:
         LogError: no column map, no header, cells that are not numbers (all together,
@@ -88,7 +85,7 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     raw = file.columns
     head = header(file, None if raw is None else str(raw.get("delimiter", ",")))
     known = dialect_map(head.names) if raw is None else None
-    raw, said = known if known is not None else (raw, None)
+    raw, note = known or (raw, None)
     if raw is None:
         raise LogError(
             "a CSV log needs a column map",
@@ -104,60 +101,39 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     _check_separator(head, file.name)
     mapping = column_map(raw, head.names, file=file.name)
     columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
-    found = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
-    rows = found.rows
-    time_us = _time(found.table, mapping, rows, file.name)
-    messages, idle, notes = _streams(found.table, columns, mapping, time_us, rows)
+    sound = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
+    rows = sound.rows
+    time_us = _time(sound.table, mapping, rows, file.name)
+    messages, idle, notes = _streams(sound.table, columns, mapping, time_us, rows)
+    lost, known_time = sound.losses.starts(), np.isfinite(time_us)
+    skipped = (*sound.losses.skipped(), *idle)
+    size, lost_bytes = file.buffer.size, sum(item.bytes for item in skipped)
+    at_end = len(lost) == 1 and (not rows.size or lost[0] > rows[-1])
     unused = [
         name
         for name in head.names
         if name not in {item.column for item in mapping.columns} | {mapping.time}
     ]
-    if said is not None:
-        notes.append(f"{file.name}: {said}")
+    if note is not None:
+        notes.append(f"{file.name}: {note}")
     elif unused:
         notes.append(f"{file.name}: columns that the column map does not name: {', '.join(unused)}")
     log = DecodedLog(
         format="CSV",
         messages=messages,
         counts={name: len(item) for name, item in messages.items()},
-        account=_account(file.buffer.size, head, (*found.skipped(), *idle)),
-        status=_status(found),
-        seconds_lost=_seconds_lost(found, time_us),
-        notes=(*notes, *found.notes),
+        account=ByteAccount(size, size - head.bytes - lost_bytes, head.bytes, skipped),
+        status="complete" if not lost else "truncated" if at_end else "damaged",
+        seconds_lost=covered_seconds(rows[known_time], time_us[known_time].astype(np.int64), lost),
+        notes=(*notes, *sound.notes),
     )
     return log, mapping
 
 
-def _account(size: int, head: Head, skipped: tuple[Skipped, ...]) -> ByteAccount:
-    return ByteAccount(
-        size, size - head.bytes - sum(part.bytes for part in skipped), head.bytes, skipped
-    )
-
-
-def _status(found: SoundRows) -> LogStatus:
-    lost = found.lost_lines
-    if not lost:
-        return "complete"
-    return (
-        "truncated"
-        if len(lost) == 1 and (not found.rows.size or lost[0] > found.rows[-1])
-        else "damaged"
-    )
-
-
-def _seconds_lost(found: SoundRows, time_us: npt.NDArray[np.float64]) -> float:
-    known = np.isfinite(time_us)
-    return (
-        covered_seconds(found.rows[known], time_us[known].astype(np.int64), found.lost_lines)
-        if found.lost
-        else 0.0
-    )
-
-
 def header(file: RawFile, delimiter: str | None) -> Head:
-    """Column names of the first line. Raises `LogError` for an empty file and for a
-    first line that names no columns.
+    """Return the column names of the first line.
+
+    Raises `LogError` for an empty file and for a first line that names no columns.
     """
     start = file.buffer[:HEADER_BYTES].tobytes()
     if not start.strip():
@@ -191,9 +167,7 @@ def header(file: RawFile, delimiter: str | None) -> Head:
 
 
 def _check_separator(head: Head, file: str) -> None:
-    """Raises `LogError` for a single column whose name holds what separates columns in
-    other files.
-    """
+    """Raise `LogError` for a single column whose name holds the separator of others."""
     other = (
         next((mark for mark in ";\t," if mark in head.names[0]), None)
         if len(head.names) == 1
@@ -218,7 +192,7 @@ def _check_separator(head: Head, file: str) -> None:
 def _parse(
     file: RawFile, head: Head, mapping: ColumnMap, columns: Sequence[MappedColumn], decimal: str
 ) -> SoundRows:
-    """The columns of the file; line by line only if it is not sound from end to end."""
+    """Return the columns of the file; line by line only if it is not wholly sound."""
     types: dict[str, pa.DataType] = {
         item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64())
         for item in columns
@@ -246,9 +220,10 @@ def _parse(
     return SoundRows(table, rows)
 
 
-def _rows(buffer: npt.NDArray[np.uint8], count: int) -> Rows | None:
-    """The row of each of `count` samples as an editor counts it; None if they are not
-    one to a line.
+def _rows(buffer: Buffer, count: int) -> Ints | None:
+    """Return the row of each of `count` samples as an editor counts it.
+
+    None if they are not one to a line.
     """
     ends = sum(
         int(np.count_nonzero(buffer[at : at + BLOCK] == NEWLINE))
@@ -265,8 +240,8 @@ def _rows(buffer: npt.NDArray[np.uint8], count: int) -> Rows | None:
     return np.array(content[1:], np.int64) if len(content) == count + 1 else None
 
 
-def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDArray[np.float64]:
-    """The time column in microseconds (n,), NaN where it is empty."""
+def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
+    """Return the time column in microseconds (n,), NaN where it is empty."""
     values = table[mapping.time]
     if mapping.time_factor is not None:
         return np.asarray(values.to_numpy(), dtype=np.float64) * mapping.time_factor
@@ -292,8 +267,9 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Rows, file: str) -> npt.NDA
 
 
 def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
-    """The time from which legs count, where the column map says so. Raises
-    `CampaignError` if it is no time.
+    """Return the time from which legs count, where the column map declares it.
+
+    Raises `CampaignError` if it is no time.
     """
     if mapping.start is None:
         return None
@@ -319,8 +295,9 @@ def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
 
 
 def iso_microseconds(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray | None:
-    """ISO 8601 texts as microseconds since 1970 (UTC where no zone is given); None if
-    they are not all of one kind.
+    """Return ISO 8601 texts as microseconds since 1970 (UTC where no zone is given).
+
+    None if they are not all of one kind.
     """
     for kind in (pa.timestamp("us"), pa.timestamp("us", "UTC")):
         try:
@@ -334,11 +311,13 @@ def _streams(
     table: pa.Table,
     columns: Sequence[MappedColumn],
     mapping: ColumnMap,
-    time_us: npt.NDArray[np.float64],
-    rows: Rows,
+    time_us: Array,
+    rows: Ints,
 ) -> tuple[dict[str, Messages], list[Skipped], list[str]]:
-    """One `Messages` per stream. Rows without any value of the stream, and repeats of a
-    held value, are no samples of it.
+    """Return one `Messages` per stream.
+
+    Ints without any value of the stream, and repeats of a held value, are no samples
+    of it.
     """
     messages: dict[str, Messages] = {}
     idle: list[Skipped] = []
@@ -380,8 +359,8 @@ def _values(values: pa.ChunkedArray, item: MappedColumn) -> npt.NDArray[Any]:
     return numbers + item.offset if item.offset != 0.0 else numbers
 
 
-def _without_value(fields: Sequence[npt.NDArray[Any]], rows: int) -> npt.NDArray[np.bool_]:
-    """Rows (n,) in which every field is empty."""
+def _without_value(fields: Sequence[npt.NDArray[Any]], rows: int) -> Mask:
+    """Return the rows (n,) in which every field is empty."""
     empty = np.ones(rows, bool)
     for values in fields:
         # A sum that is a number has no NaN in it; most columns are full.
@@ -393,14 +372,14 @@ def _without_value(fields: Sequence[npt.NDArray[Any]], rows: int) -> npt.NDArray
     return empty
 
 
-def _is_missing(values: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+def _is_missing(values: npt.NDArray[Any]) -> Mask:
     if values.dtype == object:
         return np.array([item is None for item in values], bool)
-    missing: npt.NDArray[np.bool_] = np.isnan(values)
+    missing: Mask = np.isnan(values)
     return missing
 
 
-def _idle(reason: str, rows: npt.NDArray[np.bool_], numbers: Rows) -> list[Skipped]:
+def _idle(reason: str, rows: Mask, numbers: Ints) -> list[Skipped]:
     found = numbers[rows]
     return (
         [Skipped(reason, 0, int(found.size), int(found[0]), int(found[-1]))] if found.size else []

@@ -1,5 +1,4 @@
-"""The sound rows of a CSV file that pyarrow does not take as it is, and why the other
-lines are none.
+"""Sound rows of a CSV file that pyarrow does not read as it is.
 
 A line without the right number of cells or with a stray quotation mark is no row.
 Neither is one with a cell that cannot be read, as long as these are few: many mean that
@@ -13,13 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
 from auvid.data_schemas.errors import LogError, PipelineError, raise_faults
-from auvid.stages.ingest.decoded_log import Skipped
+from auvid.hydro.arrays import Ints
+from auvid.stages.ingest.formats.accounting import Losses
 
 NUMBER = r"^\s*[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|(?i:nan|inf|infinity))\s*$"
 TRUTH = r"^(?i:true|false|0|1)$"
@@ -38,14 +37,10 @@ WRONG_CELLS = "row that has not {} cells"
 STRAY_QUOTE = "row with a stray quotation mark"
 UNREADABLE = "row with a cell that cannot be read"
 
-Rows = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Form:
-    """How the rows are written: names of the columns, what separates them, the decimal
-    mark, and texts that stand for no value.
-    """
+    """Layout of the rows: names of the columns, separator, decimal mark, missing values."""
 
     names: Sequence[str]
     delimiter: str
@@ -53,7 +48,7 @@ class Form:
     missing: Sequence[str]
 
     def options(self, types: Mapping[str, pa.DataType]) -> pacsv.ConvertOptions:
-        """Options to read the columns `types`."""
+        """Return options to read the columns `types`."""
         return pacsv.ConvertOptions(
             include_columns=list(types),
             column_types={
@@ -67,45 +62,29 @@ class Form:
 
 @dataclass
 class SoundRows:
-    """The columns of the rows that could be read, the line number of each as an editor
-    counts it (n,), and the lines that gave nothing: number and bytes of each, by
-    reason.
+    """The rows that could be read, and the lines that gave nothing.
+
+    `rows` (n,) are line numbers as an editor counts them, as are the places of the
+    losses.
     """
 
     table: pa.Table
-    rows: Rows
-    lost: Mapping[str, Sequence[tuple[int, int]]] = field(default_factory=dict)
+    rows: Ints
+    losses: Losses = field(default_factory=Losses)
     notes: Sequence[str] = ()
-
-    @property
-    def lost_lines(self) -> list[int]:
-        return sorted(number for lines in self.lost.values() for number, _ in lines)
-
-    def skipped(self) -> tuple[Skipped, ...]:
-        """The account of the lines that gave nothing; their offsets are line numbers."""
-        found = {
-            reason: ([number for number, _ in lines], sum(size for _, size in lines))
-            for reason, lines in self.lost.items()
-            if lines
-        }
-        return tuple(
-            Skipped(reason, size, len(numbers), min(numbers), max(numbers))
-            for reason, (numbers, size) in sorted(found.items())
-        )
 
 
 def read_sound_rows(
     data: bytes, types: Mapping[str, pa.DataType], form: Form, *, file: str
 ) -> SoundRows:
-    """Read the columns `types` of the rows that are sound, line by line; text that is
-    not UTF-8 is taken for Latin-1.
+    """Read the columns `types` of the rows that are sound, line by line.
 
-    Raises `LogError` if so many cells cannot be read that the column map must be wrong,
-    or if there is no row at all.
+    Text that is not UTF-8 is read as Latin-1. Raises `LogError` if so many cells cannot
+    be read that the column map must be wrong, or if there is no row at all.
     """
     lines = data.split(b"\n")
     size = {number: len(line) + (number < len(lines)) for number, line in enumerate(lines, 1)}
-    lost: dict[str, list[tuple[int, int]]] = {}
+    losses = Losses()
     texts, numbers = [], []
     cell = re.compile(
         rb'(?:"(?:[^"]|"")*"|[^"%b]*)(?:%b|$)' % ((re.escape(form.delimiter.encode()),) * 2)
@@ -119,7 +98,7 @@ def read_sound_rows(
             texts.append(_utf8(row))
             numbers.append(number)
         else:
-            lost.setdefault(reason, []).append((number, size[number]))
+            losses.add(reason, number, size[number])
     rows = np.array(numbers, np.int64)
     faults = _unreadable(
         _read(texts, dict.fromkeys(types, pa.string()), form, file), types, rows, form.decimal, file
@@ -127,7 +106,8 @@ def read_sound_rows(
     bad = np.isin(rows, np.array([fault.row for fault in faults], np.int64))
     if bad.sum() > UNREADABLE_SHARE * rows.size:
         raise_faults(faults, file=file)
-    lost[UNREADABLE] = [(number, size[number]) for number in rows[bad].tolist()]
+    for number in rows[bad].tolist():
+        losses.add(UNREADABLE, number, size[number])
     table = _read(
         [text for text, left_out in zip(texts, bad.tolist(), strict=True) if not left_out],
         types,
@@ -138,28 +118,20 @@ def read_sound_rows(
         f"{file}, row {fault.row}: {fault.field} is {fault.value!r}; the row is left out"
         for fault in faults[:NAMED_CELLS]
     ]
-    return SoundRows(table, rows[~bad], lost, notes)
+    return SoundRows(table, rows[~bad], losses, notes)
 
 
 def _fault_of(row: bytes, form: Form, cell: re.Pattern[bytes]) -> str | None:
     delimiter = form.delimiter.encode()
-    if b'"' not in row:
-        return (
-            None
-            if row.count(delimiter) + 1 == len(form.names)
-            else WRONG_CELLS.format(len(form.names))
-        )
-    count, place = 0, 0
-    while place < len(row):
-        match = cell.match(row, place)
-        if match is None or match.end() == place:
-            return STRAY_QUOTE
-        count, place = count + 1, match.end()
-    return (
-        None
-        if count + row.endswith(delimiter) == len(form.names)
-        else WRONG_CELLS.format(len(form.names))
-    )
+    count, place = row.count(delimiter) + 1, 0
+    if b'"' in row:
+        count = int(row.endswith(delimiter))
+        while place < len(row):
+            match = cell.match(row, place)
+            if match is None or match.end() == place:
+                return STRAY_QUOTE
+            count, place = count + 1, match.end()
+    return None if count == len(form.names) else WRONG_CELLS.format(len(form.names))
 
 
 def _utf8(row: bytes) -> bytes:
@@ -194,9 +166,9 @@ def _read(
 
 
 def _unreadable(
-    texts: pa.Table, types: Mapping[str, pa.DataType], rows: Rows, decimal: str, file: str
+    texts: pa.Table, types: Mapping[str, pa.DataType], rows: Ints, decimal: str, file: str
 ) -> list[PipelineError]:
-    """One fault per cell that is no value of its column's type."""
+    """Return one fault per cell that is no value of its column's type."""
     faults: list[PipelineError] = []
     for name, kind in types.items():
         if kind == pa.string():
