@@ -1,3 +1,1 @@
-"""Identification: signals to a common clock, sensor biases, least squares in one pass,
-and what the data determine.
-"""
+"""Estimation from recorded motion: signals, regression, bench methods."""

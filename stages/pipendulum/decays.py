@@ -19,14 +19,14 @@ from auvid.hydro.identification.bench.free_decay import (
     Decay,
     DecayEstimate,
     Derivatives,
-    Hanging,
-    Part,
+    HungPart,
+    PendulumMoments,
     Ratios,
     clear_of_zero,
     derivatives,
     estimate_decay,
-    hanging,
-    judge,
+    pendulum_moments,
+    prediction_error,
 )
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED
@@ -57,21 +57,21 @@ METHODS = ("output error", "recursive", "batch")
 
 @dataclass(frozen=True)
 class Apparatus:
-    """Part `free_decay`: arm L [m], the parts of the pendulum, the vehicle as hung, and
+    """HungPart `free_decay`: arm L [m], the parts of the pendulum, the vehicle as hung, and
     what hangs empty and loaded, in both forms.
     """
 
     arm: float
-    parts: tuple[Part, ...]
-    vehicle: Part
+    parts: tuple[HungPart, ...]
+    vehicle: HungPart
     gravity: float
 
-    def hung(self, *, loaded: bool, point_mass: bool = False) -> Hanging:
+    def hung(self, *, loaded: bool, point_mass: bool = False) -> PendulumMoments:
         """Dry inertia and restoring moment; point_mass: everything at the arm (66).
         Raises `DataError` where buoyancy wins.
         """
         parts = [*self.parts, self.vehicle] if loaded else list(self.parts)
-        return hanging(parts, self.gravity, arm=self.arm if point_mass else None)
+        return pendulum_moments(parts, self.gravity, arm=self.arm if point_mass else None)
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Decayed:
     chosen: str
     held_out: Mapping[str, float]
     judged_on: str
-    hung: Hanging
+    hung: PendulumMoments
     arm: float
     derivatives: Mapping[tuple[str, str], Derivatives]
     point_mass: Derivatives
@@ -134,12 +134,12 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
             f"free_decay.parts[{index}]", mass=mass, displaced_mass=displaced, inertia=inertia
         )
         parts.append(
-            Part(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia)
+            HungPart(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia)
         )
     mass = read.number("vehicle_mass", "kg", default=vehicle.mass_kg)
     displaced = read.number("vehicle_displaced_mass", "kg", default=vehicle.displaced_mass_kg)
     not_negative("free_decay", vehicle_mass=mass, vehicle_displaced_mass=displaced)
-    return Apparatus(arm, tuple(parts), Part(mass, arm, displaced, arm), vehicle.gravity)
+    return Apparatus(arm, tuple(parts), HungPart(mass, arm, displaced, arm), vehicle.gravity)
 
 
 def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Decayed]:
@@ -201,7 +201,7 @@ def _decay(
         judged_on = "the validation leg" + ("s" if len(others) > 1 else "")
         pairs = [(decay, item.estimate.output_error) for decay in others for item in training]
         held = {
-            name: _root_mean([judge(decay, found[name]) for decay, found in pairs])
+            name: _root_mean([prediction_error(decay, found[name]) for decay, found in pairs])
             for name in DAMPING
         }
 

@@ -11,7 +11,7 @@ from auvid.hydro.identification.regression.error_measures import error_table
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.standard_errors import long_run_moment
 from auvid.hydro.identification.signals.bias import fit_bias_linear
-from auvid.hydro.identification.signals.resampling import clean_clock, gaps, hold, linear
+from auvid.hydro.identification.signals.resampling import gaps, hold, linear
 from auvid.hydro.identification.signals.splines import smoothing_spline
 
 seeds = st.integers(0, 2**32 - 1)
@@ -115,15 +115,6 @@ def test_smoothing_is_linear_in_the_values(
 def test_long_run_moment_is_positive_semidefinite(seed: int, lags: int) -> None:
     moment = long_run_moment(np.random.default_rng(seed).standard_normal((40, 3)), lags=lags)
     assert np.linalg.eigvalsh(moment).min() > -1e-9
-
-
-@QUICK
-@given(st.lists(st.integers(0, 30), max_size=30))
-def test_clean_clock_increases_and_counts_everything(times: list[int]) -> None:
-    clock = clean_clock(np.array(times, dtype=np.int64))
-    kept = np.array(times, dtype=np.int64)[clock.keep]
-    assert (np.diff(kept) > 0).all()
-    assert clock.keep.sum() + clock.repeated + clock.backwards == len(times)
 
 
 @QUICK

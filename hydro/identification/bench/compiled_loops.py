@@ -1,8 +1,8 @@
-"""Compiled loops of the bench methods: first-order filters, the recursive estimator and
-the simulated single degree of freedom.
+"""Compiled loops of the bench methods. Equations of Alberti 2015.
 
-Nothing is decided here; `recursive` and `output_error` say what the arguments mean.
-Import this module only where an estimate is made: numba takes a second.
+First-order filters, the recursive estimator, the simulated single degree of freedom.
+`recursive_least_squares` and `output_error` give the meaning of the arguments. Import
+this module only where an estimate is made: numba takes a second.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ def _compiled(function: F) -> F:
 
 @_compiled
 def filter_first_order(step: Array, rate: float, left: Array, right: Array, start: Array) -> Array:
-    """f (n, k) of f_dot = -a f + g, exact for g linear over each step (n-1,) [s]; f(0)
-    = start (k,).
+    """Return f (n, k) of f_dot = -a f + g from f(0) = start (k,), (44), (50).
 
-    g goes from left (n-1, k) to right (n-1, k).
+    `rate` is a [1/s]; g goes linearly from left (n-1, k) to right (n-1, k) over each
+    step (n-1,) [s], for which the result is exact. g goes from left (n-1, k) to right
+    (n-1, k).
     """
     n, k = left.shape
     out = np.empty((n + 1, k))
@@ -68,13 +69,13 @@ def recursive_estimate(
     history: Array,
     spread: Array,
 ) -> Array:
-    """Square-root form of the recursive estimator: regressor (n, k), output (n,),
-    information weight `step` (n,), forgetting `keep` (n,).
+    """Run the square-root form of (39), (41); return errors before updates (n,).
 
-    `theta` (k,) and `root` (k, k), Gamma = root root', start the recursion and hold its
-    end; `history` (n, k) takes the estimates and `spread` (n, k) the diagonal of Gamma.
-    `lowest` and `highest` bound the trace of Gamma. Returns the errors before each
-    update (n,).
+    regressor (n, k), output (n,), information weight `step` (n,), forgetting factor
+    `keep` (n,). `theta` (k,) and `root` (k, k), Gamma = root root', start the recursion
+    and hold its end; `history` (n, k) takes the estimates and `spread` (n, k) the
+    diagonal of Gamma. `lowest` and `highest` bound the trace of Gamma. Returns the
+    errors before each update (n,).
     """
     n, k = regressor.shape
     bounded = lowest > 0.0 or highest < np.inf
@@ -119,8 +120,9 @@ def recursive_estimate(
 
 @_compiled
 def _slope(y: Array, force: float, c: Array, out: Array) -> None:
-    """Right-hand side of x_dot = c0 x + c1 x|x| + c2 F + c3 sin s + c4, s_dot = x, and
-    of its sensitivities to c, x(0), s(0).
+    """Write to `out` the derivatives of x, s and their sensitivities to c, x(0), s(0).
+
+    x_dot = c0 x + c1 x|x| + c2 F + c3 sin s + c4, s_dot = x: (61)-(65), (70).
     """
     x, s = y[0], y[1]
     terms = (x, x * abs(x), force, np.sin(s), 1.0)
@@ -142,11 +144,11 @@ def _slope(y: Array, force: float, c: Array, out: Array) -> None:
 def simulate_single(
     step: Array, left: Array, right: Array, c: Array, start: Array, longest: float
 ) -> Array:
-    """States and sensitivities (n, 16) at the n nodes of a grid, by RK4 in equal parts
-    of each step (n-1,), none longer than `longest` [s].
+    """Return states and sensitivities (n, 16) at n nodes by Runge-Kutta 4.
 
-    The force is linear from left (n-1,) to right (n-1,) over each step. Columns: x, s,
-    then d(x, s) by c0 .. c4, x(0), s(0).
+    Each step (n-1,) is taken in equal parts none longer than `longest` [s]. The force
+    is linear from left (n-1,) to right (n-1,) over each step. Columns: x, s, then d(x,
+    s) by c0 .. c4, x(0), s(0).
     """
     n = step.size
     width = STATES * (1 + TERMS + STATES)

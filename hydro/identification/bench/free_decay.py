@@ -1,5 +1,6 @@
-"""Added mass and damping from the free decay of a pendulum in water: Alberti 2015,
-chapter VI, (66)-(71) corrected.
+"""Added mass and damping from free decay in water. Equations of Alberti 2015.
+
+Chapter VI, (66)-(71), corrected:
 
     I theta_ddot = -G sin theta + D_1 theta_dot + D_2 theta_dot |theta_dot|
 
@@ -50,9 +51,10 @@ HELD_OUT = 0.4
 
 
 @dataclass(frozen=True)
-class Part:
-    """Something that hangs on the pivot: mass and displaced mass [kg] at their arms
-    [m], inertia about its own centre [kg m^2].
+class HungPart:
+    """A body that hangs on the pivot: mass and displaced mass [kg] at their arms [m].
+
+    `inertia` [kg m^2] is about its own centre.
     """
 
     mass: float
@@ -63,9 +65,10 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Hanging:
-    """What hangs without its added mass: `inertia` [kg m^2] about the pivot and
-    restoring moment `stiffness` [N m] at 90 degrees.
+class PendulumMoments:
+    """The pendulum without added mass: inertia and restoring moment about the pivot.
+
+    `inertia` [kg m^2]; `stiffness` [N m] is the moment at 90 degrees.
     """
 
     inertia: float
@@ -74,11 +77,11 @@ class Hanging:
 
 @dataclass(frozen=True)
 class Decay:
-    """A recorded decay: `run` (x = theta_dot, s = theta from equilibrium), what it
-    starts from, and its small-swing frequency [rad/s].
+    """A recorded decay, its start and its small-swing frequency [rad/s].
 
-    `known`: D_1/G and D_2/G of the pendulum without the vehicle, which the damping
-    models leave in place: they are those of the vehicle.
+    `run`: x = theta_dot, s = theta from equilibrium. `known`: D_1/G and D_2/G of the
+    pendulum without the vehicle, which the damping models leave in place: they are
+    those of the vehicle.
     """
 
     run: SingleRun
@@ -89,11 +92,11 @@ class Decay:
 
 @dataclass(frozen=True)
 class Ratios:
-    """k = G/I [1/s^2], D_1/I [1/s] and D_2/I of one method and damping model,
-    covariance (3, 3), 0 for a term that is left out.
+    """k = G/I [1/s^2], D_1/I [1/s] and D_2/I of one method and damping model.
 
-    `rmse_rad`: simulated minus measured angle over the recording; `held_out_rad`: over
-    the last swings, with ratios from the first.
+    `covariance` (3, 3); 0 for a term that is left out. `rmse_rad`: simulated minus
+    measured angle over the recording; `held_out_rad`: over the last swings, with ratios
+    from the first.
     """
 
     values: Array
@@ -104,9 +107,9 @@ class Ratios:
 
 @dataclass(frozen=True)
 class DecayEstimate:
-    """Ratios of a decay by damping model: output error (the estimate), recursive and
-    batch least squares, and what was simulated.
+    """The ratios of a decay by damping model and method, with the simulated swing.
 
+    Output error is the estimate; recursive and batch least squares are for comparison.
     `simulated` and `measured` hold theta (n,) on the grid of the run, the measured one
     without the sensor's fitted constant; `chosen` is the damping model with the
     smallest error on the held-out swings.
@@ -124,8 +127,9 @@ class DecayEstimate:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Added mass [kg], linear [kg/s] and quadratic [kg/m] damping at the arm L, all <=
-    0 in physics, with covariance (3, 3).
+    """Added mass [kg], linear [kg/s] and quadratic [kg/m] damping at the arm L.
+
+    All are <= 0 in physics; `covariance` (3, 3).
     """
 
     values: Array
@@ -133,16 +137,21 @@ class Derivatives:
 
     @property
     def standard_errors(self) -> Array:
-        """Standard errors (3,)."""
+        """Return the standard errors (3,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def hanging(parts: Sequence[Part], gravity: float, *, arm: float | None = None) -> Hanging:
-    """Inertia and restoring moment of parts; arm: everything at this arm (point-mass
-    form). Raises `DataError` where buoyancy wins.
+def pendulum_moments(
+    parts: Sequence[HungPart], gravity: float, *, arm: float | None = None
+) -> PendulumMoments:
+    """Return inertia and restoring moment of parts about the pivot.
+
+    I = sum m L^2 + I_c, G = g sum (m L - m_displaced L_displaced). arm: everything at
+    this arm, the point-mass form (66). Raises `DataError` where buoyancy exceeds
+    weight.
     """
     if arm is not None:
-        parts = [Part(part.mass, arm, part.displaced_mass, arm) for part in parts]
+        parts = [HungPart(part.mass, arm, part.displaced_mass, arm) for part in parts]
     inertia = sum(part.mass * part.arm**2 + part.inertia for part in parts)
     stiffness = gravity * sum(
         part.mass * part.arm - part.displaced_mass * part.displaced_arm for part in parts
@@ -153,12 +162,13 @@ def hanging(parts: Sequence[Part], gravity: float, *, arm: float | None = None) 
             value=f"{stiffness:.4g} N m",
             remedy="Check masses, displaced masses and arms in the apparatus; add weight.",
         )
-    return Hanging(float(inertia), float(stiffness))
+    return PendulumMoments(float(inertia), float(stiffness))
 
 
 def estimate_decay(decay: Decay) -> DecayEstimate:
-    """All damping models by all three methods. Raises `DataError` as `fit_output_error`
-    does.
+    """Fit all damping models to a decay by all three methods.
+
+    Raises `DataError` as `fit_output_error` does.
     """
     run = decay.run
     theta, theta_dot, times = _signals(decay)
@@ -223,8 +233,9 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
 
 
 def clear_of_zero(both: Ratios, known: tuple[float, float]) -> tuple[Array, Array]:
-    """D_1/I and D_2/I (2,) beyond what is known, and their standard errors (2,), of the
-    damping model with both.
+    """Return D_1/I and D_2/I (2,) beyond the known part, and standard errors (2,).
+
+    D_1/I and D_2/I of the damping model with both terms.
     """
     return both.values[1:] - both.values[0] * np.asarray(known), np.sqrt(
         np.maximum(np.diag(both.covariance)[1:], 0.0)
@@ -232,13 +243,13 @@ def clear_of_zero(both: Ratios, known: tuple[float, float]) -> tuple[Array, Arra
 
 
 def derivatives(
-    ratios: Ratios, hung: Hanging, *, arm: float, empty: Derivatives | None = None
+    ratios: Ratios, hung: PendulumMoments, *, arm: float, empty: Derivatives | None = None
 ) -> Derivatives:
-    """Added mass and damping at the arm from ratios and what was weighed: X_udot =
-    -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3.
+    """Return added mass and damping at the arm from ratios and weighed moments, (70).
 
-    empty: those of the pendulum without the vehicle, which are taken off, with their
-    covariance (where `Decay.known` was theirs).
+    X_udot = -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3. empty: those of the
+    pendulum without the vehicle, which are taken off, with their covariance (where
+    `Decay.known` was theirs).
     """
     k, one, two = ratios.values
     inertia = hung.stiffness / k
@@ -258,9 +269,10 @@ def derivatives(
     return Derivatives(values - empty.values, covariance + empty.covariance)
 
 
-def judge(decay: Decay, ratios: Ratios) -> float:
-    """RMS [rad] of simulated minus measured angle of another decay with given ratios;
-    only its start and its sensors are fitted.
+def prediction_error(decay: Decay, ratios: Ratios) -> float:
+    """Return the RMS error [rad] of another decay simulated with given ratios.
+
+    Only its start and the constants of its sensors are fitted.
     """
     k, one, two = ratios.values
     coefficients = np.array([one, two, 0.0, -k, 0.0])
@@ -282,8 +294,7 @@ def judge(decay: Decay, ratios: Ratios) -> float:
 def measured_angle(
     run: SingleRun, fitted: OutputErrorFit | None = None, *, start: float = 0.0
 ) -> Array:
-    """Angle (n,) [rad] on the grid: of the position samples where there are any, else
-    the integrated rate.
+    """Return the angle (n,) [rad] on the grid, by positions or the integrated rate.
 
     With a fit, the constants and the drift of the sensors that it found are taken off,
     and the rate is integrated from its s(0); else from `start`.
@@ -303,13 +314,15 @@ def measured_angle(
 
 
 def _used(terms: tuple[bool, bool]) -> list[int]:
-    """Columns of the full regression that a damping model has, without the last one."""
+    """Return the columns of a damping model in the full regression, but the last."""
     return [0, *(index + 1 for index, has in enumerate(terms) if has)]
 
 
 def _static(decay: Decay, theta: Array, theta_dot: Array, times: Array) -> StaticRegression:
-    """The regression with all columns: restoring moment with what is known of damping,
-    both dampings, the constant of the angle's zero.
+    """Return the static form of a decay with all columns.
+
+    They are the restoring moment with the known damping, linear and quadratic damping,
+    and the constant of the angle's zero.
     """
     one, two = theta_dot, theta_dot * np.abs(theta_dot)
     columns = np.column_stack(
@@ -325,11 +338,11 @@ def _columns(form: StaticRegression, used: Sequence[int]) -> StaticRegression:
 
 
 def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array, Array, Array]:
-    """theta, theta_dot and their times: at the samples of the rate, or of the angle
-    with a rate from its smoothing spline.
+    """Return theta, theta_dot and their times.
 
-    fitted: constants and drifts of the sensors are those that it found; else a constant
-    of the gyro is guessed.
+    They are given at the samples of the rate, or at those of the angle, whose rate is
+    then that of its smoothing spline. fitted: constants and drifts of the sensors are
+    those that it found; else a constant of the gyro is guessed.
     """
     from auvid.hydro.identification.signals.splines import smoothing_spline
 
@@ -351,8 +364,9 @@ def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array,
 
 
 def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
-    """Parameters (log k, then what the damping models add to the known ratios) ->
-    coefficients of `SingleRun` and their derivatives.
+    """Return the map from parameters to coefficients and their derivatives.
+
+    Parameters are log k, then what the damping model adds to the known ratios.
     """
 
     def of(p: Array) -> tuple[Array, Array]:
@@ -369,8 +383,10 @@ def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
 
 
 def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> OutputErrorFit:
-    """Output error from a regression; where its k is far from what the swing's period
-    says, also from period and fading.
+    """Fit by output error from the result of a regression.
+
+    Where its k is far from the swing's frequency, the fit also starts from period and
+    decay of the amplitude.
     """
     plausible = PLAUSIBLE[0] < theta[0] / decay.frequency**2 < PLAUSIBLE[1]
     guesses = (
@@ -392,8 +408,9 @@ def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> Out
 
 
 def _from_fading(decay: Decay, used: Sequence[int]) -> Array:
-    """k, D_1/I, D_2/I as used, from the period and from how the swing grows smaller
-    between the halves of its recording.
+    """Return k, D_1/I, D_2/I as used, from the period and the decay of the amplitude.
+
+    The decay is that from the first to the second half of the recording.
     """
     _, rate, times = _signals(decay)
     half, span = rate.size // 2, times[-1] - times[0]
@@ -420,8 +437,9 @@ def _totals(
     *,
     logarithm: bool,
 ) -> tuple[Array, Array]:
-    """k, D_1/I, D_2/I (3,) and covariance from parameters: k (or its logarithm) and
-    what is added to the known ratios.
+    """Return k, D_1/I, D_2/I (3,) and their covariance from fitted parameters.
+
+    The first parameter is k or its logarithm, the others add to the known ratios.
     """
     values, by = np.zeros(3), np.zeros((3, len(used)))
     k = float(np.exp(parameters[0])) if logarithm else float(parameters[0])
@@ -434,8 +452,10 @@ def _totals(
 
 
 def _constant_rate(run: SingleRun) -> float:
-    """Constant of the gyro [rad/s]: its mean less the turn between first and last
-    angle, or else its mean over the last half.
+    """Return the constant of the gyro [rad/s].
+
+    It is its mean less the turn from the first to the last angle; without angles the
+    mean over the last half.
     """
     if not run.position.size:
         return float(np.mean(run.rate[run.rate.size // 2 :]))
@@ -456,10 +476,10 @@ def _by_regression(
     gamma: Array,
     used: Sequence[int],
 ) -> Ratios:
-    """Ratios of a regression with white standard errors, and the error of their
-    simulation from the fitted start.
+    """Return the ratios of a regression with white standard errors.
 
-    The last column of the regression, the constant of the angle's zero, is no ratio.
+    `rmse_rad` is that of their simulation from the fitted start. The last column of the
+    regression, the constant of the angle's zero, is no ratio.
     """
     residual = form.z - form.regressor @ theta
     step = float(np.median(np.diff(form.t_s)))

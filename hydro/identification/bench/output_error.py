@@ -1,5 +1,6 @@
-"""Output error for one degree of freedom: the coefficients whose simulated run is
-nearest to what was measured.
+"""Output error for one degree of freedom. Equations of Alberti 2015.
+
+The coefficients whose simulated run is nearest to the measurements:
 
     x_dot = c0 x + c1 x|x| + c2 F(t) + c3 sin s + c4,   s_dot = x
 
@@ -38,7 +39,7 @@ Model = Callable[[Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class SingleRun:
-    """What was measured in one degree of freedom, on a common grid.
+    """Measurements of one degree of freedom on a common grid.
 
     `grid_s` (n,); the force over each step, linear from `force_left` (n-1,) to
     `force_right` (n-1,); `rate` (a,) of x at the nodes `rate_at` (a,) and `position`
@@ -54,7 +55,7 @@ class SingleRun:
     position: Array
 
     def until(self, end_s: float) -> SingleRun:
-        """The run up to a time [s]."""
+        """Return the run up to a time [s]."""
         n = int(np.searchsorted(self.grid_s, end_s, side="right"))
         a, b = self.rate_at < n, self.position_at < n
         return SingleRun(
@@ -70,8 +71,10 @@ class SingleRun:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What else is fitted: x(0), s(0) where s matters; a constant and a drift of the
-    rate sensor, a constant of the position sensor.
+    """Which constants are fitted besides the parameters and x(0).
+
+    s(0) where s matters; constant and drift of the rate sensor; constant of the
+    position sensor.
     """
 
     rate_bias: bool = False
@@ -82,8 +85,7 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class OutputErrorFit:
-    """The fit: `parameters` (p,) and their `covariance` (p, p), coloured residuals
-    allowed for; `coefficients` (5,).
+    """Parameters (p,) with covariance (p, p) for coloured residuals.
 
     `start` (2,): x(0), s(0); `bias` (3,): constant [unit of x] and drift [unit of x per
     s] of the rate sensor, constant of the position sensor; `rate_error` and
@@ -101,12 +103,12 @@ class OutputErrorFit:
 
     @property
     def standard_errors(self) -> Array:
-        """Standard errors (p,)."""
+        """Return the standard errors (p,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Array:
-        """Correlation (p, p) of the parameters."""
+        """Return the correlation (p, p) of the parameters."""
         size = self.standard_errors
         return np.asarray(self.covariance / np.outer(size, size))
 
@@ -120,8 +122,7 @@ def fit_output_error(
     nuisance: Nuisance | None = None,
     longest_step_s: float = LONGEST_STEP_S,
 ) -> OutputErrorFit:
-    """Fit the parameters of `model` from `first` (p,), with x(0), s(0) from `start`
-    (2,).
+    """Fit the parameters of `model` from `first` (p,) and `start` (2,), x(0) and s(0).
 
     Rates and positions are weighted by the standard deviation of their own errors, from
     a first fit with equal shares. Raises `DataError` when there are fewer samples than
@@ -154,8 +155,9 @@ def fit_output_error(
 def simulate_run(
     run: SingleRun, coefficients: Array, start: Array, *, longest_step_s: float = LONGEST_STEP_S
 ) -> tuple[Array, Array]:
-    """x (n,) and s (n,) on the grid of a run for given coefficients (5,) from x(0),
-    s(0) (2,).
+    """Return x (n,) and s (n,) on the grid of a run for coefficients (5,).
+
+    `start` (2,) is x(0), s(0).
     """
     from auvid.hydro.identification.bench.compiled_loops import simulate_single
 
@@ -193,7 +195,7 @@ class _Fit:
         return unknown[: self.count], start, bias
 
     def errors(self, unknown: Array, fixed: Array) -> tuple[Array, Array, Array, Array]:
-        """Errors of rate (a,) and position (b,), and their Jacobians (a, u), (b, u)."""
+        """Return errors of rate (a,), position (b,) and Jacobians (a, u), (b, u)."""
         from auvid.hydro.identification.bench.compiled_loops import simulate_single
 
         run = self.run
@@ -233,9 +235,7 @@ class _Fit:
         last: dict[bytes, tuple[Array, Array]] = {}
 
         def both(values: Array) -> tuple[Array, Array]:
-            """Error and Jacobian, which one simulation gives: the solver asks for them
-            one after the other.
-            """
+            """Return error and Jacobian of one simulation; the solver needs both."""
             where = values.tobytes()
             if where not in last:
                 with np.errstate(

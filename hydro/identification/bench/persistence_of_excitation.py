@@ -1,5 +1,7 @@
-"""Persistence of excitation: the matrix C_n of Alberti 2015 (51)-(52) over time, and
-what its smallest eigenvalue says in words.
+"""Persistence of excitation: the matrix C_n of Alberti 2015 (51)-(52) over time.
+
+The verdict follows from its smallest eigenvalue and from where in the run that comes
+from.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ SHOWN = 400
 
 @dataclass(frozen=True)
 class Excitation:
-    """C_n over time and the verdict.
+    """C_n of (51) over time, and the verdict.
 
     `t_s` (m,); `smallest` (m,): smallest eigenvalue of C_n(t) = 1/t integral of Phi'
     Phi with every column scaled to unit RMS over the run (1 for orthogonal columns, 0
@@ -47,7 +49,7 @@ class Excitation:
     status: Status
 
     def words(self, names: tuple[str, ...]) -> str:
-        """The verdict as a sentence; `names` are those of the columns."""
+        """Return the verdict as a sentence; `names` are those of the columns."""
         if self.status == NOT_EXCITED:
             still = (
                 ", ".join(name for name, size in zip(names, self.rms, strict=True) if size == 0.0)
@@ -69,13 +71,13 @@ class Excitation:
 
 
 def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) -> Excitation:
-    """C_n and verdict for a regressor (n, k) at times t_s (n,) [s].
+    """Return C_n and verdict for a regressor (n, k) at times t_s (n,) [s]: (51)-(52).
 
-    The limit in (52) is over infinite time. For a finite run the question is whether
-    C_n goes on growing: where does the information in its weakest direction come from?
-    If from fewer than two of ten windows, a longer run would drive the smallest
-    eigenvalue to zero. floor (k,): RMS of a column below which it counts as not
-    excited.
+    C_n(t) = 1/t integral of Phi' Phi dt, every column scaled to unit RMS. The limit in
+    (52) is over infinite time. For a finite run the question is whether C_n goes on
+    growing: where does the information in its weakest direction come from? If from
+    fewer than two of ten windows, a longer run would drive the smallest eigenvalue to
+    zero. floor (k,): RMS of a column below which it counts as not excited.
     """
     t, phi = np.asarray(t_s, dtype=np.float64), np.asarray(regressor, dtype=np.float64)
     step = np.diff(t, prepend=t[0])

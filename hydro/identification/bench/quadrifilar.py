@@ -16,23 +16,23 @@ LARGE_RAD, NODES = np.pi / 4.0, 400
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure and its standard error."""
+    """A value and its standard error."""
 
     value: float
     standard_error: float
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval."""
+        """Return the 95 % interval."""
         half = NORMAL_95 * self.standard_error
         return self.value - half, self.value + half
 
 
 @dataclass(frozen=True)
 class QuadrifilarGeometry:
-    """A tray on four lines: R_1 at the ceiling, R_2 at the tray, lines of length h [m],
-    mass of tray and wires [kg].
+    """A tray on four lines: radii R_1, R_2, line length h [m], tray mass [kg].
 
+    R_1 is at the ceiling, R_2 at the tray; the mass is that of tray and wires.
     `length_sd` [m] and `mass_sd` [kg] are the standard errors of each measured length
     and each weighed mass.
     """
@@ -47,36 +47,34 @@ class QuadrifilarGeometry:
 
     @property
     def drop(self) -> float:
-        """Height of the ceiling's circle above the tray at rest [m]: h itself where R_1
-        = R_2, as in (54).
+        """Return the height of the ceiling's circle above the tray at rest [m].
+
+        sqrt(h^2 - (R_1 - R_2)^2); h itself where R_1 = R_2, as in (54).
         """
         return float(np.sqrt(self.line**2 - (self.radius_ceiling - self.radius_tray) ** 2))
 
 
 def equivalent_inertia(geometry: QuadrifilarGeometry, mass: float, period_s: float) -> float:
-    """I_eq = m g R_1 R_2 T^2 / (4 pi^2 h) (56) of all that swings: mass [kg], period of
-    small swings [s] -> kg m^2.
+    """Return I_eq [kg m^2] of all that swings from mass [kg] and period [s]: (56).
+
+    I_eq = m g R_1 R_2 T^2 / (4 pi^2 h), T of small swings.
+
+    >>> tray = QuadrifilarGeometry(0.47, 0.47, 4.23, 9.8, 9.80665)
+    >>> round(equivalent_inertia(tray, 9.8, 4.157), 3)
+    2.197
     """
     product = geometry.radius_ceiling * geometry.radius_tray
     return mass * geometry.gravity * product * period_s**2 / (4.0 * np.pi**2 * geometry.drop)
 
 
-def swing_period(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> float:
-    """T = 2 pi sqrt(I_eq h / (m g R_1 R_2)) (54)-(55) [s]."""
-    product = geometry.radius_ceiling * geometry.radius_tray
-    return float(
-        2.0 * np.pi * np.sqrt(inertia * geometry.drop / (mass * geometry.gravity * product))
-    )
-
-
 def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> float:
-    """c in w = w_0 (1 - c A^2) [1/rad^2] for swings of amplitude A: from the energy to
-    fourth order.
+    """Return c of w = w_0 (1 - c A^2) [1/rad^2] for swings of amplitude A.
 
-    The tray hangs z = sqrt(h^2 - 2 R_1 R_2 (1 - cos psi)) below the ceiling (h the
-    drop). With q = R_1 R_2 the potential is m g q / h (psi^2 / 2 + b psi^4), b = q / (8
-    h^2) - 1/24, and the kinetic energy I/2 (1 + e psi^2) psi_dot^2, e = m q^2 / (h^2
-    I), so that c = -3/2 (b - e/6). It is 1/16 for long lines, the simple pendulum's.
+    From the energy to fourth order. The tray hangs z = sqrt(h^2 - 2 R_1 R_2 (1 - cos
+    psi)) below the ceiling (h the drop). With q = R_1 R_2 the potential is m g q / h
+    (psi^2 / 2 + b psi^4), b = q / (8 h^2) - 1/24, and the kinetic energy I/2 (1 + e
+    psi^2) psi_dot^2, e = m q^2 / (h^2 I), so that c = -3/2 (b - e/6). It is 1/16 for
+    long lines, the simple pendulum's.
     """
     product = geometry.radius_ceiling * geometry.radius_tray
     bend = product / (8.0 * geometry.drop**2) - 1.0 / 24.0
@@ -85,11 +83,11 @@ def softening(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> flo
 
 
 def slowing(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> tuple[float, float]:
-    """(c, e) in w = w_0 (1 - c a^2 - e a^4) [1/rad^2, 1/rad^4], a the amplitude of the
-    rate's first harmonic over w_0.
+    """Return (c, e) of w = w_0 (1 - c a^2 - e a^4) [1/rad^2, 1/rad^4].
 
-    c is that of `softening`; e from the exact swing at 45 degrees, so that what is left
-    out there is of the order of 1e-5 of the period.
+    a is the amplitude of the rate's first harmonic over w_0. c is that of `softening`;
+    e from the exact swing at 45 degrees, so that what is left out there is of the order
+    of 1e-5 of the period.
     """
     first = softening(geometry, mass, inertia)
     share, rate = _large_swing(geometry, mass, inertia, LARGE_RAD)
@@ -99,7 +97,7 @@ def slowing(geometry: QuadrifilarGeometry, mass: float, inertia: float) -> tuple
 def small_swing_period(
     geometry: QuadrifilarGeometry, mass: float, period_s: float, amplitude_rad: float
 ) -> float:
-    """Period of small swings [s] from one that was timed at an amplitude."""
+    """Return the period of small swings [s] from one timed at an amplitude."""
     if amplitude_rad == 0.0:
         return period_s
     small = period_s
@@ -118,11 +116,10 @@ def small_swing_period(
 def _large_swing(
     geometry: QuadrifilarGeometry, mass: float, inertia: float, amplitude: float
 ) -> tuple[float, float]:
-    """w / w_0 and a of a swing without damping, from its energy: I (1 + m/I
-    (dz/dpsi)^2) psi_dot^2 / 2 = m g (z(psi) - z(A)).
+    """Return w / w_0 and a of an undamped swing of any amplitude, from its energy.
 
-    Quarter swing by the midpoint rule in u, psi = A sin u, which converges
-    exponentially.
+    I (1 + m/I (dz/dpsi)^2) psi_dot^2 / 2 = m g (z(psi) - z(A)). Quarter swing by the
+    midpoint rule in u, psi = A sin u, which converges exponentially.
     """
     u = 0.5 * np.pi * (np.arange(NODES) + 0.5) / NODES
     product, psi = geometry.radius_ceiling * geometry.radius_tray, amplitude * np.sin(u)
@@ -150,11 +147,11 @@ def _large_swing(
 def object_inertia(
     geometry: QuadrifilarGeometry, mass: float, loaded: Estimate, empty: Estimate
 ) -> Estimate:
-    """I_O = I_eq - I_P (57) of an object of this mass [kg], from the periods [s] of the
-    loaded and the empty tray.
+    """Return I_O = I_eq - I_P (57) of an object of this mass [kg].
 
-    The standard error carries those of both periods, of all lengths (common to both
-    swings) and of the masses. Raises `DataError` when the difference is not positive.
+    `loaded` and `empty` are the periods [s] with and without it on the tray. The
+    standard error carries those of both periods, of all lengths (common to both swings)
+    and of the masses. Raises `DataError` when the difference is not positive.
     """
 
     def inertia(x: Array) -> float:
@@ -187,7 +184,7 @@ def object_inertia(
 
 
 def tray_inertia(geometry: QuadrifilarGeometry, empty: Estimate) -> Estimate:
-    """I_P of the tray with its wires, (56)."""
+    """Return I_P of the tray with its wires, (56)."""
 
     def inertia(x: Array) -> float:
         return equivalent_inertia(
@@ -208,20 +205,23 @@ def tray_inertia(geometry: QuadrifilarGeometry, empty: Estimate) -> Estimate:
 
 
 def hollow_cylinder(mass: float, length: float, outer_radius: float, inner_radius: float) -> float:
-    """I_y = I_z = m (L^2 / 12 + (R^2 + r^2) / 4) (58) [kg m^2] about the centre; R and
-    r are radii (errata A14).
+    """Return I_y = I_z [kg m^2] of a hollow cylinder about its centre: (58).
+
+    m (L^2 / 12 + (R^2 + r^2) / 4); R and r are radii, not diameters as printed (errata
+    A14).
     """
     return mass * (length**2 / 12.0 + (outer_radius**2 + inner_radius**2) / 4.0)
 
 
 def counted_period(oscillations: int, duration_s: float, duration_sd_s: float) -> Estimate:
-    """Period and standard error from a stop watch: T = t / N."""
+    """Return period and standard error from a stop watch: T = t / N."""
     return Estimate(duration_s / oscillations, duration_sd_s / oscillations)
 
 
 def combined(estimates: Sequence[Estimate]) -> Estimate:
-    """Mean of repeated figures weighted by 1 / variance; its standard error is widened
-    when they scatter by more than they should.
+    """Return the mean of repeated values weighted by 1 / variance.
+
+    Its standard error is widened where they scatter by more than their errors.
     """
     values = np.array([item.value for item in estimates])
     errors = np.array([item.standard_error for item in estimates])
@@ -234,6 +234,7 @@ def combined(estimates: Sequence[Estimate]) -> Estimate:
 
 
 def _gradient(function: Callable[[Array], float], at: Array) -> Array:
+    """Return the central-difference gradient of a function of positive arguments."""
     out = np.empty_like(at)
     for index, value in enumerate(at):
         step = 1e-6 * abs(value)

@@ -24,8 +24,9 @@ from auvid.hydro.arrays import Array
 
 @dataclass(frozen=True)
 class StaticRegression:
-    """The static form (48)-(49): `z` (n,) = `regressor` (n, k) Theta at times `t_s`
-    (n,), after the filter of rate `rate` [1/s].
+    """The static form (48)-(49): z (n,) = regressor (n, k) Theta at times t_s (n,).
+
+    `rate` [1/s] is that of the filter it came through.
     """
 
     t_s: Array
@@ -36,11 +37,10 @@ class StaticRegression:
 
 @dataclass(frozen=True)
 class RecursiveEstimate:
-    """Estimates over time: `theta` (n, k) and the diagonal of Gamma `spread` (n, k) at
-    times `t_s` (n,); `gamma` (k, k) at the end.
+    """Theta (n, k) and the diagonal of Gamma over time; Gamma (k, k) at the end.
 
-    `error` (n,): z - Phi Theta before each update; `residual` (n,): the same with the
-    last Theta.
+    `spread` is the diagonal, at times `t_s` (n,). `error` (n,): z - Phi Theta before
+    each update; `residual` (n,): the same with the last Theta.
     """
 
     t_s: Array
@@ -61,16 +61,17 @@ def static_form(
     regressor_after: ArrayLike | None = None,
     samples: ArrayLike | None = None,
 ) -> StaticRegression:
-    """Filtered static form of x_dot = f_0 + Phi Theta on the grid t_s (n,) [s], which
-    need not be uniform: (44), (45), (49), (50).
+    """Return the filtered static form of x_dot = f_0 + Phi Theta on a grid: (44)-(50).
 
-    x (n,): the state; regressor (n, k): Phi at the nodes; known (n,): f_0. All are
-    taken as linear between nodes (first-order hold), for which the filter is exact. A
-    column that jumps at the nodes (a force that is held) gets its value after each
-    node, up to the next, in `regressor_after` (n-1, k) at both ends of the step; nan
-    there means linear. samples: nodes to return, default all but the first. Error of
-    the hold: about (h / time constant)^2 / 12 of x. Raises `DataError` for a rate that
-    is not positive or a clock that does not increase.
+    x_f_dot = a (x - x_f), Phi_f_dot = -a Phi_f + Phi, z = x - x_f - Phi_0 = Phi_f
+    Theta: (44), (45), (49), (50). The grid t_s (n,) [s] need not be uniform. x (n,):
+    the state; regressor (n, k): Phi at the nodes; known (n,): f_0. All are taken as
+    linear between nodes (first-order hold), for which the filter is exact. A column
+    that jumps at the nodes (a force that is held) gets its value after each node, up to
+    the next, in `regressor_after` (n-1, k) at both ends of the step; nan there means
+    linear. samples: nodes to return, default all but the first. Error of the hold:
+    about (h / time constant)^2 / 12 of x. Raises `DataError` for a rate that is not
+    positive or a clock that does not increase.
     """
     from auvid.hydro.identification.bench.compiled_loops import filter_first_order
 
@@ -109,8 +110,9 @@ def recursive_least_squares(
     lowest_trace: float = 0.0,
     highest_trace: float = np.inf,
 ) -> RecursiveEstimate:
-    """The estimator (39), (41) over a static form of n samples and k coefficients.
+    """Run the estimator (39), (41) over a static form (n samples, k coefficients).
 
+    Gamma_dot = -Gamma Phi Phi' Gamma, Theta_dot = Gamma Phi (z - Phi' Theta).
     prior_spread: Gamma(0), a number gamma_0 for gamma_0 I or its diagonal (k,); start
     (k,): Theta(0), default 0; memory_s: time constant of exponential forgetting, None
     for none. Limits of the trace of Gamma: forgetting stops at `highest_trace`, and
@@ -151,8 +153,10 @@ def recursive_least_squares(
 def batch_least_squares(
     form: StaticRegression, *, prior_spread: ArrayLike = 1e6, start: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Theta (k,) and Gamma (k, k) of (30) with the prior of `recursive_least_squares`
-    and weights h: by QR, in one piece.
+    """Return Theta (k,) and Gamma (k, k) of (30) in one piece, by QR.
+
+    Theta = (Phi' Phi)^-1 Phi' z with the prior and weights of
+    `recursive_least_squares`.
     """
     k = form.regressor.shape[1]
     weight = np.sqrt(_weights(form.t_s))
@@ -169,7 +173,7 @@ def batch_least_squares(
 
 
 def _weights(t: Array) -> Array:
-    """The step that ends at each sample [s]; the first has the second's."""
+    """Return the step that ends at each sample [s]; the first has the second's."""
     step = np.diff(t, prepend=t[0])
     step[0] = step[1] if step.size > 1 else 1.0
     return step

@@ -1,7 +1,8 @@
-"""Added mass and damping of one degree of freedom from a run in which that channel
-alone is driven: Alberti 2015 (60)-(65).
+"""Added mass and damping from a run of one channel. Equations of Alberti 2015.
 
-    M x_dot = D_1 x + D_2 x|x| + F - R sin s + C,   s_dot = x,   M = m - X_udot (and so on by channel)
+(60)-(65), the other channels at rest:
+
+    M x_dot = D_1 x + D_2 x|x| + F - R sin s + C,   s_dot = x,   M = m - X_udot
 
 x is the channel's body velocity, s its angle (or depth), F what drives it, R the
 restoring moment at 90 degrees (roll, pitch), C a constant force. Two estimates:
@@ -53,18 +54,23 @@ DAMPING: Mapping[str, tuple[bool, bool]] = {
 quadratic term.
 """
 SIMPLER_WITHIN = 1.05
+"""A damping model with fewer terms is taken when its held-out error is within 5 % of the
+best: of the order of one standard error of an RMS over 200 independent samples,
+1 / sqrt(2 n) (the one-standard-error rule, Hastie et al. 2009, 7.10).
+"""
 CLEAR_TERM = 4.0
-"""A damping model with fewer terms is taken when its held-out error is within 5 % of
-the best, unless the term that it leaves out is that many standard errors from zero: the
-one that stays would bear it, outside its interval.
+"""Standard errors from zero beyond which a term stays whatever the held-out error: the
+term that is kept would bear it, outside its interval. Four, as coloured errors are known
+to a factor of 1.5 or so, which leaves 2.7: 99 %.
 """
 WRONG_SIGN = "wrong sign"
 """Verdict on an added mass or damping that is clearly positive, which no body in water
 has.
 """
 SOUND_WITHIN = 1.5
-"""A damping model that fits the run itself worse than the best by more than this is not
-chosen, whatever it predicts.
+"""A damping model whose RMS error on the whole run exceeds this times the least is not
+chosen, whatever it predicts: more than half of its squared error is then of its form
+(1 - 1 / 1.5^2 = 0.56).
 """
 HELD_OUT = 1.0 / 3.0
 """Last part of a run, by which the damping model is chosen: it is predicted with
@@ -76,9 +82,7 @@ PARAMETERS = ("M", "D_1", "D_2", "C")
 
 @dataclass(frozen=True)
 class Symbols:
-    """Names and units of a channel: what resists acceleration, its added part, linear
-    and quadratic damping, and what drives it.
-    """
+    """Names and units of mass, added mass and damping of a channel."""
 
     mass: str
     added: str
@@ -88,8 +92,10 @@ class Symbols:
 
 
 def symbols(channel: str) -> Symbols:
-    """SNAME names of a channel: surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot,
-    N_r, N_r|r|; units: mass, linear, quadratic, force.
+    """Return the SNAME names and units of a channel.
+
+    surge -> m, X_udot, X_u, X_u|u|; yaw -> I_z, N_rdot, N_r, N_r|r|; units of mass,
+    linear and quadratic damping, force.
     """
     index = CHANNELS.index(channel)
     axis, velocity = AXES[index], VELOCITIES[index]
@@ -102,15 +108,15 @@ def symbols(channel: str) -> Symbols:
 
 @dataclass(frozen=True)
 class ChannelRun:
-    """One run: `run` (x and s with the force F), restoring moment R [N m], whether a
-    constant force and a rate bias are fitted.
+    """One run of a channel: x and s with the force F, and which constants to fit.
 
-    `velocity` (n,) is x on the grid of the run for the regression: the measured one, or
-    the slope of the measured position. `samples`: nodes of the grid that are samples.
-    `noise`: RMS of x below which the channel counts as not excited. `lag`: whether the
-    force is that of a command, which thrusters may follow late; `current`: whether a
-    constant of the velocity is fitted. Both only where the run is persistently
-    exciting: a single step does not tell them from mass and damping.
+    `run`; `restoring` R [N m]. `velocity` (n,) is x on the grid of the run for the
+    regression: the measured one, or the slope of the measured position. `samples`:
+    nodes of the grid that are samples. `noise`: RMS of x below which the channel counts
+    as not excited. `lag`: whether the force is that of a command, which thrusters may
+    follow late; `current`: whether a constant of the velocity is fitted. Both only
+    where the run is persistently exciting: a single step does not tell them from mass
+    and damping.
     """
 
     run: SingleRun
@@ -126,14 +132,14 @@ class ChannelRun:
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """Figures of one damping model by output error: `values` (4,) of M, D_1, D_2, C
-    with `covariance` (4, 4); 0 for what is left out.
+    """M, D_1, D_2, C of one damping model by output error, with covariance (4, 4).
 
-    `rmse` of x (of s where only that is measured) over the run; `held_out`: over its
-    last third with figures from the first two; `simulated` (n,): that signal on the
-    grid, with the constant of the sensor. `resolved`: False where the run answers its
-    force faster than it was sampled: M is not determined; it is then held where its
-    time constant is half a sample, and D_1, D_2, C are those of the steady speeds.
+    `values` (4,); 0 for what is left out. `rmse` of x (of s where only that is
+    measured) over the run; `held_out`: over its last third with figures from the first
+    two; `simulated` (n,): that signal on the grid, with the constant of the sensor.
+    `resolved`: False where the run answers its force faster than it was sampled: M is
+    not determined; it is then held where its time constant is half a sample, and D_1,
+    D_2, C are those of the steady speeds.
     """
 
     values: Array
@@ -146,18 +152,19 @@ class ChannelFit:
 
     @property
     def standard_errors(self) -> Array:
-        """Standard errors (4,)."""
+        """Return the standard errors (4,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def mass_interval(self) -> tuple[float, float]:
-        """95 % interval of M, symmetric in its logarithm: M stays positive."""
+        """Return the 95 % interval of M > 0, symmetric in its logarithm."""
         width = NORMAL_95 * float(self.standard_errors[0] / self.values[0])
         return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
 
     def normalised(self) -> tuple[Array, Array]:
-        """Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3): all that commands
-        without a unit of force can tell.
+        """Return Theta = [D_1/M, D_2/M, 1/M] (62) and its covariance (3, 3).
+
+        No more is determined by commands without a unit of force.
         """
         m, one, two, _ = self.values
         by = np.array(
@@ -168,11 +175,10 @@ class ChannelFit:
 
 @dataclass(frozen=True)
 class RecursiveFit:
-    """Theta of one damping model over time, and the M, D_1, D_2, C that it comes to:
-    `values` (n, 4), `spread` (n, 4) standard errors.
+    """M, D_1, D_2, C (n, 4) of a damping model over time, with standard errors.
 
-    Standard errors are those of white noise of the size of the residual times the ratio
-    that the colour of the residual has at the end.
+    `estimate` is Theta over time. Standard errors are those of white noise of the size
+    of the residual times the ratio that the colour of the residual has at the end.
     """
 
     estimate: RecursiveEstimate
@@ -182,8 +188,7 @@ class RecursiveFit:
 
 @dataclass(frozen=True)
 class ChannelEstimate:
-    """All damping models of a run, the chosen one, and persistence of excitation of the
-    static form with all columns.
+    """All damping models of a run, the chosen one, and persistence of excitation.
 
     `lag` of the force behind its command, None where none is found; `data`: the run as
     it was fitted, with that lag.
@@ -198,8 +203,7 @@ class ChannelEstimate:
 
 
 def choose_damping(held_out: Mapping[str, float], terms: ArrayLike, errors: ArrayLike) -> str:
-    """Damping model by the error on what was not fitted; the simpler of nearly equal
-    ones.
+    """Return the damping model with the least held-out error, or a simpler near equal.
 
     terms (2,) and errors (2,): linear and quadratic damping of the model with both, and
     their standard errors.
@@ -219,20 +223,17 @@ def estimate_channel(
     memory_s: float | None = None,
     limits: tuple[float, float] = (0.0, np.inf),
 ) -> ChannelEstimate:
-    """All damping models by both methods. filter_rate [rad/s], prior_spread, memory_s
-    and limits are those of `static_form` and `recursive_least_squares`. Raises
-    `DataError` when the channel is not excited.
+    """Fit all damping models to a run by both methods: (60)-(65).
+
+    filter_rate [rad/s], prior_spread, memory_s and limits are those of `static_form`
+    and `recursive_least_squares`. Raises `DataError` when the channel is not excited.
     """
     reason = unexcited(data)
     if reason:
-        remedy = (
-            "Choose a leg in which this channel is driven, or mend the channel that the manifest"
-            " names."
-        )
         raise DataError(
             f"the channel was never excited: {reason}",
             allowed=f"RMS above {data.noise:g}",
-            remedy=remedy,
+            remedy="Choose a leg in which this channel is driven, or correct the channel.",
         )
     end = float(data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0]))
 
@@ -299,9 +300,7 @@ def _with_lag(data: ChannelRun, lag_s: float) -> ChannelRun:
 
 
 def _from_rest(data: ChannelRun) -> bool:
-    """Whether the run begins as its thrusters start: a body at rest has no thrust on
-    it.
-    """
+    """Return whether the run starts at rest, where no thrust can act yet."""
     return bool(abs(data.velocity[0]) <= data.noise)
 
 
@@ -328,8 +327,9 @@ def _nuisance(data: ChannelRun) -> Nuisance:
 
 
 def unexcited(data: ChannelRun) -> str:
-    """Why a run excites nothing: nothing drove the channel, or it hardly moved; empty
-    where it was excited.
+    """Return why a run excites nothing, or an empty text.
+
+    Nothing drove the channel, or it hardly moved.
     """
     if not (np.any(data.run.force_left != 0.0) or np.any(data.run.force_right != 0.0)):
         return "nothing drove it"
@@ -338,7 +338,7 @@ def unexcited(data: ChannelRun) -> str:
 
 
 def _columns(name: str, data: ChannelRun) -> list[int]:
-    """Columns of the full regressor [x, x|x|, F, 1] that a damping model has."""
+    """Return the columns of [x, x|x|, F, 1] that a damping model has."""
     linear, quadratic = DAMPING[name]
     return [index for index, has in enumerate((linear, quadratic, True, data.constant)) if has]
 
@@ -367,9 +367,11 @@ def _integral(t: Array, x: Array) -> Array:
 def _recursive_fit(
     form: StaticRegression, estimate: RecursiveEstimate, columns: list[int]
 ) -> RecursiveFit:
-    """M, D_1, D_2, C over time from Theta; their spread by the delta method with the
-    correlation of the end.
+    """Return M, D_1, D_2, C over time from Theta = [D_1, D_2, 1, C] / M.
+
+    Their standard errors follow by the delta method with the correlation of the end.
     """
+    # `place`: where x, x|x|, F and 1 stand in this model's Theta.
     theta, place = estimate.theta, {column: index for index, column in enumerate(columns)}
     drive = place[2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -379,6 +381,8 @@ def _recursive_fit(
     for target, column in ((1, 0), (2, 1), (3, 3)):
         if column in place:
             values[:, target] = theta[:, place[column]] * mass
+    # Standard errors of Theta over time: white noise of the size of the errors so far,
+    # times how much wider the colour of the residual makes them at the end.
     n, k = form.regressor.shape
     sigma2 = np.cumsum(estimate.error**2) / np.maximum(np.arange(1, n + 1) - k, 1)
     step = float(np.median(np.diff(form.t_s)))
@@ -387,6 +391,8 @@ def _recursive_fit(
     white = np.diag(bread) * float(estimate.residual @ estimate.residual) / max(n - k, 1)
     colour = np.sqrt(np.where(white > 0, coloured / np.where(white > 0, white, 1.0), 1.0))
     size = np.sqrt(sigma2[:, None] * step * estimate.spread) * colour
+    # M = 1 / theta_F and D = theta_D / theta_F: dM = -M^2 d theta_F,
+    # dD = M d theta_D - D M d theta_F.
     correlation = estimate.gamma / np.sqrt(
         np.outer(np.diag(estimate.gamma), np.diag(estimate.gamma))
     )
@@ -401,10 +407,10 @@ def _recursive_fit(
 
 
 def _model(name: str, data: ChannelRun, mass: float | None = None) -> Model:
-    """Parameters (log M, then D_1, D_2, C where the damping model has them) ->
-    coefficients of `SingleRun` and their derivatives.
+    """Return the map from parameters to coefficients and their derivatives.
 
-    mass: M is held at this value and is no parameter.
+    Parameters are log M, then D_1, D_2, C where the damping model has them. mass: M is
+    held at this value and is no parameter.
     """
     targets = [{0: 0, 1: 1, 3: 4}[column] for column in _columns(name, data) if column != 2]
 
@@ -481,8 +487,9 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
 
 
 def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
-    """M, then D_1, D_2, C as used, as if every speed were a steady one: force against
-    damping; M such that a change takes five samples.
+    """Return M, then D_1, D_2, C as used, as if every speed were a steady one.
+
+    Force against damping; M such that a change takes five samples.
     """
     x = data.velocity[data.samples]
     force = np.append(data.run.force_left, data.run.force_right[-1])[data.samples]
@@ -497,10 +504,10 @@ def _steady_guess(data: ChannelRun, used: Sequence[int]) -> Array:
 
 
 def _unresolved(data: ChannelRun, coefficients: Array) -> float | None:
-    """The M whose time constant is half a sample, where the fitted one is shorter than
-    a sample (a steady run); else None.
+    """Return M with a time constant of half a sample for too fast a fit, or None.
 
-    The time constant is that of small changes about the RMS speed, 1 / (c0 + 2 c1 |x|).
+    Faster than one sample the data do not determine M: a steady run. The time constant
+    is that of small changes about the RMS speed, 1 / (c0 + 2 c1 |x|).
     """
     interval = float(np.median(np.diff(data.run.grid_s[data.samples])))
     speed = float(np.sqrt(np.mean(data.velocity[data.samples] ** 2)))

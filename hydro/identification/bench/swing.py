@@ -1,8 +1,8 @@
-"""What a recording of a swing holds: the axis it turns about, its angle, its period.
-Common to the quadrifilar pendulum and the free decay.
+"""Axis, angle and period of a recorded swing.
 
-The recorder may be fixed in any position: the axis of the swing is found from the gyro,
-and the angle is the rotation about it.
+Common to the quadrifilar pendulum and the free decay. The recorder may be fixed in any
+position: the axis of the swing is found from the gyro, and the angle is the rotation
+about it.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ steps of resolution by which it came there.
 
 @dataclass(frozen=True)
 class SwingAxis:
-    """The axis of a swing in the recorder's frame: unit vector (3,), share of the
-    rotation about it (0 to 1), angle to the nearest axis.
+    """The axis of a swing in the recorder's frame: unit vector (3,).
+
+    `share` of the rotation about it (0 to 1); angle to the nearest body axis.
     """
 
     axis: Array
@@ -55,9 +56,9 @@ class SwingAxis:
 
 @dataclass(frozen=True)
 class SwingFit:
-    """A damped swing: period of small, undamped swings with standard error, decay rate
-    [1/s], amplitude of the angle [rad] at first.
+    """A damped swing: period of small undamped swings, decay rate, first amplitude.
 
+    Period with standard error [s], decay rate [1/s], amplitude of the angle [rad].
     `swings`: how many full swings it made before it fell to a twentieth or the
     recording ended; `residual`: RMS of what is not explained, as a share of the first
     amplitude of the signal; `bias`: constant of the signal; `start_s`: where the fit
@@ -77,8 +78,9 @@ class SwingFit:
 
 
 def swing_axis(gyro: ArrayLike) -> SwingAxis:
-    """Axis of the strongest rotation in gyro rates (n, 3) [rad/s], constant and noise
-    taken off. Raises `DataError` for no rotation.
+    """Return the axis of the strongest rotation in gyro rates (n, 3) [rad/s].
+
+    Constants and noise are removed first. Raises `DataError` for no rotation.
     """
     rates = np.asarray(gyro, dtype=np.float64)
     centred = rates - np.median(rates, axis=0)
@@ -103,8 +105,9 @@ def swing_axis(gyro: ArrayLike) -> SwingAxis:
 
 
 def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
-    """Rotation [rad] about a body axis (3,) against the mean attitude: Euler angles (n,
-    3) -> (n,), for swings below half a turn.
+    """Return the rotation (n,) [rad] about a body axis (3,) against the mean attitude.
+
+    Euler angles (n, 3), swings below half a turn.
     """
     attitude = Rotation.from_euler("ZYX", np.asarray(euler, dtype=np.float64)[:, ::-1])
     return np.asarray(
@@ -113,7 +116,7 @@ def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
 
 
 def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
-    """Samples (n,) at which some axis of a gyro (n, 3) stands at the end of its range.
+    """Return the samples (n,) at which an axis of a gyro (n, 3) is clipped.
 
     An axis is clipped where three or more samples on end are equal to its extreme, that
     extreme is near the largest of all axes (they have one range), and the signal came
@@ -139,11 +142,11 @@ def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
 def angle_per_rate(
     t_s: ArrayLike, rate: ArrayLike, angle_t_s: ArrayLike, angle: ArrayLike
 ) -> float:
-    """How much of the turn in a rate (n,) [rad/s] an angle (m,) [rad] shows: 1 where
-    they agree, whatever their zeros and drifts.
+    """Return the turn of an angle (m,) [rad] per that of a rate (n,) [rad/s].
 
-    By the first three swings: over more of them the noise of the rate adds up. NaN
-    where the angle has too few samples in them.
+    1 where they agree, whatever their zeros and drifts. By the first three swings: over
+    more of them the noise of the rate adds up. NaN where the angle has too few samples
+    in them.
     """
     t, x, at = (np.asarray(part, dtype=np.float64) for part in (t_s, rate, angle_t_s))
     strong = np.flatnonzero(np.abs(x - np.median(x)) > 0.3 * np.abs(x - np.median(x)).max())
@@ -163,11 +166,11 @@ def angle_per_rate(
 
 
 def release_index(rate: ArrayLike) -> int:
-    """First sample of the free swing: from here on a rate (n,) stays beyond a fifth of
-    its largest size until it comes near that.
+    """Return the first sample of the free swing in a rate (n,).
 
-    What came before, a gentle pull to the side and the time in which it was held, is
-    left out.
+    From there on the rate stays beyond a fifth of its largest size until it comes near
+    that. What came before, a gentle pull to the side and the time in which it was held,
+    is left out.
     """
     size = np.abs(np.asarray(rate, dtype=np.float64) - np.median(np.asarray(rate)))
     top = int(np.argmax(size >= NEARLY * size.max()))
@@ -176,7 +179,7 @@ def release_index(rate: ArrayLike) -> int:
 
 
 def check_rate(t_s: ArrayLike, period_s: float) -> None:
-    """Raises `DataError` for times (n,) [s] too far apart for a swing."""
+    """Raise `DataError` for times (n,) [s] too far apart for a swing."""
     step = float(np.median(np.diff(np.asarray(t_s, dtype=np.float64))))
     if period_s < FEWEST_SAMPLES_PER_PERIOD * step:
         raise DataError(
@@ -188,8 +191,9 @@ def check_rate(t_s: ArrayLike, period_s: float) -> None:
 
 
 def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
-    """Raises `DataError` when a rate (n,) that swings from t_s[0] on grows to twice of
-    what it had fallen to: pushed or released anew.
+    """Raise `DataError` when a decaying rate (n,) doubles: pushed or released again.
+
+    The rate swings from t_s[0] on.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     _, begins = np.unique(((t - t[0]) / period_s).astype(np.intp), return_index=True)
@@ -207,16 +211,16 @@ def check_one_swing(t_s: ArrayLike, rate: ArrayLike, period_s: float) -> None:
         raise DataError(
             "the swing grows again: it was pushed, or released a second time",
             value=f"at {t[grown]:.1f} s",
-            remedy="Give each swing a leg of its own: set start_s and end_s in the manifest.",
+            remedy="Give each swing a leg of its own, from its release to its end.",
         )
 
 
 def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
-    """Period [s] of a swing that dies within a few turns: twice the time from the
-    release to the first turning point.
+    """Return the period [s] of a swing that dies within a few turns.
 
-    rate (n,) [rad/s] from the release on. Raises `DataError` when it never comes back
-    with a twentieth of its first rate: overdamped.
+    It is twice the time from the release to the first turning point. rate (n,) [rad/s]
+    from the release on. Raises `DataError` when it never comes back with a twentieth of
+    its first rate: overdamped.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     ahead = x * np.sign(x[np.argmax(np.abs(x) >= 0.5 * np.abs(x).max())])
@@ -237,11 +241,11 @@ def swing_back_period(t_s: ArrayLike, rate: ArrayLike) -> float:
 
 
 def spectral_period(t_s: ArrayLike, signal: ArrayLike) -> float:
-    """Period [s] of the strongest line of a signal (n,): Hann window, fourfold zero
-    padding, parabola through the peak.
+    """Return the period [s] of the strongest line of a signal (n,).
 
-    Raises `DataError` when the strongest line lies at the lower end of the spectrum:
-    there is no oscillation (overdamped, or a drift).
+    Hann window, fourfold zero padding, parabola through the peak. Raises `DataError`
+    when the strongest line lies at the lower end of the spectrum: there is no
+    oscillation (overdamped, or a drift).
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(signal, dtype=np.float64)
     uniform = np.linspace(t[0], t[-1], t.size)
@@ -276,8 +280,7 @@ def fit_swing(
     fewest: float = 3.0,
     usable: NDArray[np.bool_] | None = None,
 ) -> SwingFit:
-    """Damped sinusoid in an angular rate (n,) [rad/s] at times (n,) [s], from its
-    release on.
+    """Fit a damped sinusoid to a rate (n,) [rad/s] from its release on.
 
     The rate is exp(-z t) (a cos psi + b sin psi) + constant + drift, with psi_dot = w
     (1 - c a(t)^2 - e a(t)^4): large swings are slower. a is the amplitude of the rate
@@ -303,13 +306,14 @@ def fit_swing(
     size = float(np.abs(y - np.median(y)).max())
 
     def shrunk(decay: float, power: int) -> Array:
-        """Integral of exp(-power z t) from the release on."""
+        """Return the integral of exp(-power z t) from the release on."""
         x = power * decay
         return time if abs(x) * time[-1] < 1e-9 else np.asarray(-np.expm1(-x * time) / x)
 
     def waves(w: float, z: float, square: float) -> Array:
-        """cos and sin of the phase, decaying, a constant and a drift; `square`:
-        amplitude of the rate over w, squared.
+        """Return decaying cos and sin of the phase, a constant and a drift.
+
+        `square`: amplitude of the rate over w, squared.
         """
         loss = slowing[0] * square * shrunk(z, 2) + slowing[1] * square**2 * shrunk(z, 4)
         psi, fade = w * (time - loss), np.exp(-z * time)

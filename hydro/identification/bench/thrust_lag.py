@@ -1,5 +1,4 @@
-"""Thrust that follows its command late: a first-order lag of the force of a
-single-channel run, found from the run itself.
+"""First-order lag of thrust behind its command, from a single-channel run.
 
 A propeller takes a tenth of a second to a second to come to speed. Left out, the lag is
 taken for mass: an added mass comes out too large by about damping times lag. It is told
@@ -27,18 +26,18 @@ STEPS_PER_LAG, FINEST_S = 5.0, 0.01
 
 @dataclass(frozen=True)
 class Lag:
-    """Time constant [s] of the force and its standard error."""
+    """Time constant [s] of the force, with its standard error."""
 
     value_s: float
     standard_error_s: float
 
 
 def lagged(run: SingleRun, lag_s: float, *, from_rest: bool = False) -> SingleRun:
-    """The run with its force F replaced by that of lag_s * dy/dt + y = F, exact at the
-    nodes of a finer grid.
+    """Return the run with its force F replaced by y of lag_s * y_dot + y = F.
 
-    y is steady at first, or 0 from rest. Between the nodes the force is linear; five
-    steps per lag keep it within 0.5 % of its jump.
+    y is exact at the nodes of a finer grid. y is steady at first, or 0 from rest.
+    Between the nodes the force is linear; five steps per lag keep it within 0.5 % of
+    its jump.
     """
     width = np.diff(run.grid_s)
     parts = np.maximum(np.ceil(width / max(lag_s / STEPS_PER_LAG, FINEST_S)), 1.0).astype(np.intp)
@@ -64,11 +63,10 @@ def lagged(run: SingleRun, lag_s: float, *, from_rest: bool = False) -> SingleRu
 
 
 def find_lag(cost: Callable[[float], float], samples: int) -> Lag | None:
-    """Time constant with the smallest sum of squared errors cost(lag_s); None where
-    none is clearly better than no lag.
+    """Return the lag with the smallest sum of squares cost(lag_s), or None.
 
-    samples: how many errors there are. The standard error is that of white noise, with
-    all else fitted anew.
+    None where no lag is clearly better than none. samples: how many errors there are.
+    The standard error is that of white noise, with all else fitted anew.
     """
     tiny = np.finfo(float).tiny
     none = cost(0.0) + tiny

@@ -1,3 +1,1 @@
-"""Least squares from triangular factors: intervals, verdicts, priors and error
-measures.
-"""
+"""Least squares from triangular factors: intervals, verdicts, priors, errors."""

@@ -1,11 +1,11 @@
-"""How far errors of the measured velocities pull least-squares coefficients from their
-truth, and how much wider that makes intervals.
+"""Bias of least squares from errors of the measured velocities.
 
-Regressors made of measured velocities carry their errors, which least squares takes for
-motion without force: coefficients shrink, and where velocities go together (sway
-follows yaw rate in closed loop) the share of one moves to the other. More data do not
-cure it, and the scatter of the residuals does not show it. Source: Fuller 1987,
-Measurement Error Models, 1.1 and 2.2.
+How far they pull coefficients from their truth, and how much wider that makes
+intervals. Regressors made of measured velocities carry their errors, which least
+squares takes for motion without force: coefficients shrink, and where velocities go
+together (sway follows yaw rate in closed loop) the share of one moves to the other.
+More data do not cure it, and the scatter of the residuals does not show it. Source:
+Fuller 1987, Measurement Error Models, 1.1 and 2.2.
 
 Limits: errors of the velocities are small, and independent of one another, of the
 motion and of the errors of the measured force.
@@ -28,14 +28,19 @@ from auvid.hydro.identification.regression.least_squares import AxisFit
 STRIDE = 5
 """Every fifth sample is enough for a mean: velocities are smooth over many samples."""
 MOST_SHARE = 0.5
-"""Share of the measured motion beyond which errors are not divided out."""
+"""Share of errors in the measured motion from which on they are not divided out.
+
+Half is a reliability of 0.5 (Fuller 1987, 1.1), where the correction doubles the value;
+beyond it the gain share / (1 - share) grows without bound.
+"""
 AT_ONCE = 1024  # samples whose Jacobians are held at a time
 
 
 @dataclass(frozen=True)
 class RegressorErrors:
-    """Sum over the samples of the covariance (k, k) that errors of the velocities give
-    the basis terms.
+    """Sum over the samples of the covariance (k, k) of the basis terms.
+
+    It is the covariance that errors of the velocities give them.
     """
 
     terms: tuple[str, ...]
@@ -43,15 +48,15 @@ class RegressorErrors:
 
     @classmethod
     def empty(cls, terms: Sequence[str]) -> RegressorErrors:
-        """Of no samples."""
+        """Return the sum over no samples."""
         return cls(tuple(terms), np.zeros((len(terms), len(terms))))
 
     def update(self, nu: ArrayLike, sd: ArrayLike, *, ratio: ArrayLike | None) -> RegressorErrors:
-        """With n more samples: velocities and their standard deviations (n, 6) [m/s,
-        rad/s], propulsion ratio (n,).
+        """Return the sum with n more samples.
 
-        sum_t sum_i sd_i^2 (d xi / d nu_i) (d xi / d nu_i)'. Raises `DataError` for
-        shapes that differ or deviations that are none.
+        Velocities and their standard deviations (n, 6) [m/s, rad/s], propulsion ratio
+        (n,). sum_t sum_i sd_i^2 (d xi / d nu_i) (d xi / d nu_i)'. Raises `DataError`
+        for shapes that differ or deviations that are none.
         """
         velocity, spread = np.asarray(nu, dtype=np.float64), np.asarray(sd, dtype=np.float64)
         if velocity.shape != spread.shape or not (spread >= 0.0).all():
@@ -78,8 +83,7 @@ class RegressorErrors:
 
 
 def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
-    """Expected error (k,) of `fit.solution` in the order of its terms; 0 for terms that
-    carry no number.
+    """Return the expected error (k,) of `fit.solution`, 0 for undetermined terms.
 
     With S = X'X of the measured regressors and D the `moment`, the expected S K is (S -
     D) times the truth: the error is -(S - D)^-1 D K. In directions in which errors make
@@ -107,7 +111,5 @@ def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
 
 
 def widened(covariance: Array, shift: Array) -> Array:
-    """Covariance (k, k) about the truth and not about the mean of the estimate: with
-    the outer product of the expected error (k,).
-    """
+    """Return the covariance (k, k) about the truth: bias (k,) included."""
     return np.asarray(covariance + np.outer(shift, shift))

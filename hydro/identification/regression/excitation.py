@@ -1,5 +1,6 @@
-"""How much of each velocity a campaign excites, and from which size on a term of the
-basis counts as excited.
+"""Excitation of each velocity by a campaign, and floors for basis terms.
+
+A term counts as excited from its floor on.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ higher one.
 
 @dataclass(frozen=True)
 class VelocityExcitation:
-    """RMS, standard deviation and range of one velocity [m/s or rad/s], and the share
-    of samples beyond `threshold` in absolute value.
+    """RMS, standard deviation and range of one velocity [m/s or rad/s].
 
+    `share_beyond`: share of the samples beyond `threshold` in absolute value.
     `changes_sign`: beyond the threshold on both sides; otherwise x and |x|, x*x and
     x*|x| cannot be told apart.
     """
@@ -52,12 +53,12 @@ class VelocityExcitation:
 
     @property
     def excited(self) -> bool:
-        """Whether its RMS lies above the threshold."""
+        """Return whether its RMS reaches the threshold."""
         return self.rms >= self.threshold
 
     @property
     def changes_sign(self) -> bool:
-        """Whether it went beyond the threshold in both directions."""
+        """Return whether it went beyond the threshold in both directions."""
         return self.low <= -self.threshold and self.high >= self.threshold
 
     def merge(self, other: VelocityExcitation) -> VelocityExcitation:
@@ -83,11 +84,11 @@ def axis_excitation(
     eta_ratio: ArrayLike | Sequence[ArrayLike] | None = None,
     thresholds: Mapping[str, float] = THRESHOLDS,
 ) -> dict[str, VelocityExcitation]:
-    """Excitation of u v w p q r from body velocities (n, 6), or a list or tuple of such
-    arrays (legs, counted together).
+    """Return the excitation of u v w p q r from body velocities (n, 6).
 
-    eta_ratio: the propulsion ratio u_c(n) / U (n,), in the same form; adds the entry
-    `eta-1`. Raises `DataError` for no samples or values that are not finite.
+    A list or tuple of such arrays (legs) counts as one. eta_ratio: the propulsion ratio
+    u_c(n) / U (n,), in the same form; adds the entry `eta-1`. Raises `DataError` for no
+    samples or values that are not finite.
     """
     columns = dict(zip(VELOCITIES, _joined(nu, 6).T, strict=True))
     if eta_ratio is not None:
@@ -111,8 +112,7 @@ def axis_excitation(
 def term_floors(
     terms: Sequence[str], excitation: Mapping[str, VelocityExcitation]
 ) -> dict[str, float]:
-    """RMS from which on each basis term counts as excited, given the campaign's
-    `axis_excitation`.
+    """Return the RMS from which on each basis term counts as excited.
 
     A product is excited only if each of its factors is: the floor is the largest of
     (threshold of one factor) times (RMS of the others). So u*v at 2 m/s is not excited

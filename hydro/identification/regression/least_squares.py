@@ -1,5 +1,6 @@
-"""All linear models of a campaign from one pass: a triangular factor of the basis
-columns and forces (McCarter 2014, 4.14-4.21).
+"""All linear models of a campaign from one triangular factor of the data.
+
+Equations of McCarter 2014: (4.14)-(4.21).
 
 The synthesis model (4.20) is block diagonal by axis, so a model is six least-squares
 problems on columns of one matrix [basis terms, constant, X Y Z K M N]. Only its
@@ -11,9 +12,9 @@ is solved from R alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,8 +35,9 @@ BLOCK_COLUMNS = 16
 
 @dataclass(frozen=True)
 class TriangularFactor:
-    """R (m, m), upper triangular with non-negative diagonal, of the columns [terms,
-    constant, X Y Z K M N] over `n_samples` samples.
+    """Triangular factor R (m, m) of [terms, constant, X Y Z K M N] over all samples.
+
+    Upper triangular with non-negative diagonal; `n_samples` samples.
     """
 
     columns: tuple[str, ...]
@@ -44,9 +46,7 @@ class TriangularFactor:
 
     @classmethod
     def empty(cls, terms: Sequence[str]) -> TriangularFactor:
-        """A factor of no samples for these basis terms; the constant and the six forces
-        are added.
-        """
+        """Return the factor of no samples, with constant and forces added."""
         columns = (*terms, CONSTANT, *AXES)
         if len(set(columns)) != len(columns):
             raise PipelineError(
@@ -56,22 +56,21 @@ class TriangularFactor:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The basis terms, without constant and forces."""
+        """Return the basis terms, without constant and forces."""
         return self.columns[:-7]
 
     @cached_property
     def column_norms(self) -> Array:
-        """Euclidean length (m,) of every column of the data."""
+        """Return the Euclidean length (m,) of every column of the data."""
         return np.asarray(np.linalg.norm(self.R, axis=0))
 
     @property
     def column_rms(self) -> Array:
-        """Root mean square (m,) of every column of the data."""
+        """Return the root mean square (m,) of every column of the data."""
         return np.asarray(self.column_norms / np.sqrt(max(self.n_samples, 1)))
 
     def update(self, rows: ArrayLike, forces: ArrayLike) -> TriangularFactor:
-        """With n more samples: basis rows (k, n), one per term, and forces tau_bar (n,
-        6) [N, N m].
+        """Return the factor with n more samples: basis rows (k, n), forces (n, 6).
 
         Raises `DataError` when a value is not finite or the shapes do not fit. Nothing
         is written to.
@@ -95,8 +94,9 @@ class TriangularFactor:
         return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples + n)
 
     def merge(self, other: TriangularFactor) -> TriangularFactor:
-        """The factor of both sets of samples. Exact up to rounding; the same order of
-        merging gives the same bits.
+        """Return the factor of both sets of samples.
+
+        Exact up to rounding; the same order of merging gives the same bits.
         """
         if self.columns != other.columns:
             raise PipelineError("factors of different columns cannot be merged")
@@ -106,8 +106,9 @@ class TriangularFactor:
         )
 
     def with_rows(self, rows: ArrayLike) -> TriangularFactor:
-        """With further equations (r, m) over all columns that are no samples, for
-        example a prior; `n_samples` stays.
+        """Return the factor with more equations (r, m) on its columns, as a prior.
+
+        They are no samples: `n_samples` stays.
         """
         R = _absorb(np.array(self.R, order="F"), np.array(rows, dtype=np.float64, order="F"))
         return TriangularFactor(self.columns, _positive_diagonal(R), self.n_samples)
@@ -126,22 +127,11 @@ class TriangularFactor:
         )
 
 
-def merge_all(factors: Iterable[TriangularFactor]) -> TriangularFactor:
-    """Merge factors one at a time, in the order given; `DataError` for none.
-
-    So legs, processes, or all folds but one are combined in constant memory.
-    """
-    parts = iter(factors)
-    first = next(parts, None)
-    if first is None:
-        raise DataError("no training data: there is no factor to merge")
-    return reduce(TriangularFactor.merge, parts, first)
-
-
 @dataclass(frozen=True)
 class Combination:
-    """A weighted sum of coefficients that the data determine: sum weights[term] *
-    coefficient[term] = value +- standard_error.
+    """A weighted sum of coefficients that the data determine.
+
+    sum weights[term] * coefficient[term] = value +- standard_error.
     """
 
     weights: dict[str, float]
@@ -158,9 +148,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class InseparableGroup:
-    """Terms whose columns depend on each other in these data, and all that the data say
-    about their coefficients.
-    """
+    """Terms whose columns depend on each other, and their determined combinations."""
 
     terms: tuple[str, ...]
     combinations: tuple[Combination, ...]
@@ -168,8 +156,7 @@ class InseparableGroup:
 
 @dataclass(frozen=True)
 class AxisFit:
-    """Least-squares fit of one axis. Arrays (k,) are in the order of `terms` (the
-    constant last, if trimmed).
+    """Least-squares fit of one axis; arrays (k,) in the order of `terms`.
 
     coefficients: nan for members of an inseparable group and for terms whose column is
     zero. solution: numbers that predict the fitted force: as `coefficients`, a group's
@@ -201,18 +188,19 @@ class AxisFit:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residual on the training samples."""
+        """Return the root mean square of the residual on the training samples."""
         return float(np.sqrt(self.sse / self.n_samples))
 
     @property
     def column_rms(self) -> Array:
-        """Root mean square (k,) of each term's column."""
+        """Return the root mean square (k,) of each term's column."""
         return np.asarray(self.column_norms / np.sqrt(self.n_samples))
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance (k, k) of `solution` for white residuals; nan rows where nothing
-        is determined.
+        """Return the covariance (k, k) of `solution` for white residuals.
+
+        Rows of undetermined terms are nan.
         """
         kept = list(self.independent)
         freedom = self.n_samples - len(kept)
@@ -230,9 +218,9 @@ class AxisFit:
 def solve_axis(
     factor: TriangularFactor, axis: str, terms: Sequence[str], *, trim: bool = False
 ) -> AxisFit:
-    """Fit the force on `axis` (X Y Z K M N) with `terms`, plus a constant when `trim`,
-    from the factor alone.
+    """Fit the force on one axis with `terms` from the factor alone: (4.20)-(4.21).
 
+    min over kappa of |Xi kappa - sigma|^2, one axis at a time. `trim` adds a constant.
     Columns are scaled to unit length; the rank is the number of pivots above
     `RANK_TOLERANCE` of QR with column pivoting. Where columns depend on each other, the
     earliest terms are taken as representatives, and each group of dependent terms is
@@ -302,8 +290,9 @@ def solve_axis(
 
 
 def _absorb(R: Array, block: Array) -> Array:
-    """Triangular factor of [R; block] by LAPACK's triangular-pentagonal QR; both
-    arguments are Fortran-ordered and used up.
+    """Return the triangular factor of [R; block], by LAPACK's dtpqrt.
+
+    Both arguments are Fortran-ordered and overwritten.
     """
     R, _, _, info = lapack.dtpqrt(
         0, min(BLOCK_COLUMNS, len(R)), R, block, overwrite_a=1, overwrite_b=1
@@ -314,9 +303,7 @@ def _absorb(R: Array, block: Array) -> Array:
 
 
 def _positive_diagonal(R: Array) -> Array:
-    """R with the signs of its rows fixed, so that equal data give equal factors;
-    read-only.
-    """
+    """Return R with non-negative diagonal: equal data give equal factors."""
     signs = np.where(np.diag(R) < 0, -1.0, 1.0)
     R = np.asfortranarray(np.triu(R) * signs[:, None])
     R.flags.writeable = False
@@ -333,8 +320,9 @@ def _column(factor: TriangularFactor, term: str) -> int:
 
 
 def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:
-    """Independent columns, dependent columns, and weights with scaled[:, dependent] =
-    scaled[:, independent] @ weights.
+    """Return independent columns, dependent columns and the weights between them.
+
+    scaled[:, dependent] = scaled[:, independent] @ weights.
     """
     k = scaled.shape[1]
     if not k:
@@ -350,8 +338,9 @@ def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:
 
 
 def _earliest(scaled: Array, rank: int) -> list[int] | None:
-    """The first columns in their order that are independent of those before them, if
-    they are as many as the rank.
+    """Return the first columns that are independent of those before them.
+
+    None if they are fewer than the rank.
     """
     base = np.zeros((scaled.shape[0], 0))
     kept: list[int] = []
@@ -374,8 +363,9 @@ def _groups(
     solution: Array,
     errors: Array,
 ) -> tuple[InseparableGroup, ...]:
-    """Connected sets of dependent terms; which sets they are does not depend on the
-    choice of representatives.
+    """Return the connected sets of dependent terms.
+
+    Which sets they are does not depend on the choice of representatives.
     """
     group_of: dict[int, set[int]] = {}
     for column, term in enumerate(dependent):

@@ -1,9 +1,9 @@
-"""A prior on the coefficients of an axis, for example strip theory: rows appended to
-the triangular factor of the data.
+"""A prior on the coefficients of an axis, for example strip theory.
 
-Posterior mean of K with independent normal priors N(mean, sd^2) and a force error of
-variance s^2: least squares over the data and one row (s / sd) K = (s / sd) mean per
-coefficient (Gelman et al., Bayesian Data Analysis, 14.8).
+It is rows appended to the triangular factor of the data. Posterior mean of K with
+independent normal priors N(mean, sd^2) and a force error of variance s^2: least squares
+over the data and one row (s / sd) K = (s / sd) mean per coefficient (Gelman et al.,
+Bayesian Data Analysis, 14.8).
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ def posterior(
     relative_sd: float,
     trim: bool = False,
 ) -> tuple[AxisFit, Array]:
-    """The fit of one axis with priors, and the covariance (k, k) of its solution in the
-    order of its terms.
+    """Return the fit of one axis with priors, and the covariance (k, k).
 
     `fit` and `covariance`: from the data alone, the latter for coloured residuals;
     their ratio to the white one says how many independent samples the data are worth,
@@ -57,9 +56,7 @@ def posterior(
 
 
 def _inflation(fit: AxisFit, covariance: Array) -> float:
-    """How much larger the variances are for coloured than for white residuals, at least
-    1: the median over the coefficients.
-    """
+    """Return the median ratio, at least 1, of coloured to white variances."""
     white, coloured = np.diag(fit.covariance), np.diag(covariance)
     known = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
     return max(1.0, float(np.median(coloured[known] / white[known]))) if known.any() else 1.0
@@ -68,8 +65,9 @@ def _inflation(fit: AxisFit, covariance: Array) -> float:
 def _covariance(
     found: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float
 ) -> Array:
-    """(X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1 with S the moment of the scores
-    that gave `covariance`, white where it gave none.
+    """Return (X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1.
+
+    S is the moment of the scores that gave `covariance`, white where it gave none.
     """
     kept, own = (
         list(found.independent),

@@ -1,10 +1,9 @@
-"""What the range of motion forbids to tell apart, beyond what rank and variance
-inflation show.
+"""Limits that the range of motion sets to telling terms apart.
 
-A term that contains a velocity which hardly moves rests on noise and on a few spikes,
-whatever its t-ratio. Where a velocity keeps one direction, x and |x|, x*x and x*|x|
-differ only in motion below the sensors' noise: their sum is determined, they themselves
-are not.
+They come on top of rank and variance inflation. A term that contains a velocity which
+hardly moves rests on noise and on a few spikes, whatever its t-ratio. Where a velocity
+keeps one direction, x and |x|, x*x and x*|x| differ only in motion below the sensors'
+noise: their sum is determined, they themselves are not.
 """
 
 from __future__ import annotations
@@ -37,8 +36,7 @@ Motion = Mapping[str, VelocityExcitation]
 
 
 def motion_floors(terms: Sequence[str], motion: Motion) -> dict[str, float]:
-    """`term_floors`, and an infinite floor for every term with a factor that the
-    campaign does not excite.
+    """Return `term_floors`, infinite for terms with a factor that is not excited.
 
     The RMS of r*r lies above its floor when r is a few short spikes; that does not make
     r excited.
@@ -48,11 +46,11 @@ def motion_floors(terms: Sequence[str], motion: Motion) -> dict[str, float]:
 
 
 def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, float], ...]:
-    """Sets of terms that are one and the same on the side to which a velocity keeps:
-    term -> sign against the others.
+    """Return sets of terms that are one on the side to which a velocity keeps.
 
-    A velocity keeps to one side when it is excited, but not beyond its threshold in
-    both directions; |x| is then x or -x, Vv V or -V.
+    Each maps term -> sign against the others. A velocity keeps to one side when it is
+    excited, but not beyond its threshold in both directions; |x| is then x or -x, Vv V
+    or -V.
     """
     groups: dict[tuple[str, ...], dict[str, float]] = {}
     for term in terms:
@@ -65,12 +63,12 @@ def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, fl
 def judge_with_motion(
     fit: AxisFit, motion: Motion, *, covariance: Array
 ) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
-    """Verdict on every term, and the combinations that are determined where single
-    coefficients are not (those of the rank included).
+    """Return the verdict on every term, and the combinations that are determined.
 
+    Combinations stand for coefficients that are not, those of the rank included.
     covariance (k, k): of the solution, in the order of `fit.terms`, best from
-    `CoefficientScores`. Inseparability is mutual: a term is inseparable only from
-    terms that are themselves not told from zero or not from it; otherwise it is weak.
+    `CoefficientScores`. Inseparability is mutual: a term is inseparable only from terms
+    that are themselves not told from zero or not from it; otherwise it is weak.
     Dependent columns that rest on nothing but unexcited motion are not excited, and so
     are their combinations.
     """
@@ -122,7 +120,7 @@ def judge_with_motion(
 
 
 def breaks_symmetry(axis: str, term: str) -> bool:
-    """Whether a hull symmetric about its xz plane cannot have this term.
+    """Return whether a hull symmetric about its xz plane cannot have this term.
 
     Mirrored, v, p, r and Vv turn their sign, and so do Y, K and N; moduli and V do not.
     A constant force counts as unsigned.
@@ -163,7 +161,7 @@ def _on_its_side(term: str, motion: Motion) -> tuple[float, tuple[str, ...]]:
 
 
 def _mutual(verdicts: Mapping[str, Verdict], fit: AxisFit) -> dict[str, Verdict]:
-    """The verdicts with near inseparability made mutual; that of the rank is already."""
+    """Return the verdicts with near inseparability made mutual."""
     exact = {term for group in fit.groups for term in group.terms}
     near = [
         term

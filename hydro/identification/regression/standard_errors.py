@@ -1,9 +1,9 @@
-"""Standard errors that allow for coloured residuals: heteroscedasticity- and
-autocorrelation-consistent covariance, Bartlett kernel.
+"""Standard errors for coloured residuals: HAC covariance with Bartlett kernel.
 
-Filtered signals at 50 Hz have residuals that stay correlated over seconds; the white
-formula then gives standard errors that are several times too small. Sources: Newey &
-West 1987 (estimator), Andrews 1991 (choice of lags).
+It is consistent under heteroscedasticity and autocorrelation. Filtered signals at 50 Hz
+have residuals that stay correlated over seconds; the white formula then gives standard
+errors that are several times too small. Sources: Newey & West 1987 (estimator), Andrews
+1991 (choice of lags).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFi
 
 
 def long_run_moment(scores: ArrayLike, *, lags: int) -> Array:
-    """S = sum over |j| <= L of (1 - |j| / (L + 1)) sum_t s_t s_t-j' of one unbroken
-    series of scores (n, k) -> (k, k).
+    """Return the long-run moment S (k, k) of an unbroken series of scores (n, k).
 
-    With B the sums of the zero-padded scores over windows of L + 1 samples, S = B'B /
-    (L + 1): one cumulative sum, whatever L. Moments of separate segments add. Positive
-    semidefinite. Raises `DataError` for negative lags.
+    S = sum over |j| <= L of (1 - |j| / (L + 1)) sum_t s_t s_t-j'. With B the sums of
+    the zero-padded scores over windows of L + 1 samples, S = B'B / (L + 1): one
+    cumulative sum, whatever L. Moments of separate segments add. Positive semidefinite.
+    Raises `DataError` for negative lags.
     """
     s = np.asarray(scores, dtype=np.float64)
     if lags < 0:
@@ -40,12 +40,11 @@ def long_run_moment(scores: ArrayLike, *, lags: int) -> Array:
 
 
 def automatic_lags(scores: ArrayLike) -> int:
-    """Lags of the Bartlett kernel for scores (n, k), by Andrews's rule with a
-    first-order autoregression of each score.
+    """Return the lags of the Bartlett kernel for scores (n, k), by Andrews's rule.
 
-    L = 1.1447 (alpha n)^(1/3), alpha = sum 4 rho^2 s^4 / ((1-rho)^6 (1+rho)^2) / sum
-    s^4 / (1-rho)^4, every score scaled to equal variance; at most a quarter of the
-    series.
+    It takes each score for a first-order autoregression. L = 1.1447 (alpha n)^(1/3),
+    alpha = sum 4 rho^2 s^4 / ((1-rho)^6 (1+rho)^2) / sum s^4 / (1-rho)^4, every score
+    scaled to equal variance; at most a quarter of the series.
     """
     s = np.asarray(scores, dtype=np.float64)
     s = s - s.mean(axis=0)
@@ -65,12 +64,11 @@ def automatic_lags(scores: ArrayLike) -> int:
 def hac_covariance(
     scores: ArrayLike | Sequence[Array], bread: ArrayLike, *, lags: int | None = None
 ) -> Array:
-    """Covariance (k, k) of least-squares coefficients: bread S bread, bread = (X'X)^-1
-    (k, k), times n / (n - k).
+    """Return the covariance (k, k) of least-squares coefficients: bread S bread.
 
-    scores: x_t e_t, design row times residual, (n, k), or a list of such arrays, one
-    per unbroken segment; correlation across segments counts as none. lags None:
-    `automatic_lags` of each segment.
+    bread = (X'X)^-1 (k, k); times n / (n - k). scores: x_t e_t, design row times
+    residual, (n, k), or a list of such arrays, one per unbroken segment; correlation
+    across segments counts as none. lags None: `automatic_lags` of each segment.
     """
     segments = (
         [np.asarray(part, dtype=np.float64) for part in scores]
@@ -92,15 +90,14 @@ def stationary_covariance(
     *,
     lags: int | None = None,
 ) -> Array:
-    """Covariance (k, k) of a fit whose residuals are coloured but alike all along:
-    bread J' R J bread times n / (n - k).
+    """Return the covariance (k, k) of a fit with residuals of one colour throughout.
 
-    jacobians (n, k) and residuals (n,), one per unbroken series, scaled to equal
-    weight; bread = (J'J)^-1 of them all. R is the Toeplitz matrix of the residual's
-    autocovariance under Bartlett's taper. Other than `hac_covariance` it stays true
-    where a few samples carry most of the information (the transient of a single step),
-    but not where the noise changes along the run. lags None: `automatic_lags` of each
-    residual.
+    bread J' R J bread times n / (n - k). jacobians (n, k) and residuals (n,), one per
+    unbroken series, scaled to equal weight; bread = (J'J)^-1 of them all. R is the
+    Toeplitz matrix of the residual's autocovariance under Bartlett's taper. Other than
+    `hac_covariance` it stays true where a few samples carry most of the information
+    (the transient of a single step), but not where the noise changes along the run.
+    lags None: `automatic_lags` of each residual.
     """
     inverse = np.asarray(bread, dtype=np.float64)
     middle, n = np.zeros_like(inverse), 0

@@ -1,5 +1,6 @@
-"""One verdict per coefficient: identified, weak, not excited, or inseparable from other
-terms.
+"""One verdict per coefficient.
+
+Identified, weak, not excited, or inseparable from other terms.
 
 Rules, in this order:
 1. *inseparable*: the term's column depends on those of others within `RANK_TOLERANCE`;
@@ -33,14 +34,15 @@ VIF_LIMIT = 100.0
 it would be alone.
 """
 PARTNER_SHARE = 0.3
-"""A term is a partner when its part in explaining the column reaches this share of the
-largest part.
+"""A term is a partner from this share of the largest weight on: its part of the
+explained variance is then a tenth (0.3^2) of that of the main partner, as `VIF_LIMIT`
+takes a tenth of the length for its own.
 """
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one coefficient, with what it rests on.
+    """The verdict on one coefficient, with the numbers behind it.
 
     status: identified, weak, not excited or inseparable; partners: the terms it is
     inseparable from. excitation: RMS of the term's column over its floor (inf for no
@@ -69,7 +71,7 @@ def judge(
     floors: Mapping[str, float] | None = None,
     standard_errors: ArrayLike | None = None,
 ) -> dict[str, Verdict]:
-    """The verdict on every term of a fit, by term.
+    """Return the verdict on every term of a fit, by term.
 
     floors: RMS from which on a term counts as excited (term -> SI value; missing: 0).
     standard_errors (k,): in the order of `fit.terms`, best from `CoefficientScores`;
@@ -123,9 +125,7 @@ def _rule(
 
 
 def _partners(fit: AxisFit, index: int) -> tuple[str, ...]:
-    """The terms that carry most of the column's explanation by the others (unit-length
-    columns).
-    """
+    """Return the terms that explain most of a column (unit-length columns)."""
     kept = list(fit.independent)
     place = kept.index(index)
     precision = solve_triangular(fit.scaled_triangle, np.eye(len(kept)))

@@ -1,1 +1,1 @@
-"""Signals before identification: splines, filters, clocks, biases, the state smoother."""
+"""Signals before identification: splines, filters, clocks, biases, smoother."""

@@ -1,10 +1,9 @@
-"""Constant sensor biases, one per leg, and velocity from an accelerometer: McCarter
-2014 (2.84)-(2.92), corrected.
+"""Sensor biases and velocity from an accelerometer. Equations of McCarter 2014.
 
-The corrections: biases stand inside the integrals, angular rates pass through P_omega,
-and an accelerometer measures the acceleration of a point in inertial space, so its body
-components hold omega x v beside the rate of change of the body velocity. Body frame
-FRD, NED, SI.
+One constant bias per leg; (2.84)-(2.92), corrected. The corrections: biases stand
+inside the integrals, angular rates pass through P_omega, and an accelerometer measures
+the acceleration of a point in inertial space, so its body components hold omega x v
+beside the rate of change of the body velocity. Body frame FRD, NED, SI.
 """
 
 from __future__ import annotations
@@ -29,8 +28,7 @@ CONVENTIONS = ("specific_force", "inertial", "derivative")
 
 @dataclass(frozen=True)
 class BiasFit:
-    """A constant bias and the initial value of the integrated signal, with standard
-    errors.
+    """Constant bias and initial value of an integrated signal, with standard errors.
 
     bias = measured rate minus true rate. All (k,); initial_std is nan where the initial
     value was given. residual_rms: of measured minus integrated signal, in the unit of
@@ -48,8 +46,9 @@ class BiasFit:
 
 @dataclass(frozen=True)
 class VelocityFit:
-    """Velocity (n, 3) [m/s] from the integrated accelerometer, its bias [m/s^2] and
-    initial velocity (body axes), with standard errors.
+    """Velocity (n, 3) [m/s] from the accelerometer, and its bias [m/s^2].
+
+    In body axes, with standard errors.
     """
 
     velocity: Array
@@ -61,11 +60,14 @@ class VelocityFit:
 
 
 def integrate(t_s: ArrayLike, y: ArrayLike, y0: ArrayLike = 0.0) -> Array:
-    """y0 + integral of y (n,) or (n, k) from the first sample on, at the samples: the
-    exact integral of the interpolating cubic spline.
+    """Return y0 + integral of y (n,) or (n, k) from the start on: (2.88), (2.92).
 
-    (2.88), (2.92). Raises `DataError` for fewer than two samples, times that do not
-    increase or values that are not finite.
+    It is the exact integral of the interpolating cubic spline, at the samples. Raises
+    `DataError` for fewer than two samples, times that do not increase or values that
+    are not finite.
+
+    >>> integrate([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
+    array([0.        , 0.33333333, 2.66666667])
     """
     t, values = _checked(t_s, y)
     path: Array = CubicSpline(t, values).antiderivative()(t)
@@ -75,9 +77,9 @@ def integrate(t_s: ArrayLike, y: ArrayLike, y0: ArrayLike = 0.0) -> Array:
 def fit_bias_linear(
     t_s: ArrayLike, rate: ArrayLike, measured: ArrayLike, *, initial: ArrayLike | None = None
 ) -> BiasFit:
-    """Constant bias b and initial value y0 that minimise || measured - (integral (rate
-    - b) dt + y0) ||, column by column.
+    """Fit constant bias b and initial value y0 of an integrated rate (2.85, corrected).
 
+    They minimise || measured - (integral (rate - b) dt + y0) ||, column by column.
     rate, measured: (n,) or (n, k); nan in `measured` counts as missing. initial: y0
     given, as McCarter (2.85) takes it from the measurement; None fits it. Raises
     `DataError` when less than three values are measured.
@@ -107,9 +109,9 @@ def fit_bias_linear(
 
 
 def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
-    """Gyro bias b and initial attitude that minimise || theta - (integral
-    P_omega(theta) (omega - b) dt + theta_0) ||: (2.86)-(2.87).
+    """Fit gyro bias b and initial attitude (2.86-2.87, corrected).
 
+    They minimise || theta - (integral P_omega(theta) (omega - b) dt + theta_0) ||.
     euler (n, 3) [rad], unwrapped here; omega (n, 3) [rad/s]. Linear in b, because
     P_omega is taken at the measured attitude. Raises `DataError` near vertical pitch,
     where Euler angles are undefined.
@@ -133,12 +135,12 @@ def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
 def accelerometer_bias(
     t_s: ArrayLike, v_dvl: ArrayLike, v_dot: ArrayLike, *, initial: ArrayLike | None = None
 ) -> BiasFit:
-    """Bias of the body velocity's rate v_dot (n, 3) [m/s^2] against DVL velocity (n, 3)
-    [m/s], nan where none: (2.84)-(2.85).
+    """Fit the bias of v_dot (n, 3) [m/s^2] to DVL velocity (n, 3): (2.84)-(2.85).
 
-    As the thesis does it: body components are integrated by themselves, which is right
-    when v_dot is the rate of change of body velocity. initial: v(t0) given (thesis: the
-    first DVL velocity); None fits it. For an accelerometer use `fit_velocity`.
+    The velocity [m/s] is nan where there is none. As the thesis does it: body
+    components are integrated by themselves, which is right when v_dot is the rate of
+    change of body velocity. initial: v(t0) given (thesis: the first DVL velocity); None
+    fits it. For an accelerometer use `fit_velocity`.
     """
     return fit_bias_linear(t_s, v_dot, v_dvl, initial=initial)
 
@@ -146,15 +148,14 @@ def accelerometer_bias(
 def fit_velocity(
     t_s: ArrayLike, acceleration: ArrayLike, euler: ArrayLike, t_dvl: ArrayLike, v_dvl: ArrayLike
 ) -> VelocityFit:
-    """Velocity of the body origin from its inertial acceleration f = v_dot + omega x v
-    (`inertial_acceleration`) and DVL velocity.
+    """Fit velocity of the body origin to inertial acceleration and DVL velocity.
 
-    In NED d(R v)/dt = R (f - b), so v(t) = R'(t) [integral R f dt - (integral R dt) b +
-    R_0 v_0] is linear in the bias b and the initial velocity v_0; both are fitted to
-    the DVL at its own times t_dvl (m,), v_dvl (m, 3) at the body origin
-    (`lever_arm_velocity`), nan where a component is missing. acceleration, euler (n,
-    3). DVL samples outside t_s do not count. Raises `DataError` when fewer than six DVL
-    values lie inside.
+    f = v_dot + omega x v (`inertial_acceleration`). In NED d(R v)/dt = R (f - b), so
+    v(t) = R'(t) [integral R f dt - (integral R dt) b + R_0 v_0] is linear in the bias b
+    and the initial velocity v_0; both are fitted to the DVL at its own times t_dvl
+    (m,), v_dvl (m, 3) at the body origin (`lever_arm_velocity`), nan where a component
+    is missing. acceleration, euler (n, 3). DVL samples outside t_s do not count. Raises
+    `DataError` when fewer than six DVL values lie inside.
     """
     t, f = _checked(t_s, acceleration)
     R = rotation_body_to_ned(euler)
@@ -190,9 +191,9 @@ def inertial_acceleration(
     arm: ArrayLike = (0.0, 0.0, 0.0),
     gravity: float = STANDARD_GRAVITY,
 ) -> Array:
-    """f = v_dot + omega x v of the body origin [m/s^2] from what an accelerometer at
-    `arm` (3,) [m] reports, all series (n, 3).
+    """Return f = v_dot + omega x v (n, 3) [m/s^2] of the body origin.
 
+    From the reading of an accelerometer at `arm` (3,) [m]; all series (n, 3).
     specific_force: a = f + omega_dot x arm + omega x (omega x arm) - R' g e3; inertial:
     the same with gravity removed; derivative: a = v_dot already at the origin. Raises
     `PipelineError` for another convention.
@@ -216,14 +217,19 @@ def inertial_acceleration(
 
 
 def lever_arm_velocity(v_sensor: ArrayLike, omega: ArrayLike, arm: ArrayLike) -> Array:
-    """Velocity of the body origin from that of a sensor at `arm` (3,) [m]: v_sensor -
-    omega x arm, series (n, 3) in body axes.
+    """Return the velocity of the body origin from that of a sensor at `arm` (3,) [m].
+
+    v = v_sensor - omega x arm, series (n, 3) in body axes.
+
+    >>> lever_arm_velocity([[1.0, 0.0, 0.0]], [[0.0, 0.0, 0.5]], [0.2, 0.1, 0.0])
+    array([[ 1.05, -0.1 ,  0.  ]])
     """
     v, w = np.asarray(v_sensor, dtype=np.float64), np.asarray(omega, dtype=np.float64)
     return v - cross(w, np.broadcast_to(np.asarray(arm, dtype=np.float64), w.shape))
 
 
 def _checked(t_s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Return times and values as arrays, refusing what cannot be integrated."""
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if t.ndim != 1 or len(t) < 2 or len(values) != len(t) or not np.all(np.diff(t) > 0):
         raise DataError(
@@ -238,8 +244,9 @@ def _checked(t_s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
 
 
 def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least squares of y (m, c) on design (m, c, k) at times t (m,): value, standard
-    errors (k,), residual RMS (c,); nan is missing.
+    """Return value and standard errors (k,), residual RMS (c,) of least squares.
+
+    y (m, c) on design (m, c, k) at times t (m,); nan is missing.
     """
     present = np.isfinite(y)
     k = design.shape[2]
@@ -268,11 +275,11 @@ def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _walk_moment(t: Array, x: Array, residual: Array) -> Array:
-    """X' S X (k, k) for the random walk in a residual (m,): S_ij = q min(t_i, t_j),
-    with q the growth of its structure function.
+    """Return X' S X (k, k) for the random walk in a residual (m,).
 
-    Integrated sensor noise is a random walk: as long correlated as the leg, so that no
-    kernel estimate of its covariance sees it.
+    S_ij = q min(t_i, t_j), with q the growth of its structure function. Integrated
+    sensor noise is a random walk: as long correlated as the leg, so that no kernel
+    estimate of its covariance sees it.
     """
     if len(t) < WALK_SAMPLES:
         return np.zeros((x.shape[1], x.shape[1]))

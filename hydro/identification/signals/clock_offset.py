@@ -1,5 +1,6 @@
-"""The offset between the clocks of two records of one motion, by correlating a signal
-that both hold, with its uncertainty.
+"""Offset between the clocks of two records of one motion, with uncertainty.
+
+A signal that both hold is correlated.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ LONGEST_HOLE_STEPS = 3.0
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """What to add to the second clock to get the first [s], its standard deviation [s],
-    the correlation of the signals at this offset, and the overlap [s] over which they
-    were compared.
+    """Offset to add to the second clock [s], with its standard deviation [s].
+
+    `overlap_s`: the time in common over which the signals were compared.
     """
 
     offset_s: float
@@ -35,7 +36,7 @@ class ClockOffset:
 def clock_offset(
     t1_s: ArrayLike, x1: ArrayLike, t2_s: ArrayLike, x2: ArrayLike, *, min_overlap_s: float = 10.0
 ) -> ClockOffset:
-    """Offset so that x2 at (t2 + offset) looks like x1 at t1.
+    """Return the offset with which x2 at (t2 + offset) looks like x1 at t1.
 
     x1 (n,) or (n, k) at increasing times t1_s (n,), x2 (m,) or (m, k) at t2_s (m,), the
     same k signals in the same unit and sign; rates may differ, samples may be missing
@@ -115,9 +116,7 @@ def _series(t_s: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
 
 
 def _uniform(t: Array, values: Array, step: float) -> tuple[Array, Array]:
-    """Values (m, k) on a uniform clock from the first sample on, and where they stand
-    between samples that belong together (m,).
-    """
+    """Return values (m, k) on a uniform clock, and a mask (m,) that is 0 in gaps."""
     clock = t[0] + np.arange(int((t[-1] - t[0]) / step) + 1) * step
     right = np.clip(np.searchsorted(t, clock, side="left"), 1, t.size - 1)
     hole = LONGEST_HOLE_STEPS * max(float(np.median(np.diff(t))), step)
@@ -129,13 +128,12 @@ def _uniform(t: Array, values: Array, step: float) -> tuple[Array, Array]:
 
 
 def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tuple[Array, Array]:
-    """Correlation coefficient over the overlap at every shift of two (m, k) against one
-    (n, k), and the overlap in samples: (n + m - 1,).
+    """Return correlation and overlap in samples (n + m - 1,) at every shift.
 
-    Entry i stands for two moved by i - (m - 1) samples. Means and variances are those
-    of the overlap (Padfield 2012, masked normalised cross-correlation), so that the
-    shape of a record's ends does not decide. With several signals their covariances and
-    variances are added up.
+    Of two (m, k) against one (n, k). Entry i stands for two moved by i - (m - 1)
+    samples. Means and variances are those of the overlap (Padfield 2012, masked
+    normalised cross-correlation), so that the shape of a record's ends does not decide.
+    With several signals their covariances and variances are added up.
     """
     size = len(one) + len(two) - 1
     length = next_fast_len(size, real=True)
@@ -168,8 +166,9 @@ def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tu
 
 
 def _independent(one: Array, mask_one: Array, two: Array, mask_two: Array, shift: int) -> float:
-    """Number of independent samples of the difference of the two records at a shift: n
-    / (1 + 2 sum r_k), r_k its autocorrelation up to where it first falls below zero.
+    """Return the number of independent samples of the difference at a shift.
+
+    n / (1 + 2 sum r_k), r_k its autocorrelation up to where it first falls below zero.
     """
     start, end = max(0, shift), min(len(one), shift + len(two))
     a, b = one[start:end], two[start - shift : end - shift]

@@ -1,6 +1,4 @@
-"""One zero-phase low-pass for all channels alike, so that no channel lags or leads
-another.
-"""
+"""One zero-phase low-pass for all channels, so that none lags another."""
 
 from __future__ import annotations
 
@@ -19,15 +17,14 @@ CLOCK_TOLERANCE = 0.01
 def zero_phase_lowpass(
     t_s: ArrayLike, values: ArrayLike, *, cutoff_hz: float, order: int = 4
 ) -> Array:
-    """Butterworth low-pass of order `order`, run forward and backward over values (n,)
-    or (n, k) on the uniform clock t_s (n,) [s].
+    """Return values (n,) or (n, k) low-passed by Butterworth, forward and backward.
 
-    The amplitude is one half at `cutoff_hz` and falls with twice the order beyond;
-    there is no phase. The ends are continued by odd reflection: results within
-    `edge_zone_s` of either end are not to be trusted. Values are not written to. Raises
-    `DataError` (a user's mistake: cutoff at or above half the sample rate, too few
-    samples) and `ValueError` for values that are not finite or a clock that is not
-    uniform.
+    On the uniform clock t_s (n,) [s], of order `order`. The amplitude is one half at
+    `cutoff_hz` and falls with twice the order beyond; there is no phase. The ends are
+    continued by odd reflection: results within `edge_zone_s` of either end are not to
+    be trusted. Values are not written to. Raises `DataError` (a user's mistake: cutoff
+    at or above half the sample rate, too few samples) and `ValueError` for values that
+    are not finite or a clock that is not uniform.
     """
     t, signal = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if signal.shape[:1] != t.shape or len(t) < 2:
@@ -61,8 +58,7 @@ def zero_phase_lowpass(
 
 
 def edge_zone_s(cutoff_hz: float, *, order: int = 4) -> float:
-    """Width [s] of the zone at either end in which the low-pass follows the
-    continuation more than the data.
+    """Return the width [s] of the zone at either end that follows the continuation.
 
     The slowest pole pair of the Butterworth filter has the real part -2 pi f sin(pi /
     2N) (N even); a disturbance decays to 1 % within ln(100) / (2 pi f sin(pi / 2N)):

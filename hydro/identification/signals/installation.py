@@ -1,11 +1,10 @@
-"""Lever arm and mounting rotation of a velocity sensor, estimated from a leg together
-with the accelerometer's bias.
+"""Lever arm and mounting rotation of a velocity sensor, from a leg.
 
-The sensor reports v_s = E' (v + omega x r) with E the small rotation from sensor to
-body axes, exp(delta x). To first order in delta, v_s = v + omega x r + v_s x delta,
-linear in r and delta. The velocity v comes from the integrated accelerometer (bias b,
-initial velocity v_0 fitted), so that all twelve unknowns are found by one least-squares
-fit.
+They are estimated together with the accelerometer's bias. The sensor reports v_s = E'
+(v + omega x r) with E the small rotation from sensor to body axes, exp(delta x). To
+first order in delta, v_s = v + omega x r + v_s x delta, linear in r and delta. The
+velocity v comes from the integrated accelerometer (bias b, initial velocity v_0
+fitted), so that all twelve unknowns are found by one least-squares fit.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ ARM_FLOOR_M, ANGLE_FLOOR_RAD = 0.05, 0.01
 
 @dataclass(frozen=True)
 class Installation:
-    """Arm r (3,) [m] and mounting delta (3,) [rad] with standard errors; nan for what
-    was not asked for.
+    """Arm r (3,) [m] and mounting delta (3,) [rad] with standard errors.
 
-    `determined_arm`, `determined_mounting`: whether the data fix each component at all
-    (a component along the axis that the vehicle turns about is not seen).
+    nan for what was not estimated. `determined_arm`, `determined_mounting`: whether the
+    data fix each component at all (a component along the axis that the vehicle turns
+    about is not seen).
     """
 
     arm_m: Array
@@ -41,14 +40,12 @@ class Installation:
 
     @property
     def determined_arm(self) -> tuple[bool, ...]:
-        """Per component of the arm: whether its standard error is below `ARM_FLOOR_M`."""
+        """Return whether each component's standard error is below `ARM_FLOOR_M`."""
         return tuple(bool(sd < ARM_FLOOR_M) for sd in self.arm_sd_m)
 
     @property
     def determined_mounting(self) -> tuple[bool, ...]:
-        """Per component of the rotation: whether its standard error is below
-        `ANGLE_FLOOR_RAD`.
-        """
+        """Return whether each angle's standard error is below `ANGLE_FLOOR_RAD`."""
         return tuple(bool(sd < ANGLE_FLOOR_RAD) for sd in self.mounting_sd_rad)
 
 
@@ -63,9 +60,9 @@ def estimate_installation(
     arm: bool = True,
     mounting: bool = True,
 ) -> Installation:
-    """Arm and mounting of a velocity sensor that reports `velocity` (m, 3) at
-    t_velocity (m,), in its own axes taken for body axes.
+    """Estimate arm and mounting of a velocity sensor from its readings.
 
+    `velocity` (m, 3) at t_velocity (m,), in its own axes taken for body axes.
     acceleration (n, 3): inertial acceleration of the body origin with bias
     (`inertial_acceleration`); euler, omega (n, 3), t_s (n,). Raises `DataError` for too
     few samples or when nothing is asked for.

@@ -1,5 +1,4 @@
-"""From a sensor's own clock to a uniform one, without invention: nothing is
-extrapolated and long gaps stay gaps (nan).
+"""Resampling to a uniform clock without extrapolation; long gaps stay nan.
 
 Attitude is interpolated as a rotation. Euler angles are [phi, theta, psi] in rad, ZYX,
 body to NED.
@@ -20,23 +19,11 @@ from auvid.hydro.identification.signals.splines import lambda_from_cutoff, smoot
 
 
 @dataclass(frozen=True)
-class CleanClock:
-    """Which samples of a clock to keep so that time increases strictly, and how many
-    were refused and why.
-    """
-
-    keep: NDArray[np.bool_]
-    repeated: int
-    backwards: int
-
-
-@dataclass(frozen=True)
 class SmoothAttitude:
-    """Smoothed attitude at the wanted times: Euler angles (m, 3) [rad], yaw continuous;
-    body rates p q r (m, 3) [rad/s] and their rates.
+    """Smoothed Euler angles (m, 3) [rad], body rates p q r [rad/s] and their rates.
 
-    `lambda_` is the smoothing parameter used, `sigma_rad` the standard deviation of the
-    noise about one axis.
+    Yaw is continuous. `lambda_` is the smoothing parameter used, `sigma_rad` the
+    standard deviation of the noise about one axis.
     """
 
     euler: Array
@@ -46,21 +33,10 @@ class SmoothAttitude:
     sigma_rad: float
 
 
-def clean_clock(time_us: ArrayLike) -> CleanClock:
-    """Keep a sample when its time is later than every kept one before; count repeated
-    and backward times.
-    """
-    time = np.asarray(time_us)
-    latest = np.maximum.accumulate(time)
-    keep = np.ones(len(time), dtype=np.bool_)
-    keep[1:] = time[1:] > latest[:-1]
-    repeated = int(np.sum(time[1:] == latest[:-1]))
-    return CleanClock(keep, repeated, int(np.sum(~keep)) - repeated)
-
-
 def gaps(t_s: ArrayLike, max_gap_s: float) -> list[tuple[int, int]]:
-    """Unbroken segments between gaps: index pairs [start, end) of t_s (n,) in which no
-    step is longer than `max_gap_s` [s].
+    """Return unbroken segments as index pairs [start, end) of t_s (n,).
+
+    In a segment no step is longer than `max_gap_s` [s].
     """
     t = np.asarray(t_s, dtype=np.float64)
     if not len(t):
@@ -70,7 +46,7 @@ def gaps(t_s: ArrayLike, max_gap_s: float) -> list[tuple[int, int]]:
 
 
 def uniform_clock(start_s: float, end_s: float, rate_hz: float) -> Array:
-    """Times from start_s on at `rate_hz`, none later than end_s: (m,) [s].
+    """Return times (m,) [s] from start_s on at `rate_hz`, none later than end_s.
 
     Raises `DataError` for an empty span or a rate that is not positive.
     """
@@ -84,16 +60,16 @@ def uniform_clock(start_s: float, end_s: float, rate_hz: float) -> Array:
 
 
 def unwrap_angles(angles: ArrayLike) -> Array:
-    """Angles (n,) or (n, k) [rad] without jumps of 2 pi along time."""
+    """Return angles (n,) or (n, k) [rad] without jumps of 2 pi along time."""
     return np.unwrap(np.asarray(angles, dtype=np.float64), axis=0)
 
 
 def linear(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf) -> Array:
-    """Linear interpolation of y (n,) or (n, k) at t_new (m,); nan outside the samples
-    and inside gaps longer than `max_gap_s`.
+    """Interpolate y (n,) or (n, k) linearly at t_new (m,).
 
-    t_s must increase strictly (`clean_clock`). A sample exactly at a gap's edge is
-    given. Raises `DataError` otherwise.
+    nan outside the samples and inside gaps longer than `max_gap_s`. t_s must increase
+    strictly. A sample exactly at a gap's edge is given. Raises
+    `DataError` otherwise.
     """
     t, values, new = (
         _series(t_s, y),
@@ -110,10 +86,10 @@ def linear(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float =
 
 
 def hold(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf) -> Array:
-    """The previous sample of y (n,) or (n, k) at t_new (m,), for commands; nan before
-    the first sample, and later than the last one.
+    """Return the previous sample of y (n,) or (n, k) at t_new (m,), for commands.
 
-    A sample is held for at most `max_gap_s` [s]. Errors as `linear`.
+    nan before the first sample, and later than the last one. A sample is held for at
+    most `max_gap_s` [s]. Errors as `linear`.
     """
     t, values, new = (
         _series(t_s, y),
@@ -129,10 +105,10 @@ def hold(t_s: ArrayLike, y: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = n
 def interpolate_rotation(
     t_s: ArrayLike, euler: ArrayLike, t_new: ArrayLike, *, max_gap_s: float = np.inf
 ) -> Array:
-    """Attitude (n, 3) at t_new (m,) along the shortest rotation between samples: (m,
-    3), yaw continuous; nan outside and inside gaps.
+    """Return attitude (m, 3) at t_new along the shortest rotation between samples.
 
-    Neighbouring samples must be less than half a turn apart. Errors as `linear`.
+    From attitude (n, 3); yaw is continuous; nan outside and inside gaps. Neighbouring
+    samples must be less than half a turn apart. Errors as `linear`.
     """
     t, new = _series(t_s, euler), np.asarray(t_new, dtype=np.float64)
     angles = np.asarray(euler, dtype=np.float64)
@@ -157,16 +133,15 @@ def smooth_attitude(
     lam: float | None = None,
     cutoff_hz: float | None = None,
 ) -> SmoothAttitude:
-    """Smoothed attitude and body rates at t_new (m,) from measured attitude (n, 3); nan
-    outside the samples.
+    """Return smoothed attitude and body rates at t_new (m,) from attitude (n, 3).
 
-    A smoothing spline of the four components of the unit quaternion (signs made
-    continuous), scaled back to unit length, with one lambda for all: given, or from a
-    half-amplitude frequency `cutoff_hz`, or by GCV. This has no singular attitude and
-    does not depend on the choice of axes: turning the inertial or the body frame turns
-    the result. Body rates are exact derivatives of the smoothed rotation. Valid while
-    the attitude turns little within a smoothing period (the smoothed quaternion must
-    not shrink towards zero).
+    nan outside the samples. A smoothing spline of the four components of the unit
+    quaternion (signs made continuous), scaled back to unit length, with one lambda for
+    all: given, or from a half-amplitude frequency `cutoff_hz`, or by GCV. This has no
+    singular attitude and does not depend on the choice of axes: turning the inertial or
+    the body frame turns the result. Body rates are exact derivatives of the smoothed
+    rotation. Valid while the attitude turns little within a smoothing period (the
+    smoothed quaternion must not shrink towards zero).
     """
     t, new = _series(t_s, euler), np.asarray(t_new, dtype=np.float64)
     angles = np.asarray(euler, dtype=np.float64)
@@ -194,7 +169,7 @@ def smooth_attitude(
 
 
 def _conjugate_times(a: Array, b: Array) -> Array:
-    """Vector part of conj(a) * b for quaternions (x, y, z, w)."""
+    """Return the vector part of conj(a) * b for quaternions (x, y, z, w)."""
     return a[:, 3:] * b[:, :3] - b[:, 3:] * a[:, :3] - np.cross(a[:, :3], b[:, :3])
 
 
@@ -207,7 +182,7 @@ def _to_euler(rotation: Rotation) -> Array:
 
 
 def _continuous(euler: Array, yaw_start: float) -> Array:
-    """Unwrapped in time, with the turn count of the first measured yaw."""
+    """Return unwrapped angles with the turn count of the first measured yaw."""
     out = np.unwrap(euler, axis=0)
     out[:, 2] += 2.0 * np.pi * np.round((yaw_start - out[0, 2]) / (2.0 * np.pi))
     return out
@@ -232,8 +207,9 @@ def _series(t_s: ArrayLike, y: ArrayLike) -> Array:
 def _locate(
     t: Array, new: Array, max_gap_s: float
 ) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-    """Left neighbour, share of the way to the right one, and whether the time lies at
-    or between samples that belong together.
+    """Return left neighbour, share of the way to the right one, and whether inside.
+
+    Inside: at or between samples that belong together.
     """
     left = np.clip(np.searchsorted(t, new, side="right") - 1, 0, max(len(t) - 2, 0))
     right = np.minimum(left + 1, len(t) - 1)

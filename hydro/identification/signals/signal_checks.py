@@ -1,8 +1,8 @@
-"""Measures of the health of recorded signals: clocks, held and stuck samples, and
-whether sensors of one motion agree.
+"""Measures of the health of recorded signals.
 
-Nothing here decides: every function returns measured values, the thresholds stand with
-the checks that use them.
+Clocks, repeated and stuck samples, and whether sensors of one motion agree. Nothing
+here decides: every function returns measured values, the thresholds stand with the
+checks that use them.
 """
 
 from __future__ import annotations
@@ -42,9 +42,11 @@ and does not count for the rate.
 
 @dataclass(frozen=True)
 class ClockStatistics:
-    """Steps of a clock: rate [Hz] (the mean without pauses; messages that arrive in
-    bursts come no faster for it), median step [s], half the range from the 5th to the
-    95th percentile [s], the longest [s] and its start [s].
+    """Steps of a clock: rate [Hz], median step [s], jitter [s], longest step [s].
+
+    The rate is the mean without pauses (messages that arrive in bursts come no faster
+    for it); jitter is half the range from the 5th to the 95th percentile;
+    `longest_at_s` is where the longest starts.
     """
 
     rate_hz: float
@@ -55,13 +57,14 @@ class ClockStatistics:
 
     @property
     def relative_jitter(self) -> float:
-        """Jitter in parts of the median step."""
+        """Return the jitter in parts of the median step."""
         return self.jitter_s / self.step_s
 
 
 def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
-    """Statistics of the steps of increasing times t_s (n,) [s]; None for fewer than
-    three samples.
+    """Return statistics of the steps of increasing times t_s (n,) [s].
+
+    None for fewer than three samples.
     """
     t = np.asarray(t_s, dtype=np.float64)
     if t.size < 3:
@@ -77,12 +80,12 @@ def clock_statistics(t_s: ArrayLike) -> ClockStatistics | None:
 
 @dataclass(frozen=True)
 class Repeats:
-    """Samples equal to the one before: their share, and the longest run of equal
-    samples (first index, count).
+    """Samples equal to the one before: their share, and their longest run.
 
-    `leap` is the median step of a column between values that differ, in parts of its
-    smallest step, the largest of the columns: near 1 for a signal that hardly moves by
-    more than its own resolution and therefore repeats without being held.
+    `run_start`: first index; `run_count`: number of samples. `leap` is the median step
+    of a column between values that differ, in parts of its smallest step, the largest
+    of the columns: near 1 for a signal that hardly moves by more than its own
+    resolution and therefore repeats without being held.
     """
 
     share: float
@@ -92,8 +95,9 @@ class Repeats:
 
 
 def repeats(values: ArrayLike) -> Repeats:
-    """Repeated samples of values (n, k): a sample repeats where all k columns equal
-    those of the sample before.
+    """Return the repeated samples of values (n, k).
+
+    A sample repeats where all k columns equal those of the sample before.
     """
     array = np.asarray(values, dtype=np.float64)
     if len(array) < 2:
@@ -109,8 +113,9 @@ def repeats(values: ArrayLike) -> Repeats:
 
 
 def flat_top(values: ArrayLike) -> int:
-    """Samples of values (n,) in runs of three or more that stand at the signal's
-    largest or smallest value, as a clipped signal does.
+    """Return how many samples of values (n,) stand at an end of the signal's range.
+
+    Runs of three or more at the largest or smallest value, as a clipped signal has.
     """
     x = np.asarray(values, dtype=np.float64)
     if x.size < 3:
@@ -125,8 +130,9 @@ def flat_top(values: ArrayLike) -> int:
 
 @dataclass(frozen=True)
 class AttitudeDifference:
-    """How far two records of one attitude are apart, medians over time [rad]: whole
-    rotation, tilt (roll and pitch together), heading.
+    """Medians over time of the angles [rad] between two records of one attitude.
+
+    Whole rotation, tilt (roll and pitch together), heading.
     """
 
     angle: float
@@ -137,11 +143,10 @@ class AttitudeDifference:
 def attitude_difference(
     t_s: ArrayLike, euler: ArrayLike, t_other: ArrayLike, other: ArrayLike
 ) -> AttitudeDifference | None:
-    """Compare euler (n, 3) at t_s (n,) with the samples of `other` (m, 3) at t_other
-    (m,) nearest in time, ZYX angles [rad].
+    """Compare attitude (n, 3) with the samples of another (m, 3) nearest in time.
 
-    Samples more than half the usual step apart in time are left out; None if fewer than
-    20 remain.
+    ZYX angles [rad] at t_s (n,) and t_other (m,) [s]. Samples more than half the usual
+    step apart in time are left out; None if fewer than 20 remain.
     """
     t, second = np.asarray(t_s, dtype=np.float64), np.asarray(t_other, dtype=np.float64)
     first, angles = np.asarray(euler, dtype=np.float64), np.asarray(other, dtype=np.float64)
@@ -167,8 +172,9 @@ def attitude_difference(
 
 
 def nearest(wanted: Array, there: Array) -> npt.NDArray[np.intp]:
-    """Indexes (n,) of the times in `there` (m,), increasing, that lie nearest to those
-    `wanted` (n,).
+    """Return the indexes (n,) of the times `there` (m,) nearest to those `wanted` (n,).
+
+    `there` increases.
     """
     right = np.clip(np.searchsorted(there, wanted), 1, max(there.size - 1, 1))
     right = np.minimum(right, there.size - 1)
@@ -177,7 +183,7 @@ def nearest(wanted: Array, there: Array) -> npt.NDArray[np.intp]:
 
 
 def thinned(indexes: npt.NDArray[np.intp], most: int = MOST_SAMPLES) -> npt.NDArray[np.intp]:
-    """Every n-th of the indexes, so that at most about `most` remain."""
+    """Return every n-th of the indexes, so that at most about `most` remain."""
     return indexes[:: max(1, -(-indexes.size // most))]
 
 
@@ -208,8 +214,7 @@ class RateAgreement:
 def attitude_jumps(
     t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Begin and end [s] of the intervals in which the attitude turned without the gyro,
-    and by how much [rad]: three arrays (k,).
+    """Return begin, end [s], size [rad] (k,) of turns that the gyro does not show.
 
     An interval counts if the difference is more than 0.1 rad, five times what 90 % of
     the intervals disagree by, and what a slow gyro may miss between its samples.
@@ -224,14 +229,14 @@ def attitude_jumps(
 def rate_agreement(
     t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
 ) -> RateAgreement | None:
-    """Compare the mean body rate between attitude samples (n, 3) [rad] with the mean of
-    the gyro (m, 3) [rad/s] over the same interval.
+    """Compare the body rate between attitudes (n, 3) with the gyro (m, 3).
 
-    The mean body rate is the rotation vector between the two attitudes over their
-    distance in time, exact for a steady turn and free of the singularity at a pitch of
-    90 degrees. The lag is searched within 0.5 s. None for fewer than 20 intervals that
-    far from the ends of the gyro. Jumps are counted over the whole record, as
-    `attitude_jumps` finds them; the rest on every n-th interval of a long one.
+    Attitude in rad, gyro in rad/s, over the same intervals. The mean body rate is the
+    rotation vector between the two attitudes over their distance in time, exact for a
+    steady turn and free of the singularity at a pitch of 90 degrees. The lag is
+    searched within 0.5 s. None for fewer than 20 intervals that far from the ends of
+    the gyro. Jumps are counted over the whole record, as `attitude_jumps` finds them;
+    the rest on every n-th interval of a long one.
     """
     found = _turns(t_s, euler, t_gyro, gyro)
     if found is None:
@@ -292,8 +297,10 @@ def _turns(
     ]
     | None
 ):
-    """Intervals between attitudes: times, rows, mean body rates, that of the gyro at a
-    lag, what differs [rad], which are jumps.
+    """Return the intervals between attitudes, or None for too few.
+
+    Times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which
+    are jumps.
     """
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
@@ -343,8 +350,9 @@ def _turns(
 
 
 def _correlation(first: Array, second: Array) -> Array:
-    """Correlation coefficients (k, l) between the columns of (n, k) and (n, l); 0 for a
-    constant column.
+    """Return the correlation (k, l) between columns of (n, k) and (n, l).
+
+    0 for a constant column.
     """
     one, two = first - first.mean(axis=0), second - second.mean(axis=0)
     size = np.outer(np.linalg.norm(one, axis=0), np.linalg.norm(two, axis=0))
@@ -352,8 +360,9 @@ def _correlation(first: Array, second: Array) -> Array:
 
 
 def _peak(x: Array, y: Array) -> float:
-    """Place of the largest y (n,) at evenly spaced x (n,), refined by a parabola; the
-    sample itself at an end.
+    """Return the place of the largest y (n,) at evenly spaced x (n,), by a parabola.
+
+    At an end, the sample itself.
     """
     top = int(np.argmax(y))
     if top in (0, x.size - 1):
@@ -365,9 +374,10 @@ def _peak(x: Array, y: Array) -> float:
 
 @dataclass(frozen=True)
 class Gravity:
-    """What an accelerometer shows of gravity: median length of its reading, and the
-    median angle [rad] between its reading and the specific force at rest that the
-    attitude implies (straight up; None without an attitude).
+    """Median length of an accelerometer's reading, and its angle to the vertical.
+
+    `angle` [rad]: median between the reading and the specific force at rest that the
+    attitude implies (straight up); None without an attitude.
     """
 
     magnitude: float
@@ -380,11 +390,11 @@ def gravity(
     t_attitude: ArrayLike | None = None,
     euler: ArrayLike | None = None,
 ) -> Gravity | None:
-    """Gravity in accelerometer samples (n, 3), body axes, at t_s (n,); attitude (m, 3)
-    [rad] at t_attitude (m,) if there is one.
+    """Return gravity as accelerometer samples (n, 3) in body axes show it.
 
-    A vehicle at rest shows the specific force -g in its down direction: P_v^T [0 0 -g].
-    None for fewer than 20 finite samples.
+    At t_s (n,) [s]; attitude (m, 3) [rad] at t_attitude (m,) if there is one. A vehicle
+    at rest shows the specific force -g in its down direction: P_v^T [0 0 -g]. None for
+    fewer than 20 finite samples.
     """
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     rows = thinned(np.flatnonzero(np.isfinite(values).all(axis=1)))
@@ -406,9 +416,10 @@ def gravity(
 
 @dataclass(frozen=True)
 class Following:
-    """How one signal follows another: size of the second's variation per that of the
-    first, with the sign of their correlation, and the correlation. Noise in either does
-    not pull the ratio towards zero as it does a slope.
+    """Ratio of the sizes of two signals with the sign of their correlation.
+
+    `scale`: variation of the second per that of the first. Noise in either does not
+    pull the ratio towards zero as it does a slope.
     """
 
     scale: float
@@ -416,8 +427,9 @@ class Following:
 
 
 def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) -> Following | None:
-    """Compare y (m,) at t_other (m,) with x (n,) at t_s (n,), interpolated to the times
-    of y within the span of x; None for too few.
+    """Compare y (m,) at t_other (m,) with x (n,) at t_s (n,), or None for too few.
+
+    x is interpolated to the times of y within its span.
     """
     t, values = np.asarray(t_s, dtype=np.float64), np.asarray(x, dtype=np.float64)
     at, other = np.asarray(t_other, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -443,8 +455,9 @@ def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) ->
 
 @dataclass(frozen=True)
 class Response:
-    """A motion explained by commands: how much later it follows [s] and the share of
-    its variance explained, adjusted for the number of commands.
+    """Lag [s] of a motion behind commands, and the share of variance they explain.
+
+    The share is adjusted for the number of commands.
     """
 
     lag_s: float
@@ -460,11 +473,11 @@ def response_lag(
     lags_s: tuple[float, float],
     rate_hz: float,
 ) -> Response | None:
-    """By how much motion (m,) lags behind commands (n, k): the lag whose least-squares
-    fit of the motion by all commands is best.
+    """Return the lag of motion (m,) behind commands (n, k).
 
-    Both are interpolated to a uniform clock of `rate_hz` (commands too: held ones would
-    seem half a step of the log early), and a moving mean over 10 s is taken off both,
+    It is the lag whose least-squares fit of the motion by all commands is best. Both
+    are interpolated to a uniform clock of `rate_hz` (commands too: held ones would seem
+    half a step of the log early), and a moving mean over 10 s is taken off both,
     because slow drifts always look alike. Lags between the two of `lags_s` are tried in
     steps of the clock. The lag holds the delay and the inertia of the vehicle together.
     At most ten minutes in the middle of the common span are used. None for fewer than
@@ -497,15 +510,13 @@ def response_lag(
 
 
 def _without_drift(values: Array, width: int) -> Array:
-    """Values (n,) or (n, k) less their moving mean over `width` samples."""
+    """Return values (n,) or (n, k) less their moving mean over `width` samples."""
     drift: Array = uniform_filter1d(values, width, axis=0, mode="nearest")
     return np.asarray(values - drift)
 
 
 def _explained(design: Array, response: Array, total: float) -> float:
-    """Adjusted share of the variance of response (n,) that a linear combination of the
-    columns of design (n, k) explains.
-    """
+    """Return the adjusted share of variance of (n,) explained by design (n, k)."""
     moment = design.T @ design
     # A little ridge: outputs of a mixer are often linear combinations of each other.
     moment += np.eye(len(moment)) * 1e-9 * max(float(np.trace(moment)), 1e-30)

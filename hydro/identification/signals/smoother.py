@@ -1,10 +1,12 @@
-"""Velocity by a linear time-varying Kalman filter and Rauch-Tung-Striebel smoother
-(filterpy), with accelerometer bias and depth.
+"""Velocity, accelerometer bias and depth by a Kalman smoother (filterpy).
+
+The filter is linear and time-varying, the smoother that of Rauch, Tung and Striebel.
 
 State (13): depth z, body velocity v (3), inertial acceleration f = v_dot + omega x v
 (3), its rate j (3), bias b (3). Between samples
 
-    z_dot = (R v)_3,   v_dot = f - omega x v,   f_dot = j,   j_dot = white noise of density q,   b_dot = white noise of density q_b.
+    z_dot = (R v)_3,   v_dot = f - omega x v,   f_dot = j,
+    j_dot = white noise of density q,   b_dot = white noise of density q_b.
 
 With j as white-noise driven state, f is what a cubic smoothing spline with lambda =
 sigma^2 / q estimates; the defaults of q and of the accelerometer's noise come from such
@@ -40,6 +42,11 @@ SIZE, MEASURED = 13, 7
 CURRENT = 3
 CURRENT_PRIOR = 1.0
 """Standard deviation [m/s] of a current before anything is measured."""
+PRIOR_VARIANCES = {"depth": 1.0, "velocity": 0.25, "acceleration": 1.0, "jerk": 10.0}
+"""Variances [m^2, m^2/s^2, m^2/s^4, m^2/s^6] about the first samples: (1 m)^2,
+(0.5 m/s)^2, (1 m/s^2)^2 and (3 m/s^3)^2, wider than any sensor or vehicle here, so that
+the first measurements outweigh them within a step.
+"""
 FEWEST = 5
 UNSEEN = 1e10
 """Variance of a measurement that is missing at a step: it weighs nothing."""
@@ -51,7 +58,7 @@ singular.
 
 @dataclass(frozen=True)
 class SmootherNoise:
-    """Noise of the sensors and of the motion, SI; None is estimated from the data.
+    """Noise of sensors and motion, SI; what is None is estimated from the data.
 
     accel, velocity, depth: standard deviations per sample; jerk_density: q (3,) of j
     [m^2/s^7]; tilt_error_rad, tilt_time_s: size and correlation time of the attitude
@@ -73,16 +80,18 @@ class SmootherNoise:
 
     @property
     def bias_density(self) -> float:
-        """Density q_b [m^2/s^5] of the bias walk that grows to the gravity leak of the
-        tilt error within its correlation time.
+        """Return the density q_b [m^2/s^5] of the bias walk: (g tilt)^2 / time.
+
+        It grows to the gravity leak of the tilt error within its correlation time.
         """
         return (self.gravity * self.tilt_error_rad) ** 2 / self.tilt_time_s
 
 
 @dataclass(frozen=True)
 class SmoothedVelocity:
-    """Body velocity, its rate and the bias at the smoother's steps, each (n, 3), with
-    standard deviations, and the noise used.
+    """Body velocity, its rate and the bias at the smoother's steps, each (n, 3).
+
+    With standard deviations, and the noise used.
     """
 
     t_s: Array
@@ -106,8 +115,9 @@ def estimated_noise(
     depth: Array,
     noise: SmootherNoise,
 ) -> SmootherNoise:
-    """The noise with what is None estimated: sensor noise and jerk density by smoothing
-    splines with GCV (sigma, sigma^2 / lambda).
+    """Return the noise with what is None estimated by smoothing splines with GCV.
+
+    Sensor noise is sigma, jerk density sigma^2 / lambda.
     """
     a = smoothing_spline(t_s, accel)
     sigma = np.maximum(a.sigma, FLOOR["accel"])
@@ -146,7 +156,7 @@ def smooth_velocity(
     t_water: ArrayLike | None = None,
     water: ArrayLike | None = None,
 ) -> SmoothedVelocity:
-    """Smoothed velocity of the body origin at the accelerometer's times t_s (n,) [s].
+    """Return the smoothed velocity of the body origin at times t_s (n,) [s].
 
     accel (n, 3): inertial acceleration with bias, gravity and lever arm taken out
     (`inertial_acceleration`); euler, omega (n, 3) there. velocity (m, 3) at t_velocity
@@ -196,14 +206,10 @@ def smooth_velocity(
 
     kalman = KalmanFilter(dim_x=size, dim_z=measured)
     kalman.x = np.concatenate([z[:1], v[0], a[0], np.zeros(size - 7)])[:, None]
-    kalman.P = np.diag(
-        [1.0]
-        + [0.25] * 3
-        + [1.0] * 3
-        + [10.0] * 3
-        + [used.bias**2] * 3
-        + [CURRENT_PRIOR**2] * (size - SIZE)
+    variances = np.repeat(
+        [*PRIOR_VARIANCES.values(), used.bias**2, CURRENT_PRIOR**2], [1, 3, 3, 3, 3, size - SIZE]
     )
+    kalman.P = np.diag(variances)
     H = _sensitivity(angles, size, measured)
     means, covariances, _, _ = kalman.batch_filter(
         zs, Fs=list(transitions), Qs=list(processes), Rs=list(Rs), Hs=list(H)
@@ -227,7 +233,7 @@ def smooth_velocity(
 
 
 def _sensitivity(euler: Array, size: int, measured: int) -> Array:
-    """Measurement matrices (n, measured, size) at the attitudes (n, 3)."""
+    """Return the measurement matrices (n, measured, size) at attitudes (n, 3)."""
     H = np.zeros((len(euler), measured, size))
     H[:, :3, F] = H[:, :3, B] = H[:, 3:6, V] = np.eye(3)
     H[:, 6, Z] = 1.0
@@ -246,16 +252,20 @@ def _inside(t: Array, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array
 def process_model(
     t: Array, euler: Array, omega: Array, noise: SmootherNoise, size: int
 ) -> tuple[Array, Array]:
-    """Transition matrices (n, size, size) and process noise from step k - 1 to k; the
-    first is the identity without noise.
+    """Return transitions and process noise (n, size, size) from step k - 1 to k.
+
+    The first transition is the identity, without noise.
     """
     n, dt = len(t), np.diff(t, prepend=t[0])
+    # Rates and attitude in the middle of the step; row 0 has no step (dt = 0).
     middle = 0.5 * (omega + np.roll(omega, 1, axis=0))
     down = rotation_body_to_ned(euler)[:, 2, :]
+    # x_dot = A x: z_dot = (R v)_3, v_dot = f - omega x v, f_dot = j.
     A = np.zeros((n, size, size))
     A[:, Z, V] = 0.5 * (down + np.roll(down, 1, axis=0))
     A[:, V, V] = -skew(middle)
     A[:, V, F] = A[:, F, J] = np.eye(3)
+    # exp(A dt) by its series to fourth order, exact but for the turn of the body.
     step = A * dt[:, None, None]
     transition = np.eye(size) + step
     power = step
@@ -265,19 +275,20 @@ def process_model(
     Q = np.zeros((n, size, size))
     assert noise.jerk_density is not None
     place = np.arange(3)
+    # White noise q on j_dot over a step: Q = q integral of s^a / a! s^b / b! ds, where j
+    # is reached by a = 0 integrations, f by 1 and v by 2.
     blocks = [
         (J, J, dt),
         (F, F, dt**3 / 3),
         (V, V, dt**5 / 20),
         (F, J, dt**2 / 2),
-        (J, F, dt**2 / 2),
         (V, F, dt**4 / 8),
-        (F, V, dt**4 / 8),
         (V, J, dt**3 / 6),
-        (J, V, dt**3 / 6),
     ]
     for row, column, factor in blocks:
-        Q[:, row.start + place, column.start + place] = factor[:, None] * noise.jerk_density
+        block = factor[:, None] * noise.jerk_density
+        Q[:, row.start + place, column.start + place] = block
+        Q[:, column.start + place, row.start + place] = block
     Q[:, B.start + place, B.start + place] = dt[:, None] * noise.bias_density
     if size > SIZE:
         Q[:, C.start + place, C.start + place] = dt[:, None] * noise.current_walk**2
@@ -293,12 +304,11 @@ def _measurements(
     z: Array,
     noise: SmootherNoise,
 ) -> tuple[Array, Array]:
-    """Measurement columns (n, m, 1) and their covariances (n, m, m); what is missing at
-    a step has the variance `UNSEEN`.
+    """Return measurement columns (n, m, 1) and their covariances (n, m, m).
 
-    velocities: times, values and noise of the velocity over ground and, where there is
-    one, through the water. v' = f - omega x v holds for both while the current is
-    steady.
+    A measurement that is missing at a step has the variance `UNSEEN`. velocities:
+    times, values and noise of the velocity over ground and, where there is one, through
+    the water. v' = f - omega x v holds for both while the current is steady.
     """
     assert noise.accel is not None
     n, measured = len(t), 4 + 3 * len(velocities)
@@ -307,6 +317,7 @@ def _measurements(
     for first, (times, v, sd) in zip((3, MEASURED), velocities, strict=False):
         assert sd is not None
         at = _nearest(t, times)
+        # v_dot = f - omega x v carries the sample over up to half a step.
         rate = accel[at] - cross(omega[at], v)
         values[at, first : first + 3], variance[at, first : first + 3] = (
             v + (t[at] - times)[:, None] * rate,

@@ -1,5 +1,6 @@
-"""Natural cubic smoothing splines with the smoothing chosen by generalised
-cross-validation, in linear time.
+"""Natural cubic smoothing splines with cross-validation, in linear time.
+
+The smoothing is chosen by generalised cross-validation (GCV).
 
 A smoothing spline minimises sum w_i (y_i - f(t_i))^2 + lambda * integral f''(t)^2 dt;
 lambda has the convention of `scipy.interpolate.make_smoothing_spline`. In Reinsch's
@@ -42,9 +43,9 @@ GCV score is not taken for the best.
 
 @dataclass(frozen=True)
 class SmoothingSpline:
-    """A fitted spline: knots `t` (n,) [s], piecewise cubic, lambda, noise standard
-    deviation and effective degrees of freedom.
+    """A smoothing spline: knots (n,) [s], piecewise cubic, lambda, sigma and edf.
 
+    sigma: standard deviation of the noise; edf: effective degrees of freedom.
     `lambda_`, `sigma` and `edf` are scalars for one signal (y (n,)) and (k,) for k
     signals (y (n, k)). The second derivative is zero at both ends (natural spline):
     there the acceleration is bent over about half a smoothing period.
@@ -57,8 +58,9 @@ class SmoothingSpline:
     edf: Array
 
     def evaluate(self, t_s: ArrayLike, derivative: int = 0) -> Array:
-        """The spline or its derivative at times t_s (m,): (m,) or (m, k). Never
-        extrapolates: nan outside the knots.
+        """Return the spline or its derivative (m,) or (m, k) at times t_s (m,).
+
+        Never extrapolates: nan outside the knots.
         """
         return np.asarray(
             self.piecewise(np.asarray(t_s, dtype=np.float64), nu=derivative, extrapolate=False),
@@ -74,8 +76,7 @@ def smoothing_spline(
     weights: ArrayLike | None = None,
     shared: bool = False,
 ) -> SmoothingSpline:
-    """Fit a smoothing spline to y (n,) or (n, k) at strictly increasing times t_s (n,)
-    [s].
+    """Fit a smoothing spline to y (n,) or (n, k) at increasing times t_s (n,) [s].
 
     lam: smoothing parameter >= 0 (`lambda_from_cutoff` gives it for a frequency); None
     chooses it by GCV, for each column by itself or, with `shared`, one for all columns.
@@ -108,23 +109,26 @@ def smoothing_spline(
 
 
 def derivative(t_s: ArrayLike, y: ArrayLike, *, order: int = 1) -> Array:
-    """Time derivative at the samples of the interpolating cubic spline (not-a-knot): y
-    (n,) or (n, k) -> same shape.
+    """Return the time derivative of y (n,) or (n, k) at the samples.
 
-    McCarter (2.77), (2.79)-(2.81), (2.89). It amplifies noise (0.12 rad/s^2 from 0.002
-    rad/s at 50 Hz): low-pass first. Raises `DataError` as `smoothing_spline`.
+    It is that of the interpolating cubic spline (not-a-knot). McCarter (2.77),
+    (2.79)-(2.81), (2.89). It amplifies noise (0.12 rad/s^2 from 0.002 rad/s at 50 Hz):
+    low-pass first. Raises `DataError` as `smoothing_spline`.
     """
     t, values, _ = _checked(t_s, y, None)
     return np.asarray(CubicSpline(t, values)(t, nu=order), dtype=np.float64)
 
 
 def lambda_from_cutoff(cutoff_hz: float, step_s: float) -> float:
-    """lambda [s^3] whose spline halves the amplitude at `cutoff_hz`, for unit weights
-    and a mean sample step `step_s`.
+    """Return the lambda [s^3] whose spline halves the amplitude at `cutoff_hz`.
 
-    Away from the ends a smoothing spline on a uniform grid is the zero-phase filter 1 /
-    (1 + lambda h (2 pi f)^4), the same as a second-order Butterworth filter run forward
-    and backward; so lambda = (2 pi f)^-4 / h. Valid well below the Nyquist frequency.
+    For unit weights and a mean sample step `step_s`. Away from the ends a smoothing
+    spline on a uniform grid is the zero-phase filter 1 / (1 + lambda h (2 pi f)^4), the
+    same as a second-order Butterworth filter run forward and backward; so lambda = (2
+    pi f)^-4 / h. Valid well below the Nyquist frequency.
+
+    >>> f"{lambda_from_cutoff(3.0, 0.02):.4e}"
+    '3.9606e-04'
     """
     if not (cutoff_hz > 0 and step_s > 0):
         raise DataError("cutoff and sample step must be positive", value=(cutoff_hz, step_s))
@@ -132,8 +136,9 @@ def lambda_from_cutoff(cutoff_hz: float, step_s: float) -> float:
 
 
 def cutoff_from_lambda(lam: float, step_s: float) -> float:
-    """The half-amplitude frequency [Hz] of a smoothing parameter; inverse of
-    `lambda_from_cutoff`.
+    """Return the half-amplitude frequency [Hz] of a smoothing parameter.
+
+    Inverse of `lambda_from_cutoff`.
     """
     if not (lam > 0 and step_s > 0):
         raise DataError("lambda and sample step must be positive", value=(lam, step_s))
@@ -142,8 +147,9 @@ def cutoff_from_lambda(lam: float, step_s: float) -> float:
 
 @dataclass(frozen=True)
 class _Reinsch:
-    """Bands (lower form of LAPACK, Fortran order) of R and Q' W^-1 Q, both (n-2) x
-    (n-2), and what Q needs.
+    """Bands of R and Q' W^-1 Q, both (n-2) x (n-2), and what Q needs.
+
+    Lower form of LAPACK, Fortran order.
     """
 
     inverse_step: Array
@@ -169,7 +175,7 @@ class _Reinsch:
         return cls(a, v, weight, stiffness, roughness, float(np.mean(h) ** 3 * np.mean(weight)))
 
     def cholesky(self, lam: float) -> Array:
-        """Banded factor of R + lambda Q' W^-1 Q."""
+        """Return the banded factor of R + lambda Q' W^-1 Q."""
         factor, info = lapack.dpbtrf(self.stiffness + lam * self.roughness, lower=1, overwrite_ab=1)
         if info:
             raise DataError(
@@ -180,22 +186,22 @@ class _Reinsch:
         return np.asarray(factor)
 
     def second_difference(self, y: Array) -> Array:
-        """Q' y: (n, k) -> (n-2, k)."""
+        """Return Q' y: (n, k) -> (n-2, k)."""
         return np.diff(np.diff(y, axis=0) * self.inverse_step[:, None], axis=0)
 
     def spread(self, g: Array) -> Array:
-        """Q g: (n-2, k) -> (n, k)."""
+        """Return Q g: (n-2, k) -> (n, k)."""
         padded = np.pad(g, ((1, 1), (0, 0)))
         slope = np.diff(padded, axis=0) * self.inverse_step[:, None]
         return np.diff(np.pad(slope, ((1, 1), (0, 0))), axis=0)
 
     def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
-        """Fitted values (n, k) and second derivatives at the inner knots (n-2, k)."""
+        """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""
         g, _ = lapack.dpbtrs(self.cholesky(lam), self.second_difference(y), lower=1)
         return y - lam * self.inverse_weight[:, None] * self.spread(g), g
 
     def trace_of_residual_maker(self, lam: float) -> float:
-        """tr(I - A), the samples minus the effective degrees of freedom."""
+        """Return tr(I - A), the samples minus the effective degrees of freedom."""
         if lam == 0.0:
             return 0.0
         above, below = (
@@ -205,8 +211,9 @@ class _Reinsch:
         return (above - below) / LOG_STEP
 
     def cross_validate(self, y: Array, shared: bool) -> Array:
-        """The lambda that minimises the GCV score: per column, or of the sum over the
-        columns.
+        """Return the lambda that minimises the GCV score, per column or over all.
+
+        `shared`: one lambda for the sum over the columns.
         """
         low, high = np.log(self.scale) + np.log(SCALED_LAMBDA)
         high = min(high, np.log(self.scale) + 4.0 * np.log(len(y)))

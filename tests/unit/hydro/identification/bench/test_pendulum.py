@@ -24,11 +24,11 @@ from auvid.hydro.identification.bench.free_decay import (
     Decay,
     DecayEstimate,
     Derivatives,
-    Part,
+    HungPart,
     derivatives,
     estimate_decay,
-    hanging,
-    judge,
+    pendulum_moments,
+    prediction_error,
 )
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.quadrifilar import (
@@ -42,7 +42,6 @@ from auvid.hydro.identification.bench.quadrifilar import (
     slowing,
     small_swing_period,
     softening,
-    swing_period,
     tray_inertia,
 )
 from auvid.hydro.identification.bench.single_channel import DAMPING
@@ -55,14 +54,15 @@ from auvid.hydro.identification.bench.swing import (
     spectral_period,
     swing_axis,
 )
+from tests.support.quadrifilar import swing_period
 
 Array = npt.NDArray[np.float64]
 G = 9.80665
 TRAY = QuadrifilarGeometry(0.47, 0.47, 4.23, 9.8, G)
 I_TRAY, I_BOTH, TUBE_MASS = 2.1970, 2.8590, 2.38
 ARM = 3.66
-POLE = [Part(5.93, ARM / 2.0), Part(4.62, ARM)]
-VEHICLE = Part(38.10, ARM, 38.10, ARM)
+POLE = [HungPart(5.93, ARM / 2.0), HungPart(4.62, ARM)]
+VEHICLE = HungPart(38.10, ARM, 38.10, ARM)
 TRUTH = np.array([-87.0553, -45.7734, -40.0])
 """Added mass and linear damping of Table 12; its quadratic damping, -0.68 kg/m, is too
 small to be found in any recording.
@@ -279,7 +279,7 @@ def test_too_few_swings_and_no_swing() -> None:
 
 
 def decay_of(
-    parts: list[Part],
+    parts: list[HungPart],
     values: Array,
     *,
     noise: float = 0.0,
@@ -288,7 +288,7 @@ def decay_of(
     gyro: bool = True,
     end_s: float = 40.0,
 ) -> Decay:
-    hung = hanging(parts, G)
+    hung = pendulum_moments(parts, G)
     inertia = hung.inertia - values[0] * ARM**2
     pendulum = PhysicalPendulum(inertia, hung.stiffness, values[1] * ARM**2, values[2] * ARM**3)
     t = np.arange(0.0, end_s, 0.02)
@@ -312,11 +312,13 @@ def decay_of(
 
 def empty_pendulum() -> Derivatives:
     found = estimate_decay(decay_of(POLE, POLE_TRUTH))
-    return derivatives(found.output_error["linear and quadratic"], hanging(POLE, G), arm=ARM)
+    return derivatives(
+        found.output_error["linear and quadratic"], pendulum_moments(POLE, G), arm=ARM
+    )
 
 
 def best(found: DecayEstimate, method: str = "output_error") -> tuple[Array, Array]:
-    hung = hanging([*POLE, VEHICLE], G)
+    hung = pendulum_moments([*POLE, VEHICLE], G)
     out = derivatives(
         getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum()
     )
@@ -327,7 +329,7 @@ def test_damping_models_are_those_of_the_vehicle() -> None:
     """Linear damping of the vehicle on a pole whose own damping is linear and
     quadratic.
     """
-    hung, empty = hanging([*POLE, VEHICLE], G), empty_pendulum()
+    hung, empty = pendulum_moments([*POLE, VEHICLE], G), empty_pendulum()
     truth = TRUTH * [1.0, 1.0, 0.0]
     decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
     known = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
@@ -338,8 +340,8 @@ def test_damping_models_are_those_of_the_vehicle() -> None:
         np.testing.assert_allclose(values, truth, rtol=tolerance, atol=1e-9)
     other = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH, noise=1.0, seed=4)
     # 1 mrad of noise per sample of the angle.
-    assert judge(other, found.output_error["linear"]) == pytest.approx(1e-3, rel=0.1)
-    assert judge(other, found.output_error["quadratic"]) > 2e-3
+    assert prediction_error(other, found.output_error["linear"]) == pytest.approx(1e-3, rel=0.1)
+    assert prediction_error(other, found.output_error["quadratic"]) > 2e-3
 
 
 def test_decay_gives_the_truth_and_prefers_the_true_damping() -> None:
@@ -373,12 +375,12 @@ def test_simplest_damping_that_holds_is_chosen(name: str) -> None:
 
 
 def test_point_mass_and_physical_pendulum() -> None:
-    physical, point = hanging(POLE, G), hanging(POLE, G, arm=ARM)
+    physical, point = pendulum_moments(POLE, G), pendulum_moments(POLE, G, arm=ARM)
     assert point.inertia == pytest.approx((5.93 + 4.62) * ARM**2)
     assert point.stiffness == pytest.approx((5.93 + 4.62) * G * ARM)
     assert physical.inertia == pytest.approx(5.93 * (ARM / 2.0) ** 2 + 4.62 * ARM**2)
     with pytest.raises(DataError, match="buoyancy is above"):
-        hanging([*POLE, Part(38.1, ARM, 60.0, ARM)], G)
+        pendulum_moments([*POLE, HungPart(38.1, ARM, 60.0, ARM)], G)
 
 
 def test_release_is_found() -> None:

@@ -14,7 +14,6 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
     rotation_body_to_ned,
 )
 from auvid.hydro.identification.signals.resampling import (
-    clean_clock,
     gaps,
     hold,
     interpolate_rotation,
@@ -23,17 +22,6 @@ from auvid.hydro.identification.signals.resampling import (
     uniform_clock,
     unwrap_angles,
 )
-
-
-def test_clean_clock_counts_repeated_and_backward_times() -> None:
-    clock = clean_clock(np.array([10, 20, 20, 15, 30, 25, 40], dtype=np.int64))
-    np.testing.assert_array_equal(clock.keep, [True, True, False, False, True, False, True])
-    assert (clock.repeated, clock.backwards) == (1, 2)
-
-
-def test_clean_clock_of_nothing() -> None:
-    clock = clean_clock(np.array([], dtype=np.int64))
-    assert (len(clock.keep), clock.repeated, clock.backwards) == (0, 0, 0)
 
 
 def test_gaps_split_where_a_step_is_too_long() -> None:
