@@ -35,3 +35,9 @@ def test_no_room_climbs(folders: list[Any]) -> None:
 def test_circles_are_recognised() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}
     assert ROOMS.circles(graph) == [["a", "b", "c"]]
+
+
+def test_unit_tests_lie_where_the_product_does() -> None:
+    unit = ROOT / "tests" / "unit"
+    tested = {path.parent.relative_to(unit) for path in unit.rglob("test_*.py")}
+    assert [str(folder) for folder in sorted(tested) if not (ROOT / folder).is_dir()] == []

@@ -108,7 +108,7 @@ def test_help_loads_nothing_heavy() -> None:
 
 def test_one_blas_thread_is_set_before_numpy() -> None:
     program = (
-        "import pipeline, sys, os; print('numpy' in sys.modules,"
+        "import auvid.pipeline, sys, os; print('numpy' in sys.modules,"
         " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
     )
     said = subprocess.run(
