@@ -75,10 +75,8 @@ def aided(messages: Messages, log: DecodedLog) -> str | None:
     None if the filter had a velocity or position sensor.
     """
     fix = log.get("GPS", "Status")
-    if (
-        any(log.counts.get(name) for name in ("VISO", "XKFD", "BCN"))
-        or fix is not None
-        and mostly(fix.floats("Status") >= FIX_3D)
+    if any(log.counts.get(name) for name in ("VISO", "XKFD", "BCN")) or (
+        fix is not None and mostly(fix.floats("Status") >= FIX_3D)
     ):
         return None
     return f"{NO_SENSOR} (no VISO, no beacon, no GPS fix)"

@@ -28,10 +28,13 @@ def letters(latex: str) -> str:
         (r"\sigma_i^2", "<msubsup><mi>σ</mi><mi>i</mi><mn>2</mn></msubsup>"),
         (r"\frac{1}{6n_k}", "<mfrac><mrow><mn>1</mn></mrow>"),
         (r"\sqrt{x}", "<msqrt><mrow><mi>x</mi></mrow></msqrt>"),
-        (r"\mathrm{diag}(\nu)", '<mi mathvariant="normal">diag</mi>'),
+        (r"\mathrm{diag}(\nu)", "<mo>diag</mo>"),
         (r"\text{in water}", "<mtext>in\xa0water</mtext>"),
-        (r"a &= b \\ c &= d", '<mtable class="aligned"><mtr><mtd>'),
-        (r"\begin{bmatrix} a & b \\ c & d \end{bmatrix}", '<mtable class="matrix">'),
+        (r"a &= b \\ c &= d", '<mtd columnalign="right"><mi>a</mi></mtd>'),
+        (
+            r"\begin{bmatrix} a & b \\ c & d \end{bmatrix}",
+            '<mtable class="matrix"><mtr><mtd><mi>a</mi></mtd>',
+        ),
     ],
 )
 def test_construct(latex: str, markup: str) -> None:
