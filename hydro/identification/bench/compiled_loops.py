@@ -79,7 +79,7 @@ def recursive_estimate(
     """
     n, k = regressor.shape
     bounded = lowest > 0.0 or highest < np.inf
-    seen, gain, error = np.empty(k), np.empty(k), np.empty(n)
+    projected, gain, error = np.empty(k), np.empty(k), np.empty(n)
     for i in range(n):
         if keep[i] < 1.0:
             grown = 1.0 / keep[i]
@@ -94,20 +94,20 @@ def recursive_estimate(
             value = 0.0
             for l in range(k):
                 value += root[l, j] * regressor[i, l]
-            seen[j] = value
+            projected[j] = value
             total += value * value
         error[i] = innovation
         shrink = 1.0 / (total * (1.0 + np.sqrt(1.0 / (step[i] * total))))
         for j in range(k):
             value = 0.0
             for l in range(k):
-                value += root[j, l] * seen[l]
+                value += root[j, l] * projected[l]
             gain[j] = value
             theta[j] += value / total * innovation
         for j in range(k):
             variance = 0.0
             for l in range(k):
-                root[j, l] -= shrink * gain[j] * seen[l]
+                root[j, l] -= shrink * gain[j] * projected[l]
                 variance += root[j, l] * root[j, l]
             history[i, j] = theta[j]
             spread[i, j] = variance

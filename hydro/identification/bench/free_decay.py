@@ -201,19 +201,19 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
         history[name] = recursion
         simulated[name] = simulate_run(run, fitted.coefficients, fitted.start)[1]
         measured[name] = measured_angle(run, fitted)
-        held = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
+        predicted = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
         values, covariance = _totals(
             fitted.parameters, fitted.covariance, used, decay.known, logarithm=True
         )
         output[name] = Ratios(
-            values, covariance, _rms(simulated[name] - measured[name]), _rms(held[late])
+            values, covariance, _rms(simulated[name] - measured[name]), _rms(predicted[late])
         )
         batched, gamma = batch_least_squares(part, prior_spread=PRIOR_SPREAD)
-        for found, theta_hat, spread in (
+        for results, theta_hat, spread in (
             (recursive, recursion.theta[-1], recursion.gamma),
             (batch, batched, gamma),
         ):
-            found[name] = _by_regression(
+            results[name] = _by_regression(
                 decay, fitted.start, measured[name], part, theta_hat, spread, used
             )
     chosen = choose_damping(

@@ -242,12 +242,12 @@ class _Fit:
                     invalid="ignore", over="ignore"
                 ):  # a step of the search too far: the run diverges, and is turned down
                     rate, position, rate_by, position_by = self.errors(values, fixed)
-                    found = (
+                    pair = (
                         np.concatenate([rate / sigma[0], position / sigma[1]]),
                         np.vstack([rate_by / sigma[0], position_by / sigma[1]]),
                     )
                 last.clear()
-                last[where] = (np.nan_to_num(found[0], nan=DIVERGED), np.nan_to_num(found[1]))
+                last[where] = (np.nan_to_num(pair[0], nan=DIVERGED), np.nan_to_num(pair[1]))
             return last[where]
 
         def error(values: Array) -> Array:
@@ -256,7 +256,7 @@ class _Fit:
         def jacobian(values: Array) -> Array:
             return both(values)[1]
 
-        found = least_squares(
+        solution = least_squares(
             error,
             unknown,
             jac=jacobian,
@@ -267,12 +267,12 @@ class _Fit:
             gtol=TOLERANCE,
             max_nfev=MOST_STEPS,
         )
-        if not (np.isfinite(found.x).all() and np.isfinite(found.cost)):
+        if not (np.isfinite(solution.x).all() and np.isfinite(solution.cost)):
             raise DataError(
                 "the output-error fit does not settle",
                 remedy="Shorten the run to where one channel moves; see the recursive estimate.",
             )
-        return np.asarray(found.x, dtype=np.float64)
+        return np.asarray(solution.x, dtype=np.float64)
 
     def result(self, unknown: Array, fixed: Array, sigma: Array) -> OutputErrorFit:
         rate, position, rate_by, position_by = self.errors(unknown, fixed)

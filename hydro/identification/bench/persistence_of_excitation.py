@@ -25,7 +25,7 @@ FEWEST_WINDOWS = 2.0
 """
 COLLINEAR = 1e-8
 """Smallest eigenvalue of the scaled C_n below which two columns are one."""
-SHOWN = 400
+MOST_POINTS = 400
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) 
     rms = np.sqrt(step @ phi**2 / span)
     scaled = phi / np.where(rms > 0, rms, 1.0)
     grown = np.cumsum(step[:, None, None] * scaled[:, :, None] * scaled[:, None, :], axis=0)
-    shown = np.unique(np.linspace(1, t.size - 1, min(SHOWN, t.size - 1)).astype(np.intp))
-    smallest = np.linalg.eigvalsh(grown[shown] / (t[shown] - t[0])[:, None, None])[:, 0]
+    kept = np.unique(np.linspace(1, t.size - 1, min(MOST_POINTS, t.size - 1)).astype(np.intp))
+    smallest = np.linalg.eigvalsh(grown[kept] / (t[kept] - t[0])[:, None, None])[:, 0]
     values, vectors = np.linalg.eigh(grown[-1] / span)
     weakest = vectors[:, 0]
     edges = (
@@ -99,4 +99,4 @@ def excitation(t_s: ArrayLike, regressor: ArrayLike, *, floor: ArrayLike = 0.0) 
         status = NOT_EXCITED
     elif spread < FEWEST_WINDOWS or values[0] < COLLINEAR:
         status = NOT_PERSISTENT
-    return Excitation(t[shown], smallest, grown[-1] / span, weakest, rms, spread, status)
+    return Excitation(t[kept], smallest, grown[-1] / span, weakest, rms, spread, status)

@@ -86,8 +86,11 @@ def static_form(
         )
     left, right = phi[:-1].copy(), phi[1:].copy()
     if regressor_after is not None:
-        held = np.asarray(regressor_after, dtype=np.float64)
-        left, right = np.where(np.isnan(held), left, held), np.where(np.isnan(held), right, held)
+        after = np.asarray(regressor_after, dtype=np.float64)
+        left, right = (
+            np.where(np.isnan(after), left, after),
+            np.where(np.isnan(after), right, after),
+        )
     f0 = np.zeros_like(state) if known is None else np.asarray(known, dtype=np.float64)
     extra = np.column_stack([rate * state, f0])
     start = np.concatenate([np.zeros(phi.shape[1]), [state[0], 0.0]])

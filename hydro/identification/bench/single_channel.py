@@ -239,7 +239,7 @@ def estimate_channel(
 
     def regressions(run: ChannelRun) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
         form = _static(run, filter_rate)
-        found, excited = {}, {}
+        recursive_fits, excited = {}, {}
         for name in DAMPING:
             columns = _columns(name, run)
             part = StaticRegression(
@@ -252,9 +252,9 @@ def estimate_channel(
                 lowest_trace=limits[0],
                 highest_trace=limits[1],
             )
-            found[name] = _recursive_fit(part, estimate, columns)
+            recursive_fits[name] = _recursive_fit(part, estimate, columns)
             excited[name] = excitation(part.t_s, part.regressor)
-        return found, excited
+        return recursive_fits, excited
 
     recursive, excited = regressions(data)
     if all(item.status == PERSISTENT for item in excited.values()):
@@ -312,8 +312,10 @@ def _lag(data: ChannelRun, fit: ChannelFit) -> Lag | None:
 
     def cost(lag_s: float) -> float:
         run = data.run if lag_s == 0.0 else lagged(data.run, lag_s, from_rest=_from_rest(data))
-        found = fit_output_error(run, model, first, start=fit.fit.start, nuisance=nuisance)
-        return float(np.sum(np.square(found.rate_error if run.rate.size else found.position_error)))
+        result = fit_output_error(run, model, first, start=fit.fit.start, nuisance=nuisance)
+        return float(
+            np.sum(np.square(result.rate_error if run.rate.size else result.position_error))
+        )
 
     return find_lag(cost, data.run.rate.size or data.run.position.size)
 
@@ -352,12 +354,12 @@ def _static(data: ChannelRun, rate: float) -> StaticRegression:
     )
     pull = data.restoring * np.sin(angle)
     force = np.append(run.force_left, run.force_right[-1]) - pull
-    held = np.full((run.grid_s.size - 1, 4), np.nan)
+    after = np.full((run.grid_s.size - 1, 4), np.nan)
     if np.array_equal(run.force_left, run.force_right) and data.restoring == 0.0:
-        held[:, 2] = run.force_left
+        after[:, 2] = run.force_left
     columns = np.column_stack([x, x * np.abs(x), force, np.ones_like(x)])
     samples = data.samples[data.samples > 0]
-    return static_form(run.grid_s, x, columns, rate=rate, regressor_after=held, samples=samples)
+    return static_form(run.grid_s, x, columns, rate=rate, regressor_after=after, samples=samples)
 
 
 def _integral(t: Array, x: Array) -> Array:
@@ -450,9 +452,9 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
     fitted = min(
         tried, key=lambda item: float(np.sum(item.rate_error**2) + np.sum(item.position_error**2))
     )
-    held = _unresolved(data, fitted.coefficients)
-    if held is not None:
-        used, model = used[1:], _model(name, data, held)
+    held_mass = _unresolved(data, fitted.coefficients)
+    if held_mass is not None:
+        used, model = used[1:], _model(name, data, held_mass)
         fitted = fit_output_error(
             run, model, _steady_guess(data, [0, *used])[1:], start=start, nuisance=nuisance
         )
@@ -460,18 +462,18 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
         run.until(end_s), model, fitted.parameters, start=fitted.start, nuisance=nuisance
     )
     which = 0 if run.rate.size else 1
-    at, seen = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
+    at, measured = (run.rate_at, run.rate) if run.rate.size else (run.position_at, run.position)
     states = simulate_run(run, early.coefficients, early.start)[which]
-    error = states[at] + (early.bias[0] if run.rate.size else 0.0) - seen
+    error = states[at] + (early.bias[0] if run.rate.size else 0.0) - measured
     late = run.grid_s[at] > end_s
     values, covariance = np.zeros(4), np.zeros((4, 4))
     values[used], covariance[np.ix_(used, used)] = fitted.parameters, fitted.covariance
-    if held is None:
+    if held_mass is None:
         values[0] = np.exp(values[0])
         covariance[0] *= values[0]
         covariance[:, 0] *= values[0]
     else:
-        values[0] = held
+        values[0] = held_mass
     return ChannelFit(
         values=values,
         covariance=covariance,
@@ -482,7 +484,7 @@ def _output_error(data: ChannelRun, name: str, first: Array, end_s: float) -> Ch
         simulated=simulate_run(run, fitted.coefficients, fitted.start)[which]
         + (fitted.bias[0] if which == 0 else 0.0),
         fit=fitted,
-        resolved=held is None,
+        resolved=held_mass is None,
     )
 
 

@@ -327,10 +327,12 @@ def fit_swing(
     fading = float(np.log(np.std(y[:half]) / np.std(y[half:])) / (0.5 * time[-1]))
     linear = np.linalg.lstsq(waves(w, max(fading, 0.0), (size / w) ** 2), y, rcond=None)[0]
     scale = np.array([w / 100.0, w / 100.0, size, size, size, size / time[-1]])
-    found = least_squares(error_of, np.concatenate([[w, max(fading, 0.0)], linear]), x_scale=scale)
-    p, error = found.x, found.fun
-    bread = np.linalg.inv(found.jac.T @ found.jac)
-    covariance = stationary_covariance([found.jac], [error], bread)
+    solution = least_squares(
+        error_of, np.concatenate([[w, max(fading, 0.0)], linear]), x_scale=scale
+    )
+    p, error = solution.x, solution.fun
+    bread = np.linalg.inv(solution.jac.T @ solution.jac)
+    covariance = stationary_covariance([solution.jac], [error], bread)
     natural = float(np.hypot(p[0], p[1]))
     by = np.array([p[0], p[1]]) * (-2.0 * np.pi / natural**3)
     amplitude = float(np.hypot(p[2], p[3]))

@@ -70,9 +70,9 @@ def find_lag(cost: Callable[[float], float], samples: int) -> Lag | None:
     """
     tiny = np.finfo(float).tiny
     none = cost(0.0) + tiny
-    found = [cost(lag) + tiny for lag in TRIED_S]
-    best = int(np.argmin(found))
-    if samples * np.log(none / found[best]) < CLEAR_GAIN:
+    costs = [cost(lag) + tiny for lag in TRIED_S]
+    best = int(np.argmin(costs))
+    if samples * np.log(none / costs[best]) < CLEAR_GAIN:
         return None
     edges = np.log([SHORTEST_S, *TRIED_S, LONGEST_S])
     result = minimize_scalar(

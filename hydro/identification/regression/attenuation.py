@@ -92,9 +92,9 @@ def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
     found. A constant force has no error of its own, but takes its part.
     """
     kept = list(fit.independent)
-    found = np.zeros(len(fit.terms))
+    bias = np.zeros(len(fit.terms))
     if not kept:
-        return found
+        return bias
     scale = fit.column_norms[kept]
     place = {term: i for i, term in enumerate(errors.terms)}
     own = [i for i, index in enumerate(kept) if fit.terms[index] in place]
@@ -106,8 +106,8 @@ def attenuation(fit: AxisFit, errors: RegressorErrors) -> Array:
     share = np.maximum(share, 0.0)
     gain = share / (1.0 - np.minimum(share, MOST_SHARE))
     pull = direction @ (gain * (direction.T @ (fit.scaled_triangle @ (fit.solution[kept] * scale))))
-    found[kept] = -solve_triangular(fit.scaled_triangle, pull) / scale
-    return found
+    bias[kept] = -solve_triangular(fit.scaled_triangle, pull) / scale
+    return bias
 
 
 def widened(covariance: Array, shift: Array) -> Array:

@@ -227,8 +227,8 @@ def solve_axis(
     reported with the combinations that the data determine. Raises `PipelineError` for
     an unknown axis or term, `DataError` for an empty factor.
     """
-    wanted = (*terms, CONSTANT) if trim else tuple(terms)
-    index = [_column(factor, term) for term in wanted]
+    columns = (*terms, CONSTANT) if trim else tuple(terms)
+    index = [_column(factor, term) for term in columns]
     if axis not in AXES:
         raise PipelineError("unknown axis", value=axis, allowed=AXES)
     if not factor.n_samples:
@@ -244,12 +244,12 @@ def solve_axis(
     sse = float(residual @ residual)
 
     kept_terms, dependent_terms = [alive[i] for i in kept], [alive[i] for i in dependent]
-    solution = np.zeros(len(wanted))
+    solution = np.zeros(len(columns))
     solution[kept_terms] = values / norms[kept_terms]
     inverse = solve_triangular(triangle, np.eye(len(kept))) if kept else np.zeros((0, 0))
     spread = np.sqrt(np.sum(inverse**2, axis=1))
     freedom = factor.n_samples - len(kept)
-    standard_errors, vif = np.full(len(wanted), np.nan), np.full(len(wanted), np.nan)
+    standard_errors, vif = np.full(len(columns), np.nan), np.full(len(columns), np.nan)
     standard_errors[kept_terms] = (
         spread * (np.sqrt(sse / freedom) if freedom > 0 else np.nan) / norms[kept_terms]
     )
@@ -262,16 +262,16 @@ def solve_axis(
         else np.zeros((len(kept), 0))
     )
     groups = _groups(
-        wanted, kept_terms, dependent_terms, unscaled, weights, solution, standard_errors
+        columns, kept_terms, dependent_terms, unscaled, weights, solution, standard_errors
     )
     coefficients = solution.copy()
-    zero = tuple(term for term, norm in zip(wanted, norms, strict=True) if norm == 0)
+    zero = tuple(term for term, norm in zip(columns, norms, strict=True) if norm == 0)
     undetermined = {*zero, *(term for group in groups for term in group.terms)}
-    coefficients[[i for i, term in enumerate(wanted) if term in undetermined]] = np.nan
+    coefficients[[i for i, term in enumerate(columns) if term in undetermined]] = np.nan
     singular = np.linalg.svd(triangle, compute_uv=False) if kept else np.ones(1)
     return AxisFit(
         axis=axis,
-        terms=wanted,
+        terms=columns,
         coefficients=coefficients,
         solution=solution,
         standard_errors=standard_errors,
@@ -374,7 +374,7 @@ def _groups(
             members |= group_of.get(other, set())
         for member in members:
             group_of[member] = members
-    found = []
+    groups = []
     for members in {id(group): group for group in group_of.values()}.values():
         combinations = []
         for row, term in enumerate(kept):
@@ -389,7 +389,7 @@ def _groups(
                         {terms[term]: 1.0, **shares}, float(solution[term]), float(errors[term])
                     )
                 )
-        found.append(
+        groups.append(
             InseparableGroup(tuple(terms[i] for i in sorted(members)), tuple(combinations))
         )
-    return tuple(sorted(found, key=lambda group: terms.index(group.terms[0])))
+    return tuple(sorted(groups, key=lambda group: terms.index(group.terms[0])))

@@ -48,11 +48,13 @@ def posterior(
         weight = noise / (relative_sd * abs(mean))
         row[factor.columns.index(term)], row[factor.columns.index(fit.axis)] = weight, weight * mean
     names = [term for term in fit.terms if term in factor.terms]
-    found = solve_axis(factor.with_rows(rows), fit.axis, names, trim=trim)
-    columns = [factor.columns.index(term) for term in found.terms]
-    residual = factor.R[:, factor.columns.index(fit.axis)] - factor.R[:, columns] @ found.solution
-    found = replace(found, sse=float(residual @ residual), j0=fit.j0)
-    return found, _covariance(found, fit, covariance, factor.R[:, columns], rows[:, columns], noise)
+    result = solve_axis(factor.with_rows(rows), fit.axis, names, trim=trim)
+    columns = [factor.columns.index(term) for term in result.terms]
+    residual = factor.R[:, factor.columns.index(fit.axis)] - factor.R[:, columns] @ result.solution
+    result = replace(result, sse=float(residual @ residual), j0=fit.j0)
+    return result, _covariance(
+        result, fit, covariance, factor.R[:, columns], rows[:, columns], noise
+    )
 
 
 def _inflation(fit: AxisFit, covariance: Array) -> float:
@@ -63,14 +65,14 @@ def _inflation(fit: AxisFit, covariance: Array) -> float:
 
 
 def _covariance(
-    found: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float
+    result: AxisFit, fit: AxisFit, covariance: Array, data: Array, rows: Array, noise: float
 ) -> Array:
     """Return (X'X + P'P)^-1 [S + noise^2 P'P] (X'X + P'P)^-1.
 
     S is the moment of the scores that gave `covariance`, white where it gave none.
     """
     kept, own = (
-        list(found.independent),
+        list(result.independent),
         np.array([i for i in fit.independent if np.isfinite(covariance[i, i])], dtype=int),
     )
     gram, prior = data.T @ data, rows.T @ rows
@@ -79,9 +81,9 @@ def _covariance(
         cell = np.ix_(own, own)
         middle[cell] = gram[cell] @ covariance[cell] @ gram[cell]
     middle = middle + noise**2 * prior
-    scale = found.column_norms[kept]
-    bread = cho_solve((found.scaled_triangle, False), np.eye(len(kept))) / np.outer(scale, scale)
-    full = np.full((len(found.terms), len(found.terms)), np.nan)
+    scale = result.column_norms[kept]
+    bread = cho_solve((result.scaled_triangle, False), np.eye(len(kept))) / np.outer(scale, scale)
+    full = np.full((len(result.terms), len(result.terms)), np.nan)
     cell = np.ix_(kept, kept)
     full[cell] = bread @ middle[cell] @ bread
     return full

@@ -87,7 +87,7 @@ def fit_bias_linear(
     t, values = _checked(t_s, rate)
     target = np.asarray(measured, dtype=np.float64).reshape(len(t), -1)
     path = integrate(t, values).reshape(len(t), -1)
-    given = (
+    fixed = (
         None
         if initial is None
         else np.broadcast_to(np.asarray(initial, dtype=np.float64), target.shape[1:])
@@ -97,14 +97,14 @@ def fit_bias_linear(
         keep = np.isfinite(target[:, column])
         design = (
             -(t - t[0])[keep, None]
-            if given is not None
+            if fixed is not None
             else np.column_stack([t[0] - t, np.ones_like(t)])[keep]
         )
-        y = target[keep, column] - path[keep, column] - (0.0 if given is None else given[column])
+        y = target[keep, column] - path[keep, column] - (0.0 if fixed is None else fixed[column])
         parts.append(_regress(t[keep], design[:, None, :], y[:, None]))
     bias, std = np.array([p[0][0] for p in parts]), np.array([p[1][0] for p in parts])
-    start = np.array([p[0][1] for p in parts]) if given is None else np.array(given)
-    start_std = np.array([p[1][1] for p in parts]) if given is None else np.full(len(parts), np.nan)
+    start = np.array([p[0][1] for p in parts]) if fixed is None else np.array(fixed)
+    start_std = np.array([p[1][1] for p in parts]) if fixed is None else np.full(len(parts), np.nan)
     return BiasFit(bias, start, std, start_std, np.array([p[2][0] for p in parts]))
 
 

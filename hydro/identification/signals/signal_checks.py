@@ -171,15 +171,15 @@ def attitude_difference(
     )
 
 
-def nearest(wanted: Array, there: Array) -> npt.NDArray[np.intp]:
-    """Return the indexes (n,) of the times `there` (m,) nearest to those `wanted` (n,).
+def nearest(times: Array, there: Array) -> npt.NDArray[np.intp]:
+    """Return the indexes (n,) of the times `there` (m,) nearest to `times` (n,).
 
     `there` increases.
     """
-    right = np.clip(np.searchsorted(there, wanted), 1, max(there.size - 1, 1))
+    right = np.clip(np.searchsorted(there, times), 1, max(there.size - 1, 1))
     right = np.minimum(right, there.size - 1)
     left = np.maximum(right - 1, 0)
-    return np.where(np.abs(there[left] - wanted) <= np.abs(there[right] - wanted), left, right)
+    return np.where(np.abs(there[left] - times) <= np.abs(there[right] - times), left, right)
 
 
 def thinned(indexes: npt.NDArray[np.intp], most: int = MOST_SAMPLES) -> npt.NDArray[np.intp]:
@@ -219,10 +219,10 @@ def attitude_jumps(
     An interval counts if the difference is more than 0.1 rad, five times what 90 % of
     the intervals disagree by, and what a slow gyro may miss between its samples.
     """
-    found = _turns(t_s, euler, t_gyro, gyro)
-    if found is None:
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    t, rows, _, _, unexplained, jumped = found
+    t, rows, _, _, unexplained, jumped = turns
     return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
 
 
@@ -238,10 +238,10 @@ def rate_agreement(
     the gyro. Jumps are counted over the whole record, as `attitude_jumps` finds them;
     the rest on every n-th interval of a long one.
     """
-    found = _turns(t_s, euler, t_gyro, gyro)
-    if found is None:
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
         return None
-    t, rows, expected, mean_rate, unexplained, jumped = found
+    t, rows, expected, mean_rate, unexplained, jumped = turns
     worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
     jump, jump_at = (
         (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
@@ -495,7 +495,7 @@ def response_lag(
     if end - start < 2.0 * DRIFT_S or count < 100:
         return None
     clock = middle - half + np.arange(-late, count - early) / rate_hz
-    given = _without_drift(
+    commands = _without_drift(
         np.stack([np.interp(clock, at, column) for column in inputs.T], axis=1), width
     )
     response = _without_drift(np.interp(clock[late : late + count], t, output), width)
@@ -504,7 +504,7 @@ def response_lag(
         return None
     lags = np.arange(early, late + 1)
     shares = np.array(
-        [_explained(given[late - lag : late - lag + count], response, total) for lag in lags]
+        [_explained(commands[late - lag : late - lag + count], response, total) for lag in lags]
     )
     return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 

@@ -234,14 +234,14 @@ class _Reinsch:
                 - 2.0 * np.log(freedom)
             )
 
-        found = []
+        lambdas = []
         for signal in groups:
             scores = [
                 score(point, signal, trace) for point, trace in zip(grid, traces, strict=True)
             ]
             best = int(np.argmin(scores))
             bounds = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-            found.append(
+            lambdas.append(
                 float(
                     np.exp(
                         minimize_scalar(
@@ -254,7 +254,7 @@ class _Reinsch:
                     )
                 )
             )
-        return np.full(y.shape[1], found[0]) if shared else np.array(found)
+        return np.full(y.shape[1], lambdas[0]) if shared else np.array(lambdas)
 
 
 def _checked(t_s: ArrayLike, y: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array, Array]:
