@@ -42,18 +42,14 @@ class Field:
 
 @dataclass(frozen=True)
 class Schema:
-    """An artefact's schema: `columns` for tables, `fields` (raw mapping) for documents,
-    `suffix` for bytes.
-    """
+    """What an artefact is: its `columns` for tables, the `suffix` of its file."""
 
     name: str
     kind: Kind
     meaning: str
     columns: Mapping[str, Field] = field(default_factory=dict)
-    fields: Mapping[str, Any] = field(default_factory=dict)
     suffix: str = ""
     clock: str | None = None
-    extra: bool = False
 
 
 def expand_braces(name: str) -> list[tuple[str, tuple[str, ...]]]:
@@ -111,10 +107,8 @@ def schema(name: str) -> Schema:
         kind=raw["kind"],
         meaning=raw["meaning"],
         columns=columns,
-        fields=raw.get("fields", {}),
         suffix=raw.get("suffix", {"table": ".parquet", "document": ".json"}.get(raw["kind"], "")),
         clock=raw.get("clock"),
-        extra=bool(raw.get("extra", False)),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -9,27 +10,51 @@ if TYPE_CHECKING:
     from auvid.data_schemas.documents.model import Model
 
 MODELS = {
-    "vehicle": "vehicle.VehicleDocument",
-    "inertia": "inertia.InertiaDocument",
+    "apparatus": "documents.apparatus.ApparatusDocument",
+    "campaign": "documents.campaign.CampaignDocument",
+    "column_map": "documents.column_map.ColumnMapDocument",
+    "control_cases": "documents.control_cases.ControlCasesDocument",
+    "error_metrics": "records.models.ErrorMetrics",
+    "fusion": "records.motion.FusionRecord",
+    "health": "records.logs.HealthRecord",
+    "inertia": "documents.vehicle.InertiaDocument",
+    "leg": "documents.campaign.LegEntry",
+    "log_info": "records.logs.LogInfo",
+    "model_card": "records.models.ModelCard",
+    "plan": "documents.plan.PlanDocument",
+    "provenance": "records.report.Provenance",
+    "published_tables": "records.report.PublishedTables",
+    "published_values": "documents.published_values.PublishedValuesDocument",
+    "reproduction": "documents.reproduction.ReproductionDocument",
+    "results": "records.results.ResultsRecord",
+    "section": "records.report.SectionRecord",
+    "segment": "records.motion.SegmentRecord",
+    "simulation": "records.results.SimulationRecord",
+    "tolerances": "documents.tolerances.TolerancesDocument",
+    "triangular_factor": "records.models.FactorRecord",
+    "twin": "documents.twin.TwinDocument",
+    "vehicle": "documents.vehicle.VehicleDocument",
+    "views": "records.report.ViewsRecord",
 }
-"""Document -> its model in this folder."""
+"""Document -> its model, counted from data_schemas."""
 
 
 def model_of(name: str) -> type[Model]:
     """Return the model of a document; pydantic is not imported before."""
-    module, _, kind = MODELS[name].partition(".")
-    found: type[Model] = getattr(import_module(f"{__name__}.{module}"), kind)
+    module, _, kind = MODELS[name].rpartition(".")
+    found: type[Model] = getattr(import_module(f"auvid.data_schemas.{module}"), kind)
     return found
 
 
 def check_document(document: object, name: str, *, file: object = None) -> None:
-    """Raise all faults of a document together."""
+    """Raise all faults of a document together; tuples pass for lists."""
+    from auvid.data_schemas.documents.model import parse
+
     where = file if file is not None else f"document '{name}'"
-    if name in MODELS:
-        from auvid.data_schemas.documents.model import parse
+    parse(model_of(name), _plain(document), file=where)
 
-        parse(model_of(name), document, file=where)
-        return
-    from auvid.data_schemas.documents.yaml_schema import check_against_yaml
 
-    check_against_yaml(document, name, file=file)
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

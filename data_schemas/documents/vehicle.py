@@ -496,3 +496,20 @@ HULL_KEYS = {
     "stations": ("station_x", "station_radius"),
 }
 """What each shape of a hull needs."""
+
+
+class InertiaDocument(Model):
+    """Measured moments of inertia of a vehicle about its centre of gravity; a vehicle
+    file can name it.
+    """
+
+    vehicle: str
+    """Vehicle that was swung."""
+    source: str
+    """How it was measured."""
+    I_x: KilogramSquareMetres | None = None
+    """About the body x axis."""
+    I_y: KilogramSquareMetres | None = None
+    """About the body y axis."""
+    I_z: KilogramSquareMetres | None = None
+    """About the body z axis."""

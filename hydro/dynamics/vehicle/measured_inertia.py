@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from auvid.data_schemas.documents.inertia import InertiaDocument
 from auvid.data_schemas.documents.model import Quantity, Unit
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
 
 INERTIAS = ("I_x", "I_y", "I_z")
 

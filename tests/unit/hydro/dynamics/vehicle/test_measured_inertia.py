@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid.data_schemas.documents.inertia import InertiaDocument
 from auvid.data_schemas.documents.model import parse
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia

@@ -1,0 +1,109 @@
+"""The manifest of a campaign."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from auvid.data_schemas.documents.model import Model, Range
+
+
+class SimulateEntry(Model):
+    """Twin campaigns: logs and legs come from a plan that is flown."""
+
+    plan: str
+    """Path of the plan."""
+    truth: str | None = None
+    """Physics (default), the name of a model with published coefficients, refit:MODEL,
+    or the path of a model card (.json).
+    """
+    seed: Annotated[int, Range(0)] | None = None
+    """Seed of all noise; default 0."""
+    format: Literal["bin", "tlog", "csv"] | None = None
+    """Kind of log files; default bin."""
+    accelerometer: Literal["specific_force", "inertial"] | None = None
+    """What CSV logs hold; default specific_force."""
+
+
+class FileEntry(Model):
+    """Files."""
+
+    file: str
+    """Path."""
+    columns: str | None = None
+    """Column map."""
+    reader: str | None = None
+    """Force this reader."""
+
+
+class LogEntry(Model):
+    """Logs."""
+
+    id: str
+    """Short name."""
+    file: str | None = None
+    """Path of the log in the campaign folder."""
+    columns: str | None = None
+    """Column map of a CSV log."""
+    reader: str | None = None
+    """Force this reader."""
+    sources: dict[str, str] | None = None
+    """Stream -> source that replaces the preferred one."""
+    files: list[FileEntry] | None = None
+    """Several files of one log on one clock."""
+
+
+class LegEntry(Model):
+    """Legs."""
+
+    id: str
+    """Short name."""
+    log: str
+    """Id of its log."""
+    start_s: Annotated[float, Range(0)] | None = None
+    """Seconds from the first time-stamped record."""
+    end_s: Annotated[float, Range(0)] | None = None
+    """Seconds from the first time-stamped record."""
+    use: Literal["training", "validation"] | None = None
+    """Fit or judge."""
+    role: str | None = None
+    """Role in a bench campaign."""
+    channel: Literal["surge", "sway", "heave", "roll", "pitch", "yaw"] | None = None
+    """Excited channel."""
+    mass_kg: Annotated[float, Range(0)] | None = None
+    """Mass [kg] of the vehicle on this leg, where it is ballasted otherwise than the
+    vehicle file says.
+    """
+    inertia_kg_m2: Annotated[float, Range(0)] | None = None
+    """Moment of inertia [kg m^2] about the axis of the channel on this leg, likewise.
+    """
+
+
+class CampaignDocument(Model):
+    """The manifest of a campaign."""
+
+    kind: Literal["identification", "twin", "bench", "bench_twin", "control"]
+    """Selects the graph of stages."""
+    title: str | None = None
+    """One line for the report."""
+    notes: str | None = None
+    """What a reader of the report should know of the data."""
+    vehicle: str
+    """Name of a vehicle file or a path to one."""
+    simulate: SimulateEntry | None = None
+    """Twin campaigns: logs and legs come from a plan that is flown."""
+    apparatus: str | None = None
+    """Bench campaigns: path of the document of pendulums and timed oscillations."""
+    published: str | None = None
+    """Path of the document of published values that the results are held against."""
+    cases: str | None = None
+    """Control campaigns: path of the document of trajectories, weights, limits and
+    disturbances.
+    """
+    model: str | None = None
+    """Control campaigns: path of a model card (.json)."""
+    logs: list[LogEntry]
+    """The logs; a twin has none in its manifest."""
+    legs: list[LegEntry]
+    """The legs; a twin has those of its plan."""
+    stages: dict[str, dict[str, Any]] | None = None
+    """Parameters per stage that differ from params.yaml."""

@@ -1,0 +1,1 @@
+"""What stages hand on as JSON documents, each as a model."""

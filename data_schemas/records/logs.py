@@ -1,0 +1,146 @@
+"""What ingest says of a log."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from auvid.data_schemas.documents.model import Model
+
+
+class LogInfo(Model):
+    """What a log is and what was taken from it."""
+
+    log: str
+    """Id of the log in the campaign."""
+    files: list[dict[str, Any]]
+    """Per file: name, format, size_bytes, record_bytes, definition_bytes, skipped
+    (reason, bytes, count), status, seconds_lost.
+    """
+    status: Literal["complete", "truncated", "damaged"]
+    """The worst of its files."""
+    start_us: int
+    """Time of the first time-stamped record; legs count seconds from here."""
+    end_us: int
+    """Time of the last sample of any stream."""
+    utc_offset_us: int | None = None
+    """Add to time_us to get UTC microseconds since 1970; null where unknown."""
+    vehicle: str | None = None
+    """Vehicle and firmware as the log says."""
+    parameters: dict[str, Any]
+    """Parameters of the vehicle."""
+    accelerometer: Literal["specific_force", "inertial", "derivative"] | None = None
+    """What the accelerometer columns measure."""
+    streams: dict[str, dict[str, Any]]
+    """Per stream: source, alternatives, rows, rate_hz, start_us, end_us, longest_gap_s,
+    duration_s.
+    """
+    counts: dict[str, Any]
+    """Records per message type."""
+    notes: list[str]
+    """Sentences a user should read."""
+
+
+class FindingRecord(Model):
+    """Findings."""
+
+    id: str
+    """Name of the check (docs/checks.md)."""
+    severity: Literal["error", "warning", "note"]
+    """How much it matters."""
+    stream: str | None
+    """The stream it concerns."""
+    text: str
+    """One sentence with the measured value and its unit."""
+    value: float | None
+    """The measured value."""
+    threshold: float | None
+    """The limit of the check."""
+    unit: str
+    """Unit of value and threshold."""
+    remedy: str
+    """What to do."""
+    at_s: float | None = None
+    """When, from the first time-stamped record; null for what concerns the whole log.
+    """
+
+
+class StreamRecord(Model):
+    """Streams."""
+
+    source: str
+    """Message it was taken from."""
+    others: list[str]
+    """Other sources that the log has."""
+    refused: list[str]
+    """Sources that the log has and that cannot be used."""
+    rows: int
+    """Usable samples."""
+    rejected: int
+    """Rejected samples."""
+    rate_hz: float | None
+    """Mean rate without pauses."""
+    jitter_s: float | None
+    """Half the range of the steps from the 5th to the 95th percentile."""
+    longest_gap_s: float
+    """Longest step."""
+
+
+class CapabilityRecord(Model):
+    """Capabilities."""
+
+    name: str
+    """Stage or method."""
+    possible: bool
+    """Whether it can run."""
+    reason: str
+    """Why not."""
+
+
+class ExcitationRecord(Model):
+    """Excitation."""
+
+    rms: float | None
+    """Root mean square; null where nothing measures the axis."""
+    low: float | None
+    """Smallest value."""
+    high: float | None
+    """Largest value."""
+    threshold: float
+    """RMS from which on the axis counts as excited."""
+    share_beyond: float | None
+    """Share of the samples beyond the threshold."""
+    unit: str
+    """Unit."""
+    source: str
+    """What it was taken from."""
+    excited: bool
+    """Whether the RMS lies above the threshold."""
+
+
+class HealthRecord(Model):
+    """The health of one log, what is wrong with it and what it can be used for."""
+
+    log: str
+    """Id of the log."""
+    vehicle: str | None = None
+    """Vehicle and firmware as the log says."""
+    formats: list[str]
+    """Formats of its files."""
+    bytes: int
+    """Size of its files."""
+    status: Literal["complete", "truncated", "damaged"]
+    """The worst of its files."""
+    duration_s: float
+    """From the first time-stamped record to the last sample."""
+    verdict: str
+    """What the log can be used for in one sentence."""
+    findings: list[FindingRecord]
+    """What was found, the severe first."""
+    streams: dict[str, StreamRecord]
+    """The streams that the log has."""
+    capabilities: list[CapabilityRecord]
+    """What can be done with the log."""
+    excitation: dict[str, ExcitationRecord]
+    """Motion per axis: u v w p q r."""
+    notes: list[str]
+    """What the reader and the mapping say."""

@@ -1,0 +1,139 @@
+"""What synthesis and validation hand on."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from auvid.data_schemas.documents.model import Model
+
+
+class TermCard(Model):
+    """Terms."""
+
+    term: str
+    """Basis term."""
+    unit: str
+    """SI unit of the coefficient, as N s^2/m^2."""
+    value: float | None = None
+    """Coefficient in that unit; null where the data determine none."""
+    standard_error: float | None = None
+    """Standard error for coloured residuals."""
+    verdict: Literal["identified", "weak", "not excited", "inseparable", "not applicable"]
+    """What the data say."""
+    inseparable_from: list[str] | None = None
+    """Terms it cannot be told from."""
+
+
+class CovarianceCard(Model):
+    """Covariance of the coefficients for coloured residuals: terms, and the rows of the
+    lower triangle.
+    """
+
+    terms: list[str]
+    """Terms that carry a number."""
+    lower: list[list[Any]]
+    """Rows of the lower triangle in SI."""
+
+
+class AxisCard(Model):
+    """Axes."""
+
+    unit: str
+    """Unit of the axis."""
+    samples: int
+    """Training samples."""
+    rank: int
+    """Rank decided on scaled columns."""
+    condition: float | None = None
+    """Condition of the scaled columns."""
+    j0: float
+    """RMS of tau_bar on training."""
+    j: float
+    """RMS of the error on training."""
+    excitation: Literal["excited", "weak", "not excited"]
+    """Whether the training legs move this axis."""
+    terms: list[TermCard]
+    """Coefficients."""
+    covariance: CovarianceCard
+    """Covariance of the coefficients for coloured residuals: terms, and the rows of the
+    lower triangle.
+    """
+    combinations: list[dict[str, Any]]
+    """What the data determine of inseparable terms: weights per term and value."""
+
+
+class PriorCard(Model):
+    """The prior on coefficients, where one was used; verdicts stay those of the data
+    alone.
+    """
+
+    source: Literal["strip_theory"]
+    """Where the means come from."""
+    relative_sd: float
+    """Standard deviation as a share of each mean."""
+    means: dict[str, dict[str, Any]]
+    """Per axis, term -> mean in SI."""
+
+
+class ModelCard(Model):
+    """One identified viscous model."""
+
+    name: str
+    """Name of the model."""
+    title: str
+    """Name as printed."""
+    vehicle: str
+    """The vehicle."""
+    source: str
+    """Where the model form comes from."""
+    n_bar: int
+    """Number of terms fitted."""
+    n_bar_declared: int
+    """Number of terms of the model as declared."""
+    rank: int
+    """Number of coefficients that the data determine."""
+    samples: int
+    """Training samples."""
+    trim: bool
+    """Whether a constant force per axis was fitted."""
+    velocity_errors: bool | None = None
+    """Whether standard errors and covariance allow for errors of the velocities;
+    absent: no.
+    """
+    assumed: list[str]
+    """Figures of the vehicle that are assumed."""
+    axes: dict[str, AxisCard]
+    """Per axis: rms_N (J0), residual_rms (J), terms."""
+    not_applicable: list[str]
+    """Terms left out because the vehicle has no propeller speed."""
+    conditions: dict[str, Any]
+    """Range of u v w p q r in training."""
+    solution: dict[str, dict[str, Any]]
+    """Per axis, term -> value used for prediction (minimum norm on inseparable groups).
+    """
+    prior: PriorCard | None = None
+    """The prior on coefficients, where one was used; verdicts stay those of the data
+    alone.
+    """
+
+
+class ErrorMetrics(Model):
+    """J and J/J0 as nested figures, for `dvc metrics`."""
+
+    training: dict[str, dict[str, Any]]
+    """Model -> {J, ratio, per axis ratios}."""
+    validation: dict[str, dict[str, Any]]
+    """The same on validation."""
+
+
+class FactorRecord(Model):
+    """The triangular factor of the training data, from which every least-squares model
+    follows.
+    """
+
+    terms: list[str]
+    """Basis columns."""
+    samples: int
+    """Rows that went in."""
+    factor: list[list[Any]]
+    """Rows of the upper triangle."""

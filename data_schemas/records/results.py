@@ -1,0 +1,62 @@
+"""Named figures of bench, control and simulation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from auvid.data_schemas.documents.model import Model
+
+
+class ResultRow(Model):
+    """Rows."""
+
+    quantity: str
+    """Name of the figure, unique in this document (m - X_udot, I_x, rms cross-track
+    ...).
+    """
+    value: float | None
+    """Null where the data determine none."""
+    unit: str
+    """Unit of the figure."""
+    standard_error: float | None = None
+    """Standard error."""
+    low: float | None = None
+    """Lower end of the 95 % interval."""
+    high: float | None = None
+    """Upper end of the 95 % interval."""
+    verdict: str | None = None
+    """What the data say: identified, weak, not persistently exciting ..."""
+    note: str | None = None
+    """Condition or reason in one sentence."""
+    headline: bool | None = None
+    """Whether the first screen of the report shows it."""
+
+
+class ResultsRecord(Model):
+    """What a bench or control stage found, as named figures that the first page shows
+    and that published values are held against.
+    """
+
+    title: str
+    """What the figures belong to."""
+    rows: list[ResultRow]
+    """One figure each."""
+
+
+class SimulationRecord(Model):
+    """What a twin flew, leg by leg."""
+
+    plan: str
+    """Title of the plan."""
+    truth: str
+    """The viscous truth and its source."""
+    coefficients: dict[str, dict[str, Any]] | None = None
+    """Coefficients of a truth that has them: axis, term, value in SI."""
+    seed: int
+    """Seed of all noise."""
+    format: str
+    """Kind of log files."""
+    legs: list[dict[str, Any]]
+    """Per leg: id, rpm, level_speed_m_s, start_s, end_s (null if it was never reached),
+    stopped (null or why), biases.
+    """
