@@ -66,11 +66,11 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
             )
             file = RawFile(f"{experiment.id}.BIN", np.frombuffer(content, np.uint8))
             log = ingest.run(
-                ingest.Inputs(RawLog(experiment.id, (file,)), None, document), ingest.Params()
+                ingest.Inputs(RawLog(experiment.id, (file,)), None, vehicle), ingest.Params()
             )
             streams = (log.velocity, log.imu, log.attitude, log.depth, log.actuators, log.battery)
             found = rlse.run(
-                rlse.Inputs(legs[experiment.id], log.log_info, document, *streams), rlse.Params()
+                rlse.Inputs(legs[experiment.id], log.log_info, vehicle, *streams), rlse.Params()
             )
             assert found.results is not None
             yield (

@@ -464,6 +464,18 @@ def vehicles() -> None:
     print_vehicles()
 
 
+@app.command(epilog="Example: auvid schema campaign > campaign.schema.json")
+def schema(
+    name: Annotated[
+        str | None, typer.Argument(metavar="DOCUMENT", help="campaign, vehicle, column_map ...")
+    ] = None,
+) -> None:
+    """Print the JSON schema of a document, for editors; without a name, list them."""
+    from auvid.pipeline.commands.schema import print_schema
+
+    print_schema(name)
+
+
 @app.command(epilog="Example: auvid coefficients hauv --set as_printed")
 def coefficients(
     vehicle: Annotated[

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from auvid.pipeline import cli
 from auvid.stages import simulate
 from auvid.stages.simulate.bench_plans import bench_entries
+from tests.support.motions import shipped_vehicle
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
@@ -95,7 +96,7 @@ def test_bench_of_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     )
     (campaign / "campaign.yaml").write_text(manifest, encoding="utf-8")
     (campaign / "apparatus.yaml").write_text(apparatus, encoding="utf-8")
-    vehicle = yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
+    vehicle = shipped_vehicle("thaus")
     twin = {
         "plan": PLAN,
         "truth": {"kind": "physics", "name": "physics", "source": "plan"},

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.hydro.control.plants import card_coefficients
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
+from tests.support.motions import shipped_vehicle
 
 ROOT = Path(__file__).parents[2]
 CARD = ROOT / "campaigns/hauv_redesign/prestero.json"
@@ -52,9 +52,7 @@ def test_card_of_the_redesign_is_what_the_chain_finds_in_the_logs(
 def test_card_of_the_redesign_has_the_coefficients_that_carry_the_motion() -> None:
     card = json.loads(CARD.read_text(encoding="utf-8"))
     found, _ = card_coefficients(card)
-    true = hybrid_vehicle(
-        yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8")), "as_simulated"
-    )
+    true = hybrid_vehicle(shipped_vehicle("hauv"), "as_simulated")
     for axis, (term, share) in LARGEST.items():
         flown = float(np.asarray(true.viscous)["XYZKMN".index(axis), true.terms.index(term)])
         assert found[axis][term] == pytest.approx(flown, rel=share), (axis, term)

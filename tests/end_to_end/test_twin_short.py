@@ -39,8 +39,9 @@ from tests.support.campaign_runs import (
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
-DOCUMENT = yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-VT690 = vehicle_from_document(DOCUMENT)
+VT690 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+)
 TAU_BAR = force_columns("tau_bar")
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 INTEGRATED = {"resample": {"smoothing": "none"}, "fuse": {"method": "thesis", "cutoff_hz": None}}
@@ -167,7 +168,7 @@ def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
         "format": "csv",
         "accelerometer": "specific_force",
     }
-    outputs = simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
+    outputs = simulate.run(simulate.Inputs(VT690, twin), simulate.Params())
     model, _ = refit(name, plan_from_document(document, VT690), VT690)
     assert outputs.simulation["coefficients"] == model.coefficients
     return {axis: dict(terms) for axis, terms in model.coefficients.items()}, list(

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli
-from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
@@ -31,6 +31,7 @@ from tests.support.toy_stages import write_campaign
 LOOKING = ("inspect", "diff", "history")
 COMMANDS = (
     "coefficients",
+    "schema",
     "run",
     "report",
     *LOOKING,
@@ -242,7 +243,7 @@ def test_new_refuses_to_overwrite(
     assert code == 0
     assert "auvid run example" in out
     log = (target / "campaigns" / "example" / "logs" / "synthetic_run.csv").read_bytes()
-    assert log == example_log(load_yaml(TEMPLATES / "vehicles" / "example_rov.yaml").value)
+    assert log == example_log(load_vehicle(TEMPLATES / "vehicles" / "example_rov.yaml").vehicle)
     (target / "params.yaml").write_text("mine")
     code, _, err = auvid(monkeypatch, capsys, "new", str(target))
     assert code == 1

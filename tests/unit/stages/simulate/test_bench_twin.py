@@ -25,8 +25,9 @@ from auvid.stages.simulate.bench_plans import bench_entries, bench_plan, output_
 from auvid.stages.simulate.csv_writer import column_maps
 
 ROOT = Path(__file__).parents[4]
-DOCUMENT = yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
-THAUS = vehicle_from_document(DOCUMENT)
+THAUS = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
+)
 APPARATUS = yaml.safe_load(
     (ROOT / "campaigns/thaus_twin/apparatus.yaml").read_text(encoding="utf-8")
 )
@@ -87,7 +88,7 @@ def run(
         "format": format,
     }
     return simulate.run(
-        simulate.Inputs(DOCUMENT, {**twin, "accelerometer": "specific_force"}, apparatus),
+        simulate.Inputs(THAUS, {**twin, "accelerometer": "specific_force"}, apparatus),
         simulate.Params(),
     )
 
@@ -108,7 +109,7 @@ def streams(request: pytest.FixtureRequest) -> dict[str, ingest.Outputs]:
             for item in files
         ]
         found[log["id"]] = ingest.run(
-            ingest.Inputs(RawLog(log["id"], tuple(raw)), None, DOCUMENT), ingest.Params()
+            ingest.Inputs(RawLog(log["id"], tuple(raw)), None, THAUS), ingest.Params()
         )
     return found
 
@@ -249,7 +250,7 @@ def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
             "legs": [],
         }
         section = ingest.run(
-            ingest.Inputs(RawLog("decay", (file,)), campaign, DOCUMENT), ingest.Params()
+            ingest.Inputs(RawLog("decay", (file,)), campaign, THAUS), ingest.Params()
         ).section
         told[kind] = " ".join(
             block["text"] for block in section["blocks"] if block["kind"] == "remark"

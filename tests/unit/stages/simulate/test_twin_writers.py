@@ -38,8 +38,9 @@ from auvid.stages.simulate.plans import (
 from auvid.stages.simulate.sensing import record
 
 ROOT = Path(__file__).parents[4]
-DOCUMENT = yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-VT690 = vehicle_from_document(DOCUMENT)
+VT690 = vehicle_from_document(
+    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+)
 PHYSICS = {"kind": "physics", "name": "physics", "source": "flow physics"}
 ACCELEROMETER = {"accel_sd_m_s2": 0.03, "accel_bias_sd_m_s2": 0.15}
 PLAN: dict[str, Any] = {
@@ -75,7 +76,7 @@ def run(
         "accelerometer": "specific_force",
         **more,
     }
-    return simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
+    return simulate.run(simulate.Inputs(VT690, twin), simulate.Params())
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ def ingested(
         if format == "csv"
         else [raw(log_name("yaw", format))]
     )
-    return ingest.run(ingest.Inputs(RawLog("yaw", tuple(files)), None, DOCUMENT), ingest.Params())
+    return ingest.run(ingest.Inputs(RawLog("yaw", tuple(files)), None, VT690), ingest.Params())
 
 
 @pytest.mark.parametrize("format", ["bin", "tlog", "csv"])
@@ -311,11 +312,8 @@ def test_what_a_twin_cannot_do_is_refused_before_it_flies(
     plan = tmp_path / "plan.yaml"
     plan.write_text(yaml.safe_dump(dict(PLAN)), encoding="utf-8")
     file = ROOT / "vehicles/vt690.yaml"
-    vehicle = yaml.safe_load(file.read_text(encoding="utf-8"))
     with pytest.raises(CampaignError, match=words):
-        load_twin(
-            entry, vehicle, plan=plan, vehicle_file=file, folder=tmp_path, file="campaign.yaml"
-        )
+        load_twin(entry, VT690, plan=plan, vehicle_file=file, folder=tmp_path, file="campaign.yaml")
 
 
 def test_manifest_of_a_plan() -> None:

@@ -25,8 +25,7 @@ from auvid.stages import simulate
 from auvid.stages.columns import VELOCITY, force_columns
 
 VEHICLE_FILE = Path(__file__).parents[5] / "vehicles/vt690.yaml"
-DOCUMENT = yaml.safe_load(VEHICLE_FILE.read_text(encoding="utf-8"))
-VT690 = vehicle_from_document(DOCUMENT)
+VT690 = vehicle_from_document(yaml.safe_load(VEHICLE_FILE.read_text(encoding="utf-8")))
 PUBLISHED = published_coefficients(VEHICLE_FILE)
 
 
@@ -47,7 +46,7 @@ def fly(name: str, duration_s: float, *, settle_s: float = 2) -> simulate.Output
         "format": "csv",
         "accelerometer": "specific_force",
     }
-    return simulate.run(simulate.Inputs(DOCUMENT, twin), simulate.Params())
+    return simulate.run(simulate.Inputs(VT690, twin), simulate.Params())
 
 
 def test_there_are_eight() -> None:
