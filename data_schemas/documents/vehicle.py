@@ -463,12 +463,12 @@ class VehicleDocument(Model):
     """The point of the vehicle that arms and centres count from."""
     notes: str | None = None
     """What a reader of the report should know."""
+    environment: EnvironmentEntry
+    """Water and gravity."""
     rigid_body: RigidBodyEntry
     """Mass, buoyancy and inertia."""
     added_mass: AddedMassEntry
     """Upper triangle of M_A = [X_udot ...] <= 0; what is not given is 0."""
-    environment: EnvironmentEntry
-    """Water and gravity."""
     actuators: ActuatorsEntry
     """At least one of propeller, fins, thrusters."""
     sensors: SensorsEntry = SensorsEntry()

@@ -5,7 +5,7 @@ model cards. Seeded; nothing is physical.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,7 +48,7 @@ class ExampleRun:
     """
 
     campaign: dict[str, Any] = field(default_factory=dict)
-    vehicle: Vehicle = field(default_factory=lambda: _vehicle())
+    vehicle: Vehicle = field(default_factory=lambda: example_vehicle())
     logs: dict[str, dict[str, Any]] = field(default_factory=dict)
     segments: dict[str, dict[str, Any]] = field(default_factory=dict)
     fused: dict[str, pa.Table] = field(default_factory=dict)
@@ -117,7 +117,7 @@ def example_run(seconds: Mapping[str, float] | None = None) -> ExampleRun:
     every kind of block.
     """
     lengths = dict(seconds or {"train": 90.0, "check": 40.0})
-    run = ExampleRun(campaign=_campaign(), vehicle=_vehicle())
+    run = ExampleRun(campaign=_campaign(), vehicle=example_vehicle())
     start = 0.0
     for name, length in lengths.items():
         run.segments[name] = _segment(
@@ -154,15 +154,21 @@ def _campaign() -> dict[str, Any]:
     }
 
 
-def _vehicle() -> Vehicle:
+def example_vehicle(**assumed: object) -> Vehicle:
+    """Return a vehicle of which the mass and these values are assumed; __ parts keys."""
     document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
-    for place, item in assumed_quantities(parse(VehicleDocument, document)):
-        part = document
-        for key in place:
-            part = part[key]
-        part["assumed"] = place == ("rigid_body", "mass")
+    for place, _ in assumed_quantities(parse(VehicleDocument, document)):
+        _part(document, place)["assumed"] = False
     document["title"] = "BlueROV2 Heavy"
+    for name, value in {"rigid_body__mass": 13.5, **assumed}.items():
+        _part(document, name.split("__")).update(value=value, assumed=True)
     return vehicle_from_document(document)
+
+
+def _part(document: dict[str, Any], place: Sequence[str]) -> dict[str, Any]:
+    for key in place:
+        document = document[key]
+    return document
 
 
 def _log(seconds: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -142,7 +143,8 @@ def test_verdict_and_model_cells_are_marked() -> None:
 
 def hostile_run() -> ExampleRun:
     made = example_run({"train": 4.0, "check": 2.0})
-    made.campaign["title"] = made.campaign["notes"] = made.vehicle["title"] = HOSTILE
+    made.campaign["title"] = made.campaign["notes"] = HOSTILE
+    made.vehicle = replace(made.vehicle, title=HOSTILE)
     made.logs["dive"]["notes"] = [HOSTILE]
     made.logs["dive"]["files"][0]["name"] = HOSTILE
     made.cards["linear"]["title"] = HOSTILE

@@ -127,7 +127,12 @@ def test_quaternions_turn_as_the_euler_angles_do() -> None:
 
 def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
     summary = summarise(
-        made.cards, made.error_table(), made.segments, made.logs, made.sections, made.vehicle
+        made.cards,
+        made.error_table(),
+        made.segments,
+        made.logs,
+        made.sections,
+        made.vehicle.document,
     )
     words = markdown(
         "A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments

@@ -11,7 +11,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.presentation import remark
 from auvid.stages.report.summary.model_summary import summarise
-from tests.support.example_run import AXES, MODELS, ExampleRun, example_run
+from tests.support.example_run import AXES, MODELS, ExampleRun, example_run, example_vehicle
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def summary_of(run: ExampleRun) -> Summary:
         run.segments,
         run.logs,
         run.sections,
-        run.vehicle,
+        run.vehicle.document,
     )
 
 
@@ -106,20 +106,12 @@ def test_without_error_table_the_page_says_so(run: ExampleRun) -> None:
 
 
 def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRun) -> None:
-    figures = {
-        "inertia": [[0.26, 0, 0], [0, 0.23, 0], [0, 0, 0.37]],
-        "centre_of_gravity": [0, 0, -0.01],
-        "displaced_mass": 13.5,
-    }
-    run.vehicle["rigid_body"] |= {
-        name: {"value": value, "unit": "kg*m^2", "assumed": True} for name, value in figures.items()
-    }
-    run.vehicle["actuators"] = {
-        "thrusters": {
-            "thrust_curve": {"force": {"value": [1.0] * 25, "unit": "N", "assumed": True}}
-        }
-    }
-    run.vehicle["sensors"] = {"dvl": {"lag": {"value": 0.15, "unit": "s", "source": "measured"}}}
+    run.vehicle = example_vehicle(
+        rigid_body__inertia=[[0.26, 0, 0], [0, 0.23, 0], [0, 0, 0.37]],
+        rigid_body__centre_of_gravity=[0, 0, -0.01],
+        rigid_body__displaced_mass=13.5,
+        actuators__thrusters__thrust_curve__force=[1.0] * 25,
+    )
     text = "\n".join(summary_of(run).missing)
     assert "do not excite roll (K) and pitch (M): damping there is not determined" in text
     assert "hardly excite yaw (N)" in text
@@ -128,8 +120,9 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
         " apart" in text
     )
     assert "5 figures assumed, not measured" in text
-    assert "rigid body: mass 13.5 kg, inertia diag(0.26, 0.23, 0.37) kg m²" in text
-    assert "centre of gravity [0, 0, −0.01] kg m²" in text
+    assert "rigid body: mass 13.5 kg, displaced mass 13.5 kg" in text
+    assert "inertia diag(0.26, 0.23, 0.37) kg m²" in text
+    assert "centre of gravity [0, 0, −0.01] m" in text
     assert "; thrust curve: force." in text
     assert "dvl" not in text
     assert "Log dive is truncated: 0.4 s are lost." in text
@@ -159,7 +152,13 @@ def test_model_that_cannot_be_simulated_is_said(run: ExampleRun, diverged: int, 
         },
     )
     missing = summarise(
-        run.cards, run.error_table(), run.segments, run.logs, run.sections, run.vehicle, table
+        run.cards,
+        run.error_table(),
+        run.segments,
+        run.logs,
+        run.sections,
+        run.vehicle.document,
+        table,
     ).missing
     words = (
         "Simulated by itself from measured states, Coe leaves all bounds in 3 of 6 runs of 10 s,"
