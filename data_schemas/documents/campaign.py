@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
 
@@ -105,5 +105,5 @@ class CampaignDocument(Model):
     """The logs; a twin has none in its manifest."""
     legs: list[LegEntry]
     """The legs; a twin has those of its plan."""
-    stages: dict[str, dict[str, Any]] | None = None
+    stages: dict[str, dict[str, object]] | None = None
     """Parameters per stage that differ from params.yaml."""

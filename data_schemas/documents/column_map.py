@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
@@ -16,7 +16,7 @@ class TimeEntry(Model):
     """Unit, or iso8601 for text."""
     epoch: Literal["boot", "unix", "arbitrary"] | None = None
     """What zero means; default boot."""
-    start: Any = None
+    start: object = None
     """Value of the time column from which legs count their seconds (a number in the
     unit of the column, or text); default the first row.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
@@ -12,60 +12,60 @@ class OpenLoopEntry(Model):
 
     title: str | None = None
     """Heading."""
-    duration: dict[str, Any] | None = None
+    duration: dict[str, object] | None = None
     """How long is flown."""
-    thrust: dict[str, Any] | None = None
+    thrust: dict[str, object] | None = None
     """Default 0."""
-    rudder: dict[str, Any] | None = None
+    rudder: dict[str, object] | None = None
     """Default 0."""
-    stern_right: dict[str, Any] | None = None
+    stern_right: dict[str, object] | None = None
     """Default 0."""
-    stern_left: dict[str, Any] | None = None
+    stern_left: dict[str, object] | None = None
     """Default 0."""
-    mass: dict[str, Any] | None = None
+    mass: dict[str, object] | None = None
     """Default neutral."""
-    mass_swing: dict[str, Any] | None = None
+    mass_swing: dict[str, object] | None = None
     """Amplitude of a sine about the mass."""
-    mass_period: dict[str, Any] | None = None
+    mass_period: dict[str, object] | None = None
     """Period of that sine."""
-    statements: dict[str, dict[str, Any]] | None = None
+    statements: dict[str, dict[str, object]] | None = None
     """Quantity -> {value, tolerance} of the text."""
 
 
 class LimitsEntry(Model):
     """What the actuators and the path may."""
 
-    fins: dict[str, Any]
+    fins: dict[str, object]
     """Largest deflection."""
-    fin_rate: dict[str, Any]
+    fin_rate: dict[str, object]
     """Fastest motion of a fin."""
-    thrust_rate: dict[str, Any] | None = None
+    thrust_rate: dict[str, object] | None = None
     """Fastest change of thrust of a hybrid vehicle."""
-    pitch: dict[str, Any]
+    pitch: dict[str, object]
     """Steepest pitch that a trajectory may ask for."""
 
 
 class WeightsEntry(Model):
     """Weights."""
 
-    Q: dict[str, Any]
+    Q: dict[str, object]
     """Weights of u v w p q r x y z phi theta psi."""
-    R: dict[str, Any]
+    R: dict[str, object]
     """Weights of the inputs."""
-    Q_Z: dict[str, Any]
+    Q_Z: dict[str, object]
     """Process noise of the augmented state in the Kalman filter."""
-    R_Z: dict[str, Any]
+    R_Z: dict[str, object]
     """Measurement noise in the Kalman filter."""
 
 
 class PoseEntry(Model):
     """Pose at an end of a Dubins path."""
 
-    position: dict[str, Any] | None = None
+    position: dict[str, object] | None = None
     """NED."""
-    heading: dict[str, Any] | None = None
+    heading: dict[str, object] | None = None
     """From north to east."""
-    pitch: dict[str, Any] | None = None
+    pitch: dict[str, object] | None = None
     """Nose up."""
 
 
@@ -74,27 +74,27 @@ class PathEntry(Model):
     pitch, tip_radius, legs; a Dubins path the rest.
     """
 
-    radius: dict[str, Any] | None = None
+    radius: dict[str, object] | None = None
     """Radius of the turns."""
-    pitch: dict[str, Any] | None = None
+    pitch: dict[str, object] | None = None
     """Pitch of the path, nose up; of a Dubins path the steepest."""
-    turns: dict[str, Any] | None = None
+    turns: dict[str, object] | None = None
     """Whole turns of a helix."""
     port: bool | None = None
     """Turns to port; default to starboard."""
-    leg: dict[str, Any] | None = None
+    leg: dict[str, object] | None = None
     """Length of the straight part of a tooth."""
-    tip_radius: dict[str, Any] | None = None
+    tip_radius: dict[str, object] | None = None
     """Radius of the tips."""
-    legs: dict[str, Any] | None = None
+    legs: dict[str, object] | None = None
     """How many."""
-    ramp: dict[str, Any] | None = None
+    ramp: dict[str, object] | None = None
     """Length over which the curvature rises; default 0, it jumps."""
-    start: dict[str, Any] | None = None
+    start: dict[str, object] | None = None
     """First point, NED; default the origin."""
-    heading: dict[str, Any] | None = None
+    heading: dict[str, object] | None = None
     """First heading; default 0."""
-    pitch_radius: dict[str, Any] | None = None
+    pitch_radius: dict[str, object] | None = None
     """Radius of the changes of pitch of a Dubins path."""
     first: PoseEntry | None = None
     """Pose at an end of a Dubins path."""
@@ -105,43 +105,43 @@ class PathEntry(Model):
 class WaitingEntry(Model):
     """Reference that waits; without it the reference keeps to the clock."""
 
-    lead: dict[str, Any] | None = None
+    lead: dict[str, object] | None = None
     """Distance behind it at which the reference stands still."""
-    catch_up: dict[str, Any] | None = None
+    catch_up: dict[str, object] | None = None
     """Time in which a delay is made up; default never."""
-    fastest: dict[str, Any] | None = None
+    fastest: dict[str, object] | None = None
     """Most times its speed; default 1.3."""
 
 
 class PoweredEntry(Model):
     """Second speed of a glide, on the propeller."""
 
-    speed: dict[str, Any] | None = None
+    speed: dict[str, object] | None = None
     """Speed on the propeller."""
     weights: str | None = None
     """Name of the weights; default those of the trajectory."""
-    on_distance: dict[str, Any] | None = None
+    on_distance: dict[str, object] | None = None
     """Distance beside the path at which the propeller starts."""
-    off_distance: dict[str, Any] | None = None
+    off_distance: dict[str, object] | None = None
     """Distance at which it stops."""
-    on_force: dict[str, Any] | None = None
+    on_force: dict[str, object] | None = None
     """Estimated horizontal force at which it starts."""
-    off_force: dict[str, Any] | None = None
+    off_force: dict[str, object] | None = None
     """Force at which it stops."""
 
 
 class ForceEntry(Model):
     """Force field in NED: constant + amplitude sin(rate t + phase), from start on."""
 
-    constant: dict[str, Any] | None = None
+    constant: dict[str, object] | None = None
     """Three components."""
-    amplitude: dict[str, Any] | None = None
+    amplitude: dict[str, object] | None = None
     """Three components."""
-    rate: dict[str, Any] | None = None
+    rate: dict[str, object] | None = None
     """Three angular rates."""
-    phase: dict[str, Any] | None = None
+    phase: dict[str, object] | None = None
     """Three phases."""
-    start: dict[str, Any] | None = None
+    start: dict[str, object] | None = None
     """When it starts; default 0."""
 
 
@@ -156,7 +156,7 @@ class FlightEntry(Model):
     """Reference by the clock whatever the trajectory says; default false."""
     force: ForceEntry | None = None
     """Force field in NED: constant + amplitude sin(rate t + phase), from start on."""
-    current: dict[str, Any] | None = None
+    current: dict[str, object] | None = None
     """Steady water current in NED."""
     redesign: bool | None = None
     """Whether the controllers designed on other models fly it too; default false."""
@@ -175,11 +175,11 @@ class TrajectoryEntry(Model):
     """Figures of the shape: a helix has radius, pitch, turns, port; a saw-tooth leg,
     pitch, tip_radius, legs; a Dubins path the rest.
     """
-    speed: dict[str, Any]
+    speed: dict[str, object]
     """Speed along the path."""
-    step: dict[str, Any]
+    step: dict[str, object]
     """Time between two questions to the controller."""
-    duration: dict[str, Any] | None = None
+    duration: dict[str, object] | None = None
     """How long is flown; default to the end of the path."""
     weights: str
     """Name of the weights."""
@@ -191,9 +191,9 @@ class TrajectoryEntry(Model):
     """Default target."""
     equilibrium: Literal["trimmed", "algorithm_1"] | None = None
     """Default trimmed."""
-    mass_change_over: dict[str, Any] | None = None
+    mass_change_over: dict[str, object] | None = None
     """Epsilon of (3.11); default 0.2 rad."""
-    transient: dict[str, Any] | None = None
+    transient: dict[str, object] | None = None
     """What the error figures leave out at the start; default 10 s."""
     waiting: WaitingEntry | None = None
     """Reference that waits; without it the reference keeps to the clock."""
@@ -212,9 +212,9 @@ class MonteCarloEntry(Model):
     """Name of a trajectory."""
     flight: str
     """Name of one of its flights."""
-    duration: dict[str, Any]
+    duration: dict[str, object]
     """How long is flown."""
-    relative_sd: dict[str, Any] | None = None
+    relative_sd: dict[str, object] | None = None
     """Relative standard deviation of every viscous coefficient where no card gives a
     covariance.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
 
@@ -33,7 +33,7 @@ class VariantEntry(Model):
     """What it is."""
     states: Literal["sensors", "truth"] | None = None
     """Where the state comes from; default sensors."""
-    stages: dict[str, dict[str, Any]] | None = None
+    stages: dict[str, dict[str, object]] | None = None
     """Parameters per stage that differ from params.yaml."""
 
 

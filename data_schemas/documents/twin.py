@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
 
@@ -25,7 +25,7 @@ class TwinDocument(Model):
     manifest names.
     """
 
-    plan: dict[str, Any]
+    plan: dict[str, object]
     """The plan (schema plan)."""
     truth: TruthEntry
     """The viscous force of the twin."""

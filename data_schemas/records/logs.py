@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
@@ -12,7 +12,7 @@ class LogInfo(Model):
 
     log: str
     """Id of the log in the campaign."""
-    files: list[dict[str, Any]]
+    files: list[dict[str, object]]
     """Per file: name, format, size_bytes, record_bytes, definition_bytes, skipped
     (reason, bytes, count), status, seconds_lost.
     """
@@ -26,15 +26,15 @@ class LogInfo(Model):
     """Add to time_us to get UTC microseconds since 1970; null where unknown."""
     vehicle: str | None = None
     """Vehicle and firmware as the log says."""
-    parameters: dict[str, Any]
+    parameters: dict[str, object]
     """Parameters of the vehicle."""
     accelerometer: Literal["specific_force", "inertial", "derivative"] | None = None
     """What the accelerometer columns measure."""
-    streams: dict[str, dict[str, Any]]
+    streams: dict[str, dict[str, object]]
     """Per stream: source, alternatives, rows, rate_hz, start_us, end_us, longest_gap_s,
     duration_s.
     """
-    counts: dict[str, Any]
+    counts: dict[str, object]
     """Records per message type."""
     notes: list[str]
     """Sentences a user should read."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
@@ -31,7 +31,7 @@ class CovarianceCard(Model):
 
     terms: list[str]
     """Terms that carry a number."""
-    lower: list[list[Any]]
+    lower: list[list[object]]
     """Rows of the lower triangle in SI."""
 
 
@@ -58,7 +58,7 @@ class AxisCard(Model):
     """Covariance of the coefficients for coloured residuals: terms, and the rows of the
     lower triangle.
     """
-    combinations: list[dict[str, Any]]
+    combinations: list[dict[str, object]]
     """What the data determine of inseparable terms: weights per term and value."""
 
 
@@ -71,7 +71,7 @@ class PriorCard(Model):
     """Where the means come from."""
     relative_sd: float
     """Standard deviation as a share of each mean."""
-    means: dict[str, dict[str, Any]]
+    means: dict[str, dict[str, object]]
     """Per axis, term -> mean in SI."""
 
 
@@ -106,9 +106,9 @@ class ModelCard(Model):
     """Per axis: rms_N (J0), residual_rms (J), terms."""
     not_applicable: list[str]
     """Terms left out because the vehicle has no propeller speed."""
-    conditions: dict[str, Any]
+    conditions: dict[str, object]
     """Range of u v w p q r in training."""
-    solution: dict[str, dict[str, Any]]
+    solution: dict[str, dict[str, object]]
     """Per axis, term -> value used for prediction (minimum norm on inseparable groups).
     """
     prior: PriorCard | None = None
@@ -120,9 +120,9 @@ class ModelCard(Model):
 class ErrorMetrics(Model):
     """J and J/J0 as nested figures, for `dvc metrics`."""
 
-    training: dict[str, dict[str, Any]]
+    training: dict[str, dict[str, object]]
     """Model -> {J, ratio, per axis ratios}."""
-    validation: dict[str, dict[str, Any]]
+    validation: dict[str, dict[str, object]]
     """The same on validation."""
 
 
@@ -135,5 +135,5 @@ class FactorRecord(Model):
     """Basis columns."""
     samples: int
     """Rows that went in."""
-    factor: list[list[Any]]
+    factor: list[list[object]]
     """Rows of the upper triangle."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
@@ -30,11 +30,11 @@ class SegmentRecord(Model):
     """Rate of the uniform clock."""
     lags_s: dict[str, float]
     """Lag taken off each sensor."""
-    smoothing: dict[str, Any]
+    smoothing: dict[str, object]
     """Per channel: how the spline was chosen (lambda, equivalent cutoff, noise
     estimate).
     """
-    gaps: list[dict[str, Any]]
+    gaps: list[dict[str, object]]
     """Gaps of the leg that split it."""
     notes: list[str]
     """Sentences a user should read."""
@@ -61,11 +61,11 @@ class FusionRecord(Model):
     """Width cut at either end."""
     integrated_sway_rms_m_s: float | None = None
     """RMS of integrated against measured sway."""
-    installation: dict[str, Any] | None = None
+    installation: dict[str, object] | None = None
     """Estimated arm and mounting of the velocity sensor, with standard deviations and
     what the data determine.
     """
-    current: dict[str, Any] | None = None
+    current: dict[str, object] | None = None
     """Water current, where it was asked for: verdict (observable, not observable),
     reason, ned_m_s, sd_m_s.
     """

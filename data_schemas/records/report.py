@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
 
@@ -10,11 +10,11 @@ from auvid.data_schemas.documents.model import Model, Range
 class Provenance(Model):
     """Where the results come from; the runner makes it."""
 
-    logs: dict[str, list[Any]]
+    logs: dict[str, list[object]]
     """Log -> its files with name and content hash."""
     vehicle: str
     """Hash of the vehicle document."""
-    stages: dict[str, dict[str, Any]]
+    stages: dict[str, dict[str, object]]
     """Stage -> hash of its code and schemas, and every parameter in force."""
     packages: dict[str, str]
     """Package versions."""
@@ -78,7 +78,7 @@ class SectionRecord(Model):
     """Heading above this section and others of the stage that name the same."""
     look_for: str | None = None
     """What to look for."""
-    blocks: list[dict[str, Any]]
+    blocks: list[dict[str, object]]
     """Text, remark, equation, table, plot (stages/presentation.py)."""
 
 

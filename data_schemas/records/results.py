@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from auvid.data_schemas.documents.model import Model
 
 
@@ -50,13 +48,13 @@ class SimulationRecord(Model):
     """Title of the plan."""
     truth: str
     """The viscous truth and its source."""
-    coefficients: dict[str, dict[str, Any]] | None = None
+    coefficients: dict[str, dict[str, object]] | None = None
     """Coefficients of a truth that has them: axis, term, value in SI."""
     seed: int
     """Seed of all noise."""
     format: str
     """Kind of log files."""
-    legs: list[dict[str, Any]]
+    legs: list[dict[str, object]]
     """Per leg: id, rpm, level_speed_m_s, start_s, end_s (null if it was never reached),
     stopped (null or why), biases.
     """

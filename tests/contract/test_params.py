@@ -13,7 +13,7 @@ from auvid.data_schemas.documents.campaign import CampaignDocument
 from auvid.data_schemas.schemas import schema_names
 from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
 from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
-from auvid.stages import KINDS, STAGES
+from auvid.stages import KINDS, REPRODUCTION_KINDS, STAGES
 from auvid.stages.base import Stage, make_params, ports
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,7 +73,9 @@ def test_kinds_are_graphs_in_running_order(kind: str) -> None:
 
 
 def test_kinds_are_those_of_the_manifest_schema() -> None:
-    assert set(get_args(CampaignDocument.model_fields["kind"].annotation)) == {*KINDS} - {*REPRODUCTION_KINDS}
+    assert set(get_args(CampaignDocument.model_fields["kind"].annotation)) == {*KINDS} - {
+        *REPRODUCTION_KINDS
+    }
 
 
 def test_every_schema_is_used() -> None:
