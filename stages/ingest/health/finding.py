@@ -1,4 +1,4 @@
-"""What all checks look at, and how a finding is written down."""
+"""The recorded log that all checks read, and the form of a finding."""
 
 from __future__ import annotations
 
@@ -32,9 +32,7 @@ MOTORS = 8
 
 @dataclass(frozen=True)
 class Recorded:
-    """One log as the checks see it: its streams, `log_info`, rejected samples, the
-    vehicle file if there is one, and the other sources.
-    """
+    """One log: streams, `log_info`, rejected samples, vehicle file, other sources."""
 
     tables: Mapping[str, pa.Table]
     info: Document
@@ -44,34 +42,34 @@ class Recorded:
     _times: dict[str, Array] = field(default_factory=dict, repr=False)
 
     def has(self, *streams: str) -> bool:
-        """Whether all of these streams are there."""
+        """Return whether all of these streams are there."""
         return all(name in self.tables for name in streams)
 
     def t_s(self, stream: str) -> Array:
-        """Times of a stream (n,) in seconds from the start of the log."""
+        """Return the times of a stream (n,) in seconds from the start of the log."""
         if stream not in self._times:
             stamps = np.asarray(self.tables[stream]["time_us"].to_numpy())
             self._times[stream] = self.seconds(stamps)
         return self._times[stream]
 
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
-        """Time stamps (n,) in seconds from the start of the log."""
+        """Return time stamps (n,) in seconds from the start of the log."""
         return np.asarray((time_us - int(self.info["start_us"])) / 1e6)
 
     def values(self, stream: str, names: Iterable[str]) -> Array:
-        """Columns of a stream side by side (n, k)."""
+        """Return columns of a stream as an array (n, k)."""
         return matrix(self.tables[stream], list(names))
 
     def column(self, stream: str, name: str) -> Array:
-        """One column of a stream (n,)."""
+        """Return one column of a stream (n,)."""
         return column(self.tables[stream], name)
 
     def source(self, stream: str) -> str:
-        """Where a stream was taken from."""
+        """Return the source of a stream."""
         return str(self.info["streams"][stream]["source"])
 
     def accelerometer(self) -> Array | None:
-        """Accelerometer (n, 3) if the inertial unit has one."""
+        """Return the accelerometer (n, 3) if the inertial unit has one."""
         if not self.has("imu") or not set(ACCELEROMETER) <= set(self.tables["imu"].column_names):
             return None
         values = self.values("imu", ACCELEROMETER)
@@ -79,8 +77,9 @@ class Recorded:
 
     @property
     def under_water(self) -> bool | None:
-        """Whether the firmware is that of an underwater vehicle; None if the log does
-        not say.
+        """Return whether the firmware is that of an underwater vehicle.
+
+        None if the log does not say.
         """
         firmware = str(self.info["vehicle"] or "")
         if UNDER_WATER.search(firmware):
@@ -91,8 +90,10 @@ class Recorded:
         return True if kind is not None else None
 
     def thrusters(self) -> list[str]:
-        """Columns of the outputs that drive thrusters: as the vehicle file says, else
-        the vehicle's parameters, else outputs 1 to 8.
+        """Return the columns of the outputs that drive thrusters.
+
+        They come from the vehicle file, else from the vehicle's parameters, else they
+        are outputs 1 to 8.
         """
         there = self.tables["actuators"].column_names if self.has("actuators") else []
         entry = self.vehicle and self.vehicle.document.actuators.thrusters
@@ -111,7 +112,7 @@ class Recorded:
         return [name for name in wanted if name in there]
 
     def commands(self) -> list[str]:
-        """Columns of normalised commands."""
+        """Return the columns of normalised commands."""
         return (
             [name for name in self.tables["actuators"].column_names if name.startswith("command_")]
             if self.has("actuators")
@@ -127,8 +128,9 @@ def finding(
     value: float | None = None,
     at_s: float | None = None,
 ) -> Finding:
-    """A finding of the catalogue with its measured value, one sentence and, where it
-    has one, its time from the start of the log.
+    """Return a finding of the catalogue with its sentence and measured value.
+
+    `at_s` is its time from the start of the log, where it has one.
     """
     check = checks()[name]
     number = None if value is None or not np.isfinite(value) else float(value)
@@ -146,25 +148,25 @@ def finding(
 
 
 def limit(name: str) -> float:
-    """The threshold of a check."""
+    """Return the threshold of a check."""
     return checks()[name].limit
 
 
 def number(value: float) -> str:
-    """A measured value with three digits."""
+    """Return a measured value with three digits."""
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def percent(share: float) -> str:
-    """A share in percent."""
+    """Return a share in percent."""
     return f"{100.0 * share:.3g} %"
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words with commas, and `and` before the last."""
+    """Join words with commas, and `and` before the last."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def counted(count: int, word: str) -> str:
-    """`1 gap`, `3 gaps`."""
+    """Return `1 gap`, `3 gaps`."""
     return f"{count} {word}{'' if count == 1 else 's'}"

@@ -1,11 +1,9 @@
-"""The health of one log: every check, the findings by rank, and the same as blocks of
-the report.
-"""
+"""Health of one log: all checks, findings by rank, and their part of the report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -86,8 +84,7 @@ def check_health(
     vehicle: Vehicle | None = None,
     others: Sequence[OtherSource] = (),
 ) -> dict[str, Any]:
-    """The `health` document of one log from its streams, its `log_info`, what was
-    rejected, and the other sources that it holds.
+    """Return the `health` document of one log.
 
     The vehicle file, if there is one, says which outputs are thrusters and which
     barometer is in the water.
@@ -95,7 +92,8 @@ def check_health(
     log = Recorded(tables, info, dropped, vehicle, others)
     excited = excitation(log)
     uses = capabilities(log, excited)
-    findings = ranked(_findings(log, excited))
+    measured = (item for check in CHECKS for item in check(log))
+    findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info["log"],
         "vehicle": info["vehicle"],
@@ -112,26 +110,27 @@ def check_health(
     }
 
 
-def _findings(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
-    yield from file_findings(log)
-    yield from rejected_findings(log)
-    yield from missing_findings(log)
-    yield from gap_findings(log)
-    yield from rate_findings(log)
-    yield from sample_findings(log)
-    yield from inertial_findings(log)
-    yield from attitude_findings(log)
-    yield from depth_findings(log)
-    yield from velocity_findings(log)
-    yield from actuation_findings(log)
-    yield from battery_findings(log)
-    yield from response_findings(log)
-    yield from identity_findings(log)
-    yield from excitation_findings(excited)
+CHECKS = (
+    file_findings,
+    rejected_findings,
+    missing_findings,
+    gap_findings,
+    rate_findings,
+    sample_findings,
+    inertial_findings,
+    attitude_findings,
+    depth_findings,
+    velocity_findings,
+    actuation_findings,
+    battery_findings,
+    response_findings,
+    identity_findings,
+)
+"""All checks of one log; each yields its findings."""
 
 
-def ranked(findings: Iterator[Finding]) -> list[Finding]:
-    """Findings by severity, within it in the order of the catalogue."""
+def ranked(findings: Iterable[Finding]) -> list[Finding]:
+    """Sort findings by severity, within it in the order of the catalogue."""
     order = {name: place for place, name in enumerate(checks())}
     return sorted(
         findings, key=lambda item: (SEVERITIES.index(item["severity"]), order[item["id"]])
@@ -160,33 +159,23 @@ def _stream(log: Recorded, name: str) -> dict[str, Any]:
 
 
 FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators")
-"""Findings about streams that a force model needs, and a recording of the bench does
-not: its stages name what they miss.
+"""Findings on streams that a force model needs and a bench recording does not.
+
+The stages of a bench name what they miss.
 """
 
 
 def health_blocks(document: Mapping[str, Any], *, force_model: bool = True) -> list[Block]:
-    """The health of a log in the report: findings by rank with threshold and remedy,
-    what the log can be used for, excitation.
+    """Return the health of a log as blocks of the report.
 
-    `force_model`: whether the campaign fits one; else what only concerns that is left
-    out.
+    `force_model`: whether the campaign fits one; else whatever only concerns that is
+    left out.
     """
     kept = [
         item for item in document["findings"] if force_model or item["id"] not in FORCE_MODEL_NEEDS
     ]
-    findings = [
-        [
-            item["severity"],
-            item["id"],
-            item["text"],
-            item["value"],
-            item["threshold"],
-            item["unit"],
-            item["remedy"],
-        ]
-        for item in kept
-    ]
+    keys = ("severity", "id", "text", "value", "threshold", "unit", "remedy")
+    findings = [[item[key] for key in keys] for item in kept]
     columns = ["severity", "finding", "what was measured", "value", "threshold", "unit", "remedy"]
     uses = [
         [item["name"], "yes" if item["possible"] else "no", item["reason"]]

@@ -1,6 +1,4 @@
-"""What a log is: the account of its bytes, its streams with rates and gaps, the table
-of what was rejected, and the report section.
-"""
+"""Description of a log: bytes, streams with rates and gaps, rejected samples, report."""
 
 from __future__ import annotations
 
@@ -23,14 +21,21 @@ from auvid.stages.ingest.streams.mapping import Stream
 from auvid.stages.presentation import Block, remark, section, table
 
 ORDER = 90
-"""Behind what was found: losses and faults are warnings, which stand on the first
-screen.
-"""
+"""Behind the results; losses and faults are warnings, which the first screen shows."""
 ON_CHANGE = ("mode", "events")
 STATUS = ("complete", "truncated", "damaged")
 FIRMWARE = re.compile(r"^(Ardu\w+|PX4|APM:\w+) ?V?\d")
 LATEST_START_S = 3600.0
-SHOWN = ("depth", "velocity", "imu", "attitude", "actuators", "position", "range", "battery")
+RECORDED_STREAMS = (
+    "depth",
+    "velocity",
+    "imu",
+    "attitude",
+    "actuators",
+    "position",
+    "range",
+    "battery",
+)
 """Streams in the recording, in this order."""
 
 
@@ -43,7 +48,7 @@ def log_info(
     gap_s: float,
     set_us: int | None,
 ) -> dict[str, Any]:
-    """The `log_info` document of a log."""
+    """Return the `log_info` document of a log."""
     notes = [note for part in parts for note in (*part.notes, *part.log.notes)]
     notes += [note for stream in streams.values() for note in stream.notes]
     if set_us is not None:
@@ -99,8 +104,10 @@ def _start_us(
     set_us: int | None,
     notes: list[str],
 ) -> int:
-    """The time from which legs count: declared by a column map, else of the first
-    time-stamped record, if that can be believed.
+    """Return the time from which legs count.
+
+    A column map declares it; else it is that of the first time-stamped record, if that
+    is credible.
     """
     declared = [part.start_us for part in parts if part.start_us is not None]
     if declared:
@@ -114,14 +121,14 @@ def _start_us(
     if earliest - min(first) > LATEST_START_S * 1e6:
         notes.append(
             f"the first time stamp lies {(earliest - min(first)) / 1e6:.0f} s before the first"
-            " sample and is not believed"
+            " sample and is not used"
         )
         return earliest
     return min(first)
 
 
 def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> dict[str, Any]:
-    """Source, rows, rate and gaps of one stream."""
+    """Return source, rows, rate and gaps of one stream."""
     stamps = stream.columns["time_us"]
     steps = np.diff(stamps) / 1e6
     return {
@@ -145,8 +152,9 @@ def _rate_hz(t_s: npt.NDArray[np.float64]) -> float | None:
 
 
 def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) -> pa.Table:
-    """The `dropped` table: bytes that gave no record (by file), and samples that were
-    rejected (by stream).
+    """Return the `dropped` table.
+
+    It holds bytes that gave no record (by file) and rejected samples (by stream).
     """
     rows: list[tuple[object, ...]] = [
         (part.file.name, item.reason, item.count, item.bytes, item.first_offset, item.last_offset)
@@ -165,9 +173,7 @@ def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) ->
 def report_section(
     info: Mapping[str, Any], rejected: Sequence[Rejected], found: Sequence[Block] = ()
 ) -> dict[str, Any]:
-    """The log in the report: files with the account of their bytes, streams with
-    source, rate and gaps, what was rejected and found.
-    """
+    """Return the section of the report: files, streams, rejected samples, findings."""
     files = [_file_row(item) for item in info["files"]]
     streams = [_stream_row(name, item, info["start_us"]) for name, item in info["streams"].items()]
     blocks = [
@@ -220,9 +226,9 @@ def report_section(
 
 
 def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
-    """The raw streams in the recording: one group per stream and unit."""
+    """Return the raw streams in the recording: one group per stream and unit."""
     groups = []
-    for stream in (name for name in SHOWN if name in tables):
+    for stream in (name for name in RECORDED_STREAMS if name in tables):
         units: dict[str, list[str]] = {}
         for item in schema(stream).columns.values():
             if (

@@ -1,4 +1,4 @@
-"""Checks of the file, the clock, the rates and the samples of each stream by itself."""
+"""Checks of the file, the clock, the rates and the samples of each stream."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOTION = {
     "depth": ("depth_m",),
 }
 STEADY = (*MOTION, "actuators")
-LEAPING = 4.0
+MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
 """
@@ -44,12 +44,12 @@ DEPTH_FACTOR = 10.0
 """Depth comes in steps of millimetres to centimetres, so the same value for a while is
 nothing odd.
 """
-FEWEST_LIVE = 20
-SMALLEST_CLIPPED_RAD_S = 1.0
+MIN_LIVE_SAMPLES = 20
+MIN_CLIPPED_RAD_S = 1.0
 
 
 def file_findings(log: Recorded) -> Iterator[Finding]:
-    """Damage and truncation of the files, and clocks that leap."""
+    """Yield damage and truncation of the files, and clocks that jump."""
     for item in log.info["files"]:
         lost = [part for part in item["skipped"] if part["bytes"]]
         count = sum(part["bytes"] for part in lost)
@@ -86,7 +86,7 @@ def file_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def rejected_findings(log: Recorded) -> Iterator[Finding]:
-    """Samples that were rejected, per stream, with the reasons."""
+    """Yield rejected samples, per stream, with the reasons."""
     rows = log.dropped.to_pylist()
     for stream in STREAMS:
         lost = [row for row in rows if row["stream"] == stream]
@@ -105,7 +105,7 @@ def rejected_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def gap_findings(log: Recorded) -> Iterator[Finding]:
-    """Pauses of the sensors; those that several sensors share are one finding."""
+    """Yield pauses of the sensors; those that several sensors share are one finding."""
     found: list[tuple[str, int, float, float]] = []
     for stream in log.tables:
         clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
@@ -140,16 +140,16 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
     yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest, at_s=at)
     rest = [item for item in found if item not in shared]
     if rest:
-        said = [f"{name} ({number}, up to {longest:.1f} s)" for name, number, longest, _ in rest]
+        parts = [f"{name} ({number}, up to {longest:.1f} s)" for name, number, longest, _ in rest]
         largest = max(rest, key=lambda item: item[2])
         only = rest[0][0] if len(rest) == 1 else None
         yield finding(
-            "gap", f"Gaps in {listed(said)}.", stream=only, value=largest[2], at_s=largest[3]
+            "gap", f"Gaps in {listed(parts)}.", stream=only, value=largest[2], at_s=largest[3]
         )
 
 
 def rate_findings(log: Recorded) -> Iterator[Finding]:
-    """Slow and irregular clocks."""
+    """Yield slow and irregular clocks."""
     for stream in log.tables:
         clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
         if clock is None:
@@ -168,9 +168,9 @@ def rate_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def sample_findings(log: Recorded) -> Iterator[Finding]:
-    """Constant, stuck and held samples, and a gyro at the end of its range."""
+    """Yield constant, stuck and held samples, and a gyro at the end of its range."""
     for stream, names in MOTION.items():
-        if stream in log.tables and log.tables[stream].num_rows >= FEWEST_LIVE:
+        if stream in log.tables and log.tables[stream].num_rows >= MIN_LIVE_SAMPLES:
             yield from _live(log, stream, names)
     accelerometer = log.accelerometer()
     if accelerometer is not None:
@@ -180,7 +180,7 @@ def sample_findings(log: Recorded) -> Iterator[Finding]:
     if log.has("imu"):
         rates = log.values("imu", GYRO)
         clipped = [
-            flat_top(axis) if np.abs(axis).max() > SMALLEST_CLIPPED_RAD_S else 0 for axis in rates.T
+            flat_top(axis) if np.abs(axis).max() > MIN_CLIPPED_RAD_S else 0 for axis in rates.T
         ]
         worst = int(np.argmax(clipped))
         if clipped[worst] > limit("gyro_saturated") and repeats(rates).share < limit(
@@ -204,7 +204,7 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
     last = same.run_start + same.run_count - 1
     run_s = float(t_s[last] - t_s[same.run_start])
     longest = limit("stuck_sensor") * (DEPTH_FACTOR if stream == "depth" else 1.0)
-    stuck = run_s > longest and same.run_count >= FEWEST_LIVE and same.leap > LEAPING
+    stuck = run_s > longest and same.run_count >= MIN_LIVE_SAMPLES and same.leap > MIN_STEP_RATIO
     if stuck:
         text = (
             f"{stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s from"
@@ -214,7 +214,7 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
     if stream != "depth":
         moving = np.delete(values, slice(same.run_start, last), axis=0) if stuck else values
         share = repeats(moving).share
-        if share > limit("held_samples") and same.leap > LEAPING:
+        if share > limit("held_samples") and same.leap > MIN_STEP_RATIO:
             rate = float(1.0 / np.median(np.diff(t_s)))
             text = (
                 f"{percent(share)} of the samples of {stream} ({log.source(stream)}) repeat the one"
@@ -225,12 +225,12 @@ def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Findin
 
 
 def _constant(names: tuple[str, ...], values: Array) -> list[int]:
-    """Indexes of the columns that never change."""
+    """Return the indices of the columns that never change."""
     live = [values[np.isfinite(values[:, index]), index] for index in range(len(names))]
     return [
         index
         for index, column in enumerate(live)
-        if column.size >= FEWEST_LIVE and np.ptp(column) == 0.0
+        if column.size >= MIN_LIVE_SAMPLES and np.ptp(column) == 0.0
     ]
 
 
@@ -239,10 +239,12 @@ def _constant_findings(
 ) -> Iterator[Finding]:
     if still:
         level = float(np.nanmax(values[:, still[0]]))
-        said = [f"{names[index]} = {number(float(np.nanmax(values[:, index])))}" for index in still]
+        parts = [
+            f"{names[index]} = {number(float(np.nanmax(values[:, index])))}" for index in still
+        ]
         yield finding(
             "constant_signal",
-            f"Constant in all {len(values)} samples of {stream}: {listed(said)}.",
+            f"Constant in all {len(values)} samples of {stream}: {listed(parts)}.",
             stream=stream,
             value=level,
         )

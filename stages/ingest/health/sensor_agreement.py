@@ -1,6 +1,4 @@
-"""Checks of sensors against each other: gyro, accelerometer, attitudes, depths and
-velocity.
-"""
+"""Checks of sensors against each other: gyro, accelerometer, attitude, depth, velocity."""
 
 from __future__ import annotations
 
@@ -53,7 +51,7 @@ RATE_S = 1.0
 
 
 def inertial_findings(log: Recorded) -> Iterator[Finding]:
-    """Gyro against attitude, and what the accelerometer shows of gravity."""
+    """Compare the gyro with the attitude, and the accelerometer with gravity."""
     if not log.has("imu"):
         return
     if log.has("attitude"):
@@ -93,7 +91,7 @@ def _gyro(log: Recorded) -> Iterator[Finding]:
 
 
 def _axes(found: RateAgreement) -> Iterator[Finding]:
-    """Bias, sign, axes, scale and lag of the gyro against the attitude."""
+    """Yield bias, sign, axes, scale and lag of the gyro against the attitude."""
     moved = [axis for axis in range(3) if found.std[axis] >= SMALLEST_TURN_RAD_S]
     largest = int(np.argmax(np.abs(found.bias)))
     if abs(found.bias[largest]) > limit("gyro_bias"):
@@ -157,22 +155,20 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
     if found is None:
         return
     size = found.magnitude
-    said = log.info["accelerometer"] or (
+    convention = log.info["accelerometer"] or (
         log.vehicle and log.vehicle.document.sensors.imu.accelerometer
     )
+    expected = UNITS_PER_MS2.get(str(convention), STANDARD_GRAVITY)
     if abs(size - 1.0) < limit("accelerometer_unit"):
         text = (
-            f"The accelerometer reads {size:.3f} (median length) and not {STANDARD_GRAVITY:.2f}: it is"
-            " in g."
+            f"The accelerometer reads {size:.3f} (median length) and not {STANDARD_GRAVITY:.2f}:"
+            " it is in g."
         )
         yield finding("accelerometer_unit", text, stream="imu", value=size)
-    elif abs(size - UNITS_PER_MS2.get(str(said), STANDARD_GRAVITY)) > limit(
-        "accelerometer_convention"
-    ):
-        expected = UNITS_PER_MS2.get(str(said), STANDARD_GRAVITY)
+    elif abs(size - expected) > limit("accelerometer_convention"):
         text = (
-            f"The accelerometer reads {size:.2f} m/s^2 (median length); {said or 'specific_force'}"
-            f" at rest is {expected:g}."
+            f"The accelerometer reads {size:.2f} m/s^2 (median length);"
+            f" {convention or 'specific_force'} at rest is {expected:g}."
         )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
@@ -200,7 +196,7 @@ def _direction(log: Recorded, accelerometer: Array, angle: float | None) -> Iter
 
 
 def attitude_findings(log: Recorded) -> Iterator[Finding]:
-    """Other attitudes of the log that are off from the one that is used."""
+    """Yield other attitudes of the log that disagree with the one that is used."""
     if not log.has("attitude"):
         return
     used = log.source("attitude")
@@ -243,7 +239,7 @@ def _comparable(log: Recorded, stream: str) -> list[OtherSource]:
 
 
 def depth_findings(log: Recorded) -> Iterator[Finding]:
-    """Sign of depth, a barometer in the housing, and depths that disagree."""
+    """Yield wrong signs of depth, a barometer in the housing, depths that disagree."""
     if not log.has("depth"):
         return
     depth, t_s = log.column("depth", "depth_m"), log.t_s("depth")
@@ -306,8 +302,10 @@ def _range(values: Array) -> str:
 
 
 def _in_housing(found: Following, own: float, moved: float) -> bool:
-    """Whether a second barometer moves on its own: much more than a depth that hardly
-    moves, or unlike one that does.
+    """Return whether a second barometer moves on its own.
+
+    It does if it moves much more than a depth that hardly moves, or unlike one that
+    does.
     """
     if moved < limit("housing_barometer"):
         return own > moved + limit("housing_barometer")
@@ -361,9 +359,7 @@ def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
 
 
 def velocity_findings(log: Recorded) -> Iterator[Finding]:
-    """A filter's velocity without aiding, a velocity that is an estimate, and
-    velocities that move against each other.
-    """
+    """Yield velocities that are unaided or estimates, or that contradict each other."""
     refused = [
         other for other in log.others if other.stream == "velocity" and other.refused is not None
     ]

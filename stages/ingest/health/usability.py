@@ -1,6 +1,4 @@
-"""What a log can be used for: excitation per axis, and which stages can run on it and
-why not.
-"""
+"""Uses of a log: excitation per axis, and which stages can run on it."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ CAVEATS = {
     "gyro_axes": "axes of the gyro are exchanged",
     "gyro_scale": "gyro and attitude differ in scale",
     "accelerometer_unit": "the accelerometer has another unit",
-    "accelerometer_convention": "the accelerometer does not measure what it is said to",
+    "accelerometer_convention": "the accelerometer does not measure what is declared",
     "accelerometer_direction": "the accelerometer contradicts the attitude",
     "depth_sign": "depth and vertical velocity contradict each other",
     "velocity_disagrees": "two velocities contradict each other",
@@ -44,11 +42,10 @@ COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 def excitation(
     log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)
 ) -> dict[str, dict[str, Any]]:
-    """Motion per axis u v w p q r within a window of seconds from the start of the log;
-    null where nothing measures an axis.
+    """Return the motion per axis u v w p q r; null where nothing measures an axis.
 
-    Without a velocity sensor heave is the rate of depth, which is the body's w only
-    while it is level.
+    `window` is in seconds from the start of the log. Without a velocity sensor heave is
+    the rate of depth, which is the body's w only while it is level.
     """
     found = motions(log)
     result = {}
@@ -75,22 +72,22 @@ def excitation(
 
 
 def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
-    """Axes that are measured and hardly move."""
+    """Yield axes that are measured and hardly move."""
     still = [
         (axis, item)
         for axis, item in excited.items()
         if item["rms"] is not None and not item["excited"]
     ]
     if still:
-        said = [
+        parts = [
             f"{MOTION_WORDS[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still
         ]
-        text = f"Hardly any motion in {listed(said)} (RMS; threshold {limit('not_excited'):g})."
+        text = f"Hardly any motion in {listed(parts)} (RMS; threshold {limit('not_excited'):g})."
         yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
 
 
 def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Which stages can run on the log, and why not: {name, possible, reason}."""
+    """Return which stages can run on the log, and why not: {name, possible, reason}."""
     resample = _resample(log)
     dead = None if set(motions(log)) & set("pqr") else "no live gyro"
     kinematic = resample or _without(log, "velocity", "imu") or dead
@@ -130,7 +127,7 @@ def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> lis
 
 
 def driven_s(log: Recorded) -> float:
-    """For how long outputs act [s]; the whole log where that cannot be told."""
+    """Return for how long outputs act [s]; the whole log if that is unknown."""
     moving = activity(log) if log.has("actuators") else None
     if moving is None:
         return (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
@@ -139,7 +136,7 @@ def driven_s(log: Recorded) -> float:
 
 
 def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> str:
-    """What a log can be used for, in one sentence."""
+    """Return one sentence on what a log can be used for."""
     possible = {item["name"]: item["possible"] for item in uses}
     reasons = {item["name"]: item["reason"] for item in uses}
     axes = [
@@ -166,8 +163,10 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
 
 
 def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
-    """Legs of a manifest in this log: span, time that all sensors cover in one piece,
-    share of active outputs, RMS per axis.
+    """Return the legs of a manifest in this log.
+
+    Span, time that all sensors cover in one piece, share of active outputs, RMS per
+    axis.
     """
     length = (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
     moving = activity(log) if log.has("actuators") else None
@@ -219,9 +218,7 @@ def _resample(log: Recorded) -> str | None:
 
 
 def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
-    """The longest time within a window that all motion sensors and commands cover
-    without a gap [s].
-    """
+    """Return the longest time [s] that all sensors and commands cover without a gap."""
     spans = [window]
     for stream in COVERING:
         if not log.has(stream):
@@ -237,7 +234,7 @@ def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.i
 
 
 def _forces(log: Recorded) -> str | None:
-    """Why the commands of a log cannot become forces; None if they can."""
+    """Return why the commands of a log cannot become forces; None if they can."""
     if not log.has("actuators"):
         return "no actuators"
     if log.under_water is False:

@@ -1,6 +1,4 @@
-"""Checks of what the vehicle did and what it is: arming, outputs, battery, response to
-commands, firmware, other vehicles.
-"""
+"""Checks of the vehicle: arming, outputs, battery, response, firmware, identity."""
 
 from __future__ import annotations
 
@@ -40,7 +38,7 @@ MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitc
 
 
 def missing_findings(log: Recorded) -> Iterator[Finding]:
-    """Streams that the chain needs and the log has not."""
+    """Yield streams that the chain needs and the log lacks."""
     for stream in NEEDED:
         if not log.has(stream):
             others = [item for item in log.others if item.stream == stream and item.refused]
@@ -64,7 +62,7 @@ def missing_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def actuation_findings(log: Recorded) -> Iterator[Finding]:
-    """Arming, activity and saturation of the outputs."""
+    """Yield findings on arming, activity and saturation of the outputs."""
     armed = _armed(log)
     if armed is False:
         yield finding(
@@ -92,7 +90,7 @@ def actuation_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def _armed(log: Recorded) -> bool | None:
-    """Whether the vehicle was ever armed; None if the log does not say."""
+    """Return whether the vehicle was ever armed; None if the log does not say."""
     if not log.has("mode") or "armed" not in log.tables["mode"].column_names:
         return None
     states = [state for state in log.tables["mode"]["armed"].to_pylist() if state is not None]
@@ -100,8 +98,9 @@ def _armed(log: Recorded) -> bool | None:
 
 
 def activity(log: Recorded) -> Mask | None:
-    """Samples (n,) of the actuators in which a thruster output left its dead band or
-    another actuator acts; None without any column.
+    """Return the samples (n,) of the actuators in which any of them acts.
+
+    A thruster acts where its output left the dead band. None without any column.
     """
     parts = []
     if log.thrusters():
@@ -172,7 +171,7 @@ def _saturation(log: Recorded) -> Iterator[Finding]:
 
 
 def battery_findings(log: Recorded) -> Iterator[Finding]:
-    """Voltage sag and an impossible current."""
+    """Yield voltage sag and an impossible current."""
     if not log.has("battery"):
         return
     volts = log.column("battery", "voltage_v")
@@ -197,8 +196,9 @@ def battery_findings(log: Recorded) -> Iterator[Finding]:
 
 
 def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
-    """What the log shows of each body velocity u v w p q r: times (n,), values (n,),
-    where it comes from. Gyro without its median.
+    """Return times (n,), values (n,) and source of each body velocity u v w p q r.
+
+    The gyro is without its median.
     """
     found: dict[str, tuple[Array, Array, str]] = {}
     if log.has("velocity"):
@@ -229,7 +229,7 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
 
 
 def response_findings(log: Recorded) -> Iterator[Finding]:
-    """How much later motion follows the outputs, per axis."""
+    """Yield how much later motion follows the outputs, per axis."""
     if not log.has("actuators") or log.under_water is False:
         return
     names = log.thrusters() + log.commands()
@@ -244,7 +244,7 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
     ):
         return
     commands = np.nan_to_num(log.values("actuators", names))
-    said = []
+    lags = []
     for axis, (at, motion, _) in motions(log).items():
         if float(np.std(motion)) < SMALLEST_MOTION:
             continue
@@ -258,19 +258,19 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
             if found.lag_s > 0.0
             else f"leads by {-found.lag_s:.2f} s (a controller answers it)"
         )
-        said.append(
+        lags.append(
             (
                 found.explained,
                 f"{MOTION_WORDS[axis]} {how}, {percent(round(found.explained, 2))} explained",
             )
         )
-    if said:
-        text = f"Motion against outputs: {'; '.join(words for _, words in said)}."
-        yield finding("command_lag", text, stream="actuators", value=max(said)[0])
+    if lags:
+        text = f"Motion against outputs: {'; '.join(words for _, words in lags)}."
+        yield finding("command_lag", text, stream="actuators", value=max(lags)[0])
 
 
 def identity_findings(log: Recorded) -> Iterator[Finding]:
-    """Firmware, simulators, parameters, other vehicles."""
+    """Yield findings on firmware, simulators, parameters, other vehicles."""
     info = log.info
     messages = sorted(name for name in info["counts"] if SIMULATOR.match(name))
     if messages:
@@ -309,9 +309,10 @@ def identity_findings(log: Recorded) -> Iterator[Finding]:
     if recut:
         parts = [(note.split(": ")[0], note.split(": ")[-1]) for note in recut]
         count = sum(int(digits) for _, types in parts for digits in NUMBERS.findall(types))
-        said = "; ".join(f"{types} of {sender}" for sender, types in parts)
+        types_lost = "; ".join(f"{types} of {sender}" for sender, types in parts)
         yield finding(
             "recut_messages",
-            f"{count} messages lost trailing zeros in a router and are read all the same ({said}).",
+            f"{count} messages lost trailing zeros in a router and are read all the same"
+            f" ({types_lost}).",
             value=count,
         )

@@ -291,10 +291,12 @@ def _parse(
         _parse_rows(lines.texts(data, index[at : at + PARSED_LINES]), definition)
         for at in range(0, max(index.size, 1), PARSED_LINES)
     ]
-    good = np.concatenate([part for _, part in parts])
-    columns = {
-        name: np.concatenate([part.pop(name) for part, _ in parts]) for name in list(parts[0][0])
-    }
+    columns, good = parts[0]
+    if len(parts) > 1:
+        good = np.concatenate([part for _, part in parts])
+        columns = {
+            name: np.concatenate([part.pop(name) for part, _ in parts]) for name in list(columns)
+        }
     for column in columns.values():
         column.flags.writeable = False
     lines.lose(UNREADABLE, index[~good])

@@ -213,6 +213,7 @@ class Scan:
                 self.chained, place = -1, end
             else:
                 place = self._across(place)
+        del self.numbers, self.block  # large tables that nobody needs any more
         return self
 
     def _next_limit(self) -> None:
