@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -118,3 +119,15 @@ def samples_within(
 def span_text(span: Span) -> str:
     """A span of a log in words."""
     return f"{span[0]:.1f} to {span[1]:.1f} s of the log"
+
+
+def stacked(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return blocks of columns one after the other; text columns are lists."""
+    return {
+        name: (
+            [cell for block in blocks for cell in block[name]]
+            if isinstance(blocks[0][name], list)
+            else np.concatenate([block[name] for block in blocks])
+        )
+        for name in blocks[0]
+    }

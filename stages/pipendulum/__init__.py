@@ -1,5 +1,6 @@
-"""Moments of inertia on a quadrifilar pendulum, added mass and damping by free decay:
-Alberti 2015, chapters IV and VI.
+"""Moments of inertia, added mass and damping from pendulums: Alberti 2015, IV and VI.
+
+Inertia on a quadrifilar pendulum, added mass and damping by free decay in water.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.stages.base import Collection, Document, Stage, port
-from auvid.stages.pipendulum.decays import Decayed, decay_figures, decays_of
+from auvid.stages.columns import stacked
+from auvid.stages.pipendulum.decays import DecayResult, decay_figures, decays_of
 from auvid.stages.pipendulum.presentation import bench_section, bench_views
-from auvid.stages.pipendulum.recordings import Logs, as_rows
-from auvid.stages.pipendulum.swings import Swung, inertia_document, swing_figures, swings_of
+from auvid.stages.pipendulum.recordings import Logs
+from auvid.stages.pipendulum.swings import SwingResult, inertia_document, swing_figures, swings_of
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What hung, the vehicle, and the gyros and attitudes of all logs."""
+    """The apparatus, the vehicle, and the gyros and attitudes of all logs."""
 
     campaign: Document = port("campaign")
     vehicle: Vehicle = port("vehicle")
@@ -35,12 +37,12 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    """None: everything is in the apparatus."""
+    """No parameters: the settings are in the apparatus document."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Nothing for a campaign without an apparatus."""
+    """All None for a campaign without an apparatus."""
 
     results: dict[str, Any] | None = port("results", optional=True)
     inertia: dict[str, Any] | None = port("inertia", optional=True)
@@ -52,8 +54,10 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All swings and decays. Raises `CampaignError` for a faulty apparatus, `DataError`
-    for recordings that cannot give what is asked.
+    """Return the inertias, added masses and damping of all swings and decays.
+
+    Raises `CampaignError` for a faulty apparatus, `DataError` for recordings that cannot
+    give them.
     """
     apparatus = inputs.apparatus
     if apparatus is None:
@@ -81,7 +85,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _swing_table(found: list[Swung]) -> pa.Table | None:
+def _swing_table(swings: list[SwingResult]) -> pa.Table | None:
     parts = [
         {
             "recording": [recording.leg] * fit.t_s.size,
@@ -89,13 +93,13 @@ def _swing_table(found: list[Swung]) -> pa.Table | None:
             "rate_measured_rad_s": recording.rate[np.searchsorted(recording.t_s, fit.t_s)],
             "rate_fitted_rad_s": fit.fitted,
         }
-        for item in found
+        for item in swings
         for recording, fit in item.recordings
     ]
-    return make_table("swings", as_rows(parts)) if parts else None
+    return make_table("swings", stacked(parts)) if parts else None
 
 
-def _decay_table(found: list[Decayed]) -> pa.Table | None:
+def _decay_table(decays: list[DecayResult]) -> pa.Table | None:
     parts = [
         {
             "recording": [item.recording.leg] * item.decay.run.grid_s.size,
@@ -106,18 +110,18 @@ def _decay_table(found: list[Decayed]) -> pa.Table | None:
                 for name in DAMPING
             },
         }
-        for decayed in found
-        for item in decayed.fallen
+        for decay in decays
+        for item in decay.recordings
     ]
-    return make_table("decays", as_rows(parts)) if parts else None
+    return make_table("decays", stacked(parts)) if parts else None
 
 
-def _history_table(found: list[Decayed]) -> pa.Table | None:
+def _history_table(decays: list[DecayResult]) -> pa.Table | None:
     parts = []
-    for decayed in found:
-        linear, quadratic = DAMPING[decayed.chosen]
-        for item in decayed.fallen:
-            history, excited = item.estimate.history[decayed.chosen], item.estimate.excitation
+    for decay in decays:
+        linear, quadratic = DAMPING[decay.chosen]
+        for item in decay.recordings:
+            history, excited = item.estimate.history[decay.chosen], item.estimate.excitation
             t = history.t_s
             columns = dict(
                 zip(
@@ -139,7 +143,7 @@ def _history_table(found: list[Decayed]) -> pa.Table | None:
             parts.append(
                 block | {"smallest_eigenvalue": np.interp(t, excited.t_s, excited.smallest)}
             )
-    return make_table("decay_history", as_rows(parts)) if parts else None
+    return make_table("decay_history", stacked(parts)) if parts else None
 
 
 STAGE = Stage(

@@ -48,7 +48,7 @@ from auvid.stages.base import Document
 from auvid.stages.pipendulum.recordings import Logs, Recording, naming, not_negative
 from auvid.stages.presentation import Figure, figure
 
-FEWEST_SWINGS, GOOD_SWINGS = 0.5, 2.0
+MIN_SWINGS, GOOD_SWINGS = 0.5, 2.0
 """Swings before the rate falls to a twentieth: with less than half of one nothing
 oscillates; below two the ratios hang on few turns.
 """
@@ -57,9 +57,7 @@ METHODS = ("output error", "recursive", "batch")
 
 @dataclass(frozen=True)
 class Apparatus:
-    """HungPart `free_decay`: arm L [m], the parts of the pendulum, the vehicle as hung, and
-    what hangs empty and loaded, in both forms.
-    """
+    """Part `free_decay`: arm L [m], parts of the pendulum, the vehicle as it hangs."""
 
     arm: float
     parts: tuple[HungPart, ...]
@@ -67,18 +65,17 @@ class Apparatus:
     gravity: float
 
     def hung(self, *, loaded: bool, point_mass: bool = False) -> PendulumMoments:
-        """Dry inertia and restoring moment; point_mass: everything at the arm (66).
-        Raises `DataError` where buoyancy wins.
+        """Return dry inertia and restoring moment; point_mass: all at the arm (66).
+
+        Raises `DataError` where buoyancy exceeds weight.
         """
         parts = [*self.parts, self.vehicle] if loaded else list(self.parts)
         return pendulum_moments(parts, self.gravity, arm=self.arm if point_mass else None)
 
 
 @dataclass(frozen=True)
-class Fallen:
-    """One recorded decay with its estimate; `held_out` by damping model: RMS angle
-    error on validation legs or on the last swings [rad].
-    """
+class DecayRecording:
+    """One recorded decay, its estimate, and the number of its swings."""
 
     recording: Recording
     decay: Decay
@@ -87,9 +84,8 @@ class Fallen:
 
 
 @dataclass(frozen=True)
-class Decayed:
-    """One decay of the apparatus: its entry, recordings, chosen damping model,
-    derivatives by model and method, and in point-mass form.
+class DecayResult:
+    """One decay of the apparatus: derivatives by damping model and method.
 
     `held_out`: by damping model, RMS angle error [rad] on what was not fitted;
     `judged_on` says what that is. `hung` as the physical pendulum. `derivatives` has
@@ -97,7 +93,7 @@ class Decayed:
     """
 
     entry: Document
-    fallen: tuple[Fallen, ...]
+    recordings: tuple[DecayRecording, ...]
     chosen: str
     held_out: Mapping[str, float]
     judged_on: str
@@ -108,7 +104,7 @@ class Decayed:
 
     @property
     def quantities(self) -> tuple[str, str, str]:
-        """Names of added mass, linear and quadratic damping."""
+        """Return the names of added mass, linear and quadratic damping."""
         if self.entry["role"] == "empty_pendulum":
             return "added mass", "linear damping", "quadratic damping"
         names = symbols(str(self.entry["dof"]))
@@ -116,7 +112,7 @@ class Decayed:
 
 
 def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
-    """The pendulum of an apparatus. Raises `CampaignError` naming what is wrong."""
+    """Return the pendulum of an apparatus; raises `CampaignError` for faulty parts."""
     read = Quantities(part, "free_decay")
     arm = read.number("arm", "m")
     if arm <= 0.0:
@@ -142,9 +138,10 @@ def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
     return Apparatus(arm, tuple(parts), HungPart(mass, arm, displaced, arm), vehicle.gravity)
 
 
-def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Decayed]:
-    """All decays of part `free_decay`, the empty pendulum first. Raises `CampaignError`
-    and `DataError` as their recordings do.
+def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[DecayResult]:
+    """Return all decays of part `free_decay`, the empty pendulum first.
+
+    Raises `CampaignError` and `DataError` as their recordings do.
     """
     apparatus = apparatus_of(part, vehicle)
     empties = [
@@ -155,7 +152,7 @@ def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Decayed]:
             "at most one decay of the empty pendulum", field="free_decay.decays", value=len(empties)
         )
     order = [*empties, *(index for index in range(len(part["decays"])) if index not in empties)]
-    found: list[Decayed] = []
+    results: list[DecayResult] = []
     for index in order:
         entry = part["decays"][index]
         field = f"free_decay.decays[{index}]"
@@ -165,14 +162,14 @@ def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Decayed]:
                 field=f"{field}.dof",
                 allowed=("surge", "sway", "heave"),
             )
-        empty = found[0] if empties and index != empties[0] else None
-        found.append(_decay(entry, field, apparatus, logs, empty))
-    return found
+        empty = results[0] if empties and index != empties[0] else None
+        results.append(_decay(entry, field, apparatus, logs, empty))
+    return results
 
 
 def _decay(
-    entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty: Decayed | None
-) -> Decayed:
+    entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty: DecayResult | None
+) -> DecayResult:
     hung = apparatus.hung(loaded=entry["role"] == "vehicle")
     pole = None if empty is None else empty.derivatives[empty.chosen, "output error"]
     known = (
@@ -182,7 +179,7 @@ def _decay(
     )
     recordings = [logs.recording(leg, f"{field}.legs", upright=False) for leg in entry["legs"]]
     training = [
-        _fallen(item, (float(known[0]), float(known[1])))
+        _decay_recording(item, (float(known[0]), float(known[1])))
         for item in recordings
         if not item.validation
     ]
@@ -200,19 +197,19 @@ def _decay(
     if others:
         judged_on = "the validation leg" + ("s" if len(others) > 1 else "")
         pairs = [(decay, item.estimate.output_error) for decay in others for item in training]
-        held = {
-            name: _root_mean([prediction_error(decay, found[name]) for decay, found in pairs])
+        held_out = {
+            name: _root_mean([prediction_error(decay, ratios[name]) for decay, ratios in pairs])
             for name in DAMPING
         }
 
     else:
         judged_on = "the last swings"
-        held = {
+        held_out = {
             name: _root_mean([item.estimate.output_error[name].held_out_rad for item in training])
             for name in DAMPING
         }
     chosen = choose_damping(
-        held, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known)
+        held_out, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known)
     )
     results = {}
     for name in DAMPING:
@@ -230,11 +227,11 @@ def _decay(
         derivatives(item.estimate.output_error[chosen], point, arm=apparatus.arm, empty=pole_point)
         for item in training
     ]
-    return Decayed(
+    return DecayResult(
         entry,
         tuple(training),
         chosen,
-        held,
+        held_out,
         judged_on,
         hung,
         apparatus.arm,
@@ -251,16 +248,17 @@ def _ratios(estimate: DecayEstimate, method: str) -> Mapping[str, Ratios]:
     }[method]
 
 
-def _fallen(recording: Recording, known: tuple[float, float]) -> Fallen:
+def _decay_recording(recording: Recording, known: tuple[float, float]) -> DecayRecording:
     decay, swings = prepared(recording)
     decay = replace(decay, known=known)
     with naming(recording.leg):
-        return Fallen(recording, decay, estimate_decay(decay), swings)
+        return DecayRecording(recording, decay, estimate_decay(decay), swings)
 
 
 def prepared(recording: Recording) -> tuple[Decay, float]:
-    """The decay from its release on, and how many swings it made. Raises `DataError`
-    for an overdamped one or too few swings.
+    """Return the decay from its release on, and how many swings it made.
+
+    Raises `DataError` for an overdamped one or too few swings.
     """
     t, rate = recording.t_s, recording.rate
     first = release_index(rate)
@@ -274,11 +272,11 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
     centred = np.abs(rate - np.median(rate))
     last = int(np.flatnonzero(centred > GONE * centred.max())[-1])
     swings = float((t[last] - t[first]) / period)
-    if swings < FEWEST_SWINGS:
+    if swings < MIN_SWINGS:
         raise DataError(
             f"too few swings in leg '{recording.leg}': {swings:.1f} before it has died down or the"
             " recording ends",
-            allowed=f"at least {FEWEST_SWINGS:g}",
+            allowed=f"at least {MIN_SWINGS:g}",
             remedy="Add weight or take a longer arm, so that it swings on; record longer.",
         )
     rows = np.flatnonzero(recording.usable & (np.arange(t.size) >= first))
@@ -306,8 +304,9 @@ def prepared(recording: Recording) -> tuple[Decay, float]:
 
 
 def mean_of(items: Sequence[Derivatives]) -> Derivatives:
-    """Mean of repeated decays; errors as if independent, or as the repeats scatter
-    where that is more.
+    """Return the mean of repeated decays.
+
+    Errors as if independent, or as the repeats scatter where that is more.
     """
     values = np.mean([item.values for item in items], axis=0)
     covariance = np.mean([item.covariance for item in items], axis=0) / len(items)
@@ -320,14 +319,16 @@ def mean_of(items: Sequence[Derivatives]) -> Derivatives:
     return Derivatives(values, covariance * np.outer(widen, widen))
 
 
-def decay_figures(found: Sequence[Decayed]) -> list[Figure]:
-    """Derivatives of every decay. Names: `surge: X_udot`, `surge: X_udot (linear)`,
+def decay_figures(decays: Sequence[DecayResult]) -> list[Figure]:
+    """Return the derivatives of every decay.
+
+    Names: `surge: X_udot`, `surge: X_udot (linear)`,
     `surge: X_udot (linear, recursive)` ...
     """
     rows: list[Figure] = []
-    for item in found:
+    for item in decays:
         name, units = str(item.entry["id"]), ("kg", "kg/s", "kg/m")
-        excited = item.fallen[0].estimate.excitation
+        excited = item.recordings[0].estimate.excitation
         blocks = [("", item.chosen, "output error")]
         blocks += [(f" ({damping})", damping, "output error") for damping in DAMPING]
         blocks += [
@@ -394,20 +395,21 @@ def _verdict(value: float, error: float, still: bool) -> str:
     return "weak" if abs(value) < 2.0 * error else WRONG_SIGN if value > 0.0 else "identified"
 
 
-def sensitivity(item: Decayed) -> float:
-    """How far the added mass moves [kg] when the weighed restoring moment is 1 %
-    larger: -0.01 (G/k) / L^2.
+def sensitivity(item: DecayResult) -> float:
+    """Return the change of added mass [kg] per 1 % of restoring moment.
+
+    -0.01 (G/k) / L^2.
     """
-    k = float(item.fallen[0].estimate.output_error[item.chosen].values[0])
+    k = float(item.recordings[0].estimate.output_error[item.chosen].values[0])
     return -0.01 * item.hung.stiffness / k / item.arm**2
 
 
-def _decay_errors(name: str, item: Decayed) -> list[Figure]:
+def _decay_errors(name: str, item: DecayResult) -> list[Figure]:
     rows = []
     for damping in DAMPING:
         rmse = {
             method: _root_mean(
-                [_ratios(one.estimate, method)[damping].rmse_rad for one in item.fallen]
+                [_ratios(one.estimate, method)[damping].rmse_rad for one in item.recordings]
             )
             for method in METHODS
         }

@@ -1,4 +1,4 @@
-"""What swings and decays show in the report and in the recording."""
+"""The report section and recording views of swings and decays."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.stages.base import Document
-from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, Decayed, sensitivity
+from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, DecayResult, sensitivity
 from auvid.stages.pipendulum.recordings import ASKEW_DEG
-from auvid.stages.pipendulum.swings import Swung
+from auvid.stages.pipendulum.swings import SwingResult
 from auvid.stages.presentation import (
     Block,
     equation,
@@ -23,6 +23,7 @@ from auvid.stages.presentation import (
     series,
     table,
     text,
+    view,
 )
 
 UNITS = ("kg", "kg/s", "kg/m")
@@ -37,13 +38,14 @@ FREE_DECAY = (
 
 
 def bench_section(
-    apparatus: Document, swings: Sequence[Swung], decays: Sequence[Decayed]
+    apparatus: Document, swings: Sequence[SwingResult], decays: Sequence[DecayResult]
 ) -> dict[str, Any]:
-    """Verdicts and warnings first, then the swings, then the decays."""
+    """Return the section: verdicts and warnings, then swings, then decays."""
     blocks: list[Block] = _remarks(swings, decays)
     blocks.append(
         text(
-            f"{apparatus['title']}. Source: {apparatus['source']}. {apparatus.get('notes', '')}".strip()
+            f"{apparatus['title']}. Source: {apparatus['source']}."
+            f" {apparatus.get('notes', '')}".rstrip()
         )
     )
     if swings:
@@ -57,64 +59,55 @@ def bench_section(
     return section("Pendulums", blocks, order=18, look_for=look)
 
 
-def bench_views(swings: Sequence[Swung], decays: Sequence[Decayed]) -> dict[str, Any]:
-    """Swings, decays with each damping model, and recursive estimates, one entity per
-    recording.
-    """
+def bench_views(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> dict[str, Any]:
+    """Return swings, decays by damping model, and recursive estimates as views."""
     groups = [
-        {
-            "entity": f"pendulum/{recording.leg}/swing/rate",
-            "table": "swings",
-            "columns": ["rate_measured_rad_s", "rate_fitted_rad_s"],
-            "names": ["measured", "fitted"],
-            "roles": ["measured", "predicted"],
-            "tab": "Answer",
-            "unit": "rad/s",
-            "filter": {"recording": recording.leg},
-        }
+        view(
+            f"pendulum/{recording.leg}/swing/rate",
+            "swings",
+            ["rate_measured_rad_s", "rate_fitted_rad_s"],
+            ["measured", "predicted"],
+            tab="Answer",
+            names=["measured", "fitted"],
+            filter={"recording": recording.leg},
+        )
         for item in swings
         for recording, _ in item.recordings
     ]
-    for decayed in decays:
-        for item in decayed.fallen:
-            leg = item.recording.leg
-            groups.append(
-                {
-                    "entity": f"pendulum/{leg}/decay/angle",
-                    "table": "decays",
-                    "columns": [
-                        "theta_measured_rad",
-                        *(f"theta_{name.replace(' ', '_')}_rad" for name in DAMPING),
-                    ],
-                    "names": ["measured", *(f"{name} damping" for name in DAMPING)],
-                    "roles": ["measured", *DAMPING],
-                    "tab": "Answer",
-                    "unit": "rad",
-                    "filter": {"recording": leg},
-                }
+    damping = [f"theta_{name.replace(' ', '_')}_rad" for name in DAMPING]
+    for leg in (item.recording.leg for decay in decays for item in decay.recordings):
+        groups.append(
+            view(
+                f"pendulum/{leg}/decay/angle",
+                "decays",
+                ["theta_measured_rad", *damping],
+                ["measured", *DAMPING],
+                tab="Answer",
+                names=["measured", *(f"{name} damping" for name in DAMPING)],
+                filter={"recording": leg},
             )
-            groups += [
-                {
-                    "entity": f"pendulum/{leg}/{column}/history",
-                    "table": "decay_history",
-                    "columns": [column],
-                    "names": [f"{label}, recursive"],
-                    "roles": ["fused"],
-                    "tab": "Histories",
-                    "unit": unit,
-                    "filter": {"recording": leg},
-                }
-                for column, label, unit in (
-                    ("stiffness", "restoring moment over inertia", "1/s^2"),
-                    ("linear", "linear damping over inertia", "1/s"),
-                    ("quadratic", "quadratic damping over inertia", "1"),
-                    ("smallest_eigenvalue", "smallest eigenvalue of C_n", "1"),
-                )
-            ]
+        )
+        groups += [
+            view(
+                f"pendulum/{leg}/{column}/history",
+                "decay_history",
+                [column],
+                ["fused"],
+                tab="Histories",
+                names=[f"{label}, recursive"],
+                filter={"recording": leg},
+            )
+            for column, label in (
+                ("stiffness", "restoring moment over inertia"),
+                ("linear", "linear damping over inertia"),
+                ("quadratic", "quadratic damping over inertia"),
+                ("smallest_eigenvalue", "smallest eigenvalue of C_n"),
+            )
+        ]
     return {"groups": groups}
 
 
-def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
+def _remarks(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> list[Block]:
     blocks: list[Block] = []
     for item in swings:
         if item.cylinder is not None:
@@ -124,16 +117,16 @@ def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
                 " hollow cylinder of (58)."
             )
             blocks.append(remark(words, "finding" if abs(share) <= CYLINDER_PERCENT else "warning"))
-    for decayed in decays:
-        if decayed.entry["role"] == "vehicle":
-            held = decayed.held_out[decayed.chosen]
+    for decay in decays:
+        if decay.entry["role"] == "vehicle":
+            held = decay.held_out[decay.chosen]
             words = (
-                f"{decayed.entry['id']}: {decayed.chosen} damping predicts {decayed.judged_on} best"
+                f"{decay.entry['id']}: {decay.chosen} damping predicts {decay.judged_on} best"
                 f" ({1e3 * held:.2g} mrad RMS)."
             )
             blocks.append(remark(words, "finding"))
     recordings = [recording for item in swings for recording, _ in item.recordings]
-    recordings += [item.recording for decayed in decays for item in decayed.fallen]
+    recordings += [item.recording for decay in decays for item in decay.recordings]
     blocks += [
         remark(f"{item.leg}: {words}", "warning") for item in recordings for words in item.warnings
     ]
@@ -147,25 +140,25 @@ def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
                 "warning",
             )
         )
-    for fallen in (one for item in decays for one in item.fallen if one.swings < GOOD_SWINGS):
+    for short in (one for item in decays for one in item.recordings if one.swings < GOOD_SWINGS):
         words = (
-            f"{fallen.recording.leg}: only {fallen.swings:.1f} swings before it has died down: add"
+            f"{short.recording.leg}: only {short.swings:.1f} swings before it has died down: add"
             " weight or take a longer arm."
         )
         blocks.append(remark(words, "warning"))
-    for decayed in decays:
+    for decay in decays:
         values, errors = (
-            getattr(decayed.derivatives[decayed.chosen, "output error"], key)
+            getattr(decay.derivatives[decay.chosen, "output error"], key)
             for key in ("values", "standard_errors")
         )
         wrong = [
             name
-            for name, value, error in zip(decayed.quantities, values, errors, strict=True)
+            for name, value, error in zip(decay.quantities, values, errors, strict=True)
             if value > 2.0 * error > 0.0
         ]
         if wrong:
             words = (
-                f"{decayed.entry['id']}: positive {', '.join(wrong)}, which no body in water has:"
+                f"{decay.entry['id']}: positive {', '.join(wrong)}, which no body in water has:"
                 " check masses, arms and legs."
             )
             blocks.append(remark(words, "warning"))
@@ -180,7 +173,7 @@ def _remarks(swings: Sequence[Swung], decays: Sequence[Decayed]) -> list[Block]:
     return blocks
 
 
-def _swing_blocks(swings: Sequence[Swung]) -> list[Block]:
+def _swing_blocks(swings: Sequence[SwingResult]) -> list[Block]:
     rows = []
     for item in swings:
         low, high = item.inertia.interval
@@ -225,10 +218,10 @@ def _swing_blocks(swings: Sequence[Swung]) -> list[Block]:
         ),
         table("Moments of inertia", heads, rows, note=note),
         *[
-            remark(f"{recording.leg}: {said}")
+            remark(f"{recording.leg}: {note}")
             for item in swings
             for recording, _ in item.recordings
-            for said in recording.said
+            for note in recording.notes
         ],
     ]
     panels = [
@@ -254,11 +247,11 @@ def _swing_blocks(swings: Sequence[Swung]) -> list[Block]:
     return blocks
 
 
-def _decay_blocks(decays: Sequence[Decayed]) -> list[Block]:
+def _decay_blocks(decays: Sequence[DecayResult]) -> list[Block]:
     words = [
         f"{item.entry['id']}: restoring moment {item.hung.stiffness:.4g} N m as weighed; 1 % more"
         f" of it moves the added mass by {sensitivity(item):.3g} kg. Smallest eigenvalue of C_n"
-        f" over the recording {item.fallen[0].estimate.excitation.smallest[-1]:.2g}."
+        f" over the recording {item.recordings[0].estimate.excitation.smallest[-1]:.2g}."
         for item in decays
     ]
     blocks: list[Block] = [
@@ -270,10 +263,10 @@ def _decay_blocks(decays: Sequence[Decayed]) -> list[Block]:
         remark(FREE_DECAY),
         *[remark(item) for item in words],
         *[
-            remark(f"{item.recording.leg}: {said}")
-            for decayed in decays
-            for item in decayed.fallen
-            for said in item.recording.said
+            remark(f"{item.recording.leg}: {note}")
+            for decay in decays
+            for item in decay.recordings
+            for note in item.recording.notes
         ],
         *[
             block
@@ -284,7 +277,7 @@ def _decay_blocks(decays: Sequence[Decayed]) -> list[Block]:
     return blocks
 
 
-def _methods_table(item: Decayed) -> Block:
+def _methods_table(item: DecayResult) -> Block:
     rows: list[list[Any]] = []
     has = (True, *DAMPING[item.chosen])
     for index, name in enumerate(item.quantities):
@@ -311,7 +304,7 @@ def _methods_table(item: Decayed) -> Block:
     )
 
 
-def _damping_table(item: Decayed) -> Block:
+def _damping_table(item: DecayResult) -> Block:
     rows = []
     for name, (linear, quadratic) in DAMPING.items():
         values = item.derivatives[name, "output error"].values
@@ -320,7 +313,7 @@ def _damping_table(item: Decayed) -> Block:
             for kinds in zip(
                 *[
                     (one.estimate.output_error, one.estimate.recursive, one.estimate.batch)
-                    for one in item.fallen
+                    for one in item.recordings
                 ],
                 strict=True,
             )
@@ -353,9 +346,9 @@ def _damping_table(item: Decayed) -> Block:
     )
 
 
-def _decay_plot(item: Decayed) -> Block:
+def _decay_plot(item: DecayResult) -> Block:
     panels = []
-    for one in item.fallen:
+    for one in item.recordings:
         t, estimate = one.decay.run.grid_s, one.estimate
         lines = [series("measured", t, estimate.measured, "raw")]
         lines += [series(f"{name} damping", t, estimate.simulated[name], name) for name in DAMPING]

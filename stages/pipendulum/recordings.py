@@ -1,13 +1,10 @@
-"""From the raw streams of a log to one recorded swing: the axis it turned about, its
-rate and its angle.
-"""
+"""One recorded swing from the raw streams of a log: its axis, rate and angle."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +25,7 @@ from auvid.hydro.identification.signals.splines import smoothing_spline
 from auvid.stages.base import Collection, Document
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, Samples, leg_window, samples_within
 
-FEWEST = 50
+MIN_SAMPLES = 50
 MOST_CLIPPED_PERCENT = 80.0
 """Beyond this only the zero crossings are left. At 73 % the inertia of a swing of 40
 degrees is 0.5 % off.
@@ -51,7 +48,7 @@ class Recording:
     """One recorded swing: rate (n,) about its axis at t_s (n,), which samples are not
     clipped, and the angle at its own times, if logged.
 
-    Times in s from the start of the log. `said` are notes, `warnings` what is doubtful.
+    Times in s from the start of the log. `warnings`: what is doubtful.
     """
 
     leg: str
@@ -61,7 +58,7 @@ class Recording:
     usable: npt.NDArray[np.bool_]
     angle: Samples | None
     axis: SwingAxis
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
@@ -75,8 +72,9 @@ class Logs:
     attitude: Collection[pa.Table] | None
 
     def recording(self, leg_id: str, field: str, *, upright: bool) -> Recording:
-        """The swing of a leg; `upright`: its axis should stand upright (quadrifilar),
-        else lie level (free decay).
+        """Return the swing of a leg.
+
+        upright: its axis should be vertical (quadrifilar), else level (free decay).
 
         Raises `CampaignError` for a leg that the manifest does not have, `DataError`
         where its log has neither gyro nor attitude.
@@ -102,14 +100,14 @@ class Logs:
             table = tables[log]
             if not has_columns(table, names):
                 return None
-            found = samples_within(table, names, start_us=start_us, lag_s=0.0, window=window)
-            return found if found.t_s.size >= FEWEST else None
+            chosen = samples_within(table, names, start_us=start_us, lag_s=0.0, window=window)
+            return chosen if chosen.t_s.size >= MIN_SAMPLES else None
 
         gyro, attitude = samples(self.imu, GYRO), samples(self.attitude, ATTITUDE)
         if gyro is None and attitude is None:
             raise DataError(
                 f"leg '{leg_id}' has neither gyro nor attitude of a pendulum",
-                allowed=f"at least {FEWEST} samples",
+                allowed=f"at least {MIN_SAMPLES} samples",
                 remedy=(
                     "Log the IMU or the attitude of an autopilot on the pendulum; check start_s and"
                     " end_s of the leg."
@@ -125,7 +123,7 @@ def _recording(
     accel: Samples | None,
     upright: bool,
 ) -> Recording:
-    said: list[str] = []
+    notes: list[str] = []
     warnings: list[str] = []
     if gyro is not None:
         usable = _unclipped(gyro.values, str(leg["id"]), warnings)
@@ -140,7 +138,7 @@ def _recording(
             rates @ axis.axis,
             np.ones(attitude.t_s.size, dtype=np.bool_),
         )
-        said.append("No gyro: the rate is the slope of the logged attitude.")
+        notes.append("No gyro: the rate is the slope of the logged attitude.")
     angle = (
         None
         if attitude is None
@@ -148,7 +146,7 @@ def _recording(
     )
     if angle is not None and gyro is not None and usable.all() and not upright:
         angle = _agreeing(angle, t, rate, warnings)
-    _judge_axis(axis, accel, upright, said, warnings)
+    _judge_axis(axis, accel, upright, notes, warnings)
     return Recording(
         str(leg["id"]),
         leg.get("use") == "validation",
@@ -157,22 +155,21 @@ def _recording(
         usable,
         angle,
         axis,
-        tuple(said),
+        tuple(notes),
         tuple(warnings),
     )
 
 
 def _rates(attitude: Samples) -> Array:
-    """Rotation rates (n, 3) about the recorder's axes from its attitude, turned by less
-    than half a turn.
-    """
+    """Return rotation rates (n, 3) from an attitude that turns less than half a turn."""
     turns = np.column_stack([angle_about(attitude.values, axis) for axis in np.eye(3)])
     spline = smoothing_spline(attitude.t_s, turns)
     return spline.evaluate(attitude.t_s, 1)
 
 
 def _unclipped(gyro: Array, leg: str, warnings: list[str]) -> npt.NDArray[np.bool_]:
-    """Samples (n,) of a gyro (n, 3) at which no axis stands at the end of its range.
+    """Return which samples (n,) of a gyro (n, 3) are within its range on all axes.
+
     Raises `DataError` where too few are left.
     """
     clipped = outside_range(gyro)
@@ -193,7 +190,7 @@ def _unclipped(gyro: Array, leg: str, warnings: list[str]) -> npt.NDArray[np.boo
 
 
 def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Samples | None:
-    """The angle of the attitude, or None where it does not show the turn of the gyro."""
+    """Return the angle of the attitude, None where it disagrees with the gyro."""
     first = release_index(rate)
     share = angle_per_rate(t[first:], rate[first:], angle.t_s, angle.values[:, 0])
     if not abs(share - 1.0) > LEVELLED:
@@ -207,10 +204,10 @@ def _agreeing(angle: Samples, t: Array, rate: Array, warnings: list[str]) -> Sam
 
 
 def _judge_axis(
-    axis: SwingAxis, accel: Samples | None, upright: bool, said: list[str], warnings: list[str]
+    axis: SwingAxis, accel: Samples | None, upright: bool, notes: list[str], warnings: list[str]
 ) -> None:
     askew = float(np.degrees(axis.misalignment_rad))
-    said.append(
+    notes.append(
         f"It turns about the recorder's {axis.nearest} axis, {askew:.1f} degrees off, with"
         f" {100.0 * axis.share:.1f} % of its rotation."
     )
@@ -236,7 +233,7 @@ def _judge_axis(
 
 @contextmanager
 def naming(leg: str) -> Iterator[None]:
-    """Data errors raised inside name the leg."""
+    """Name the leg in data errors raised inside."""
     try:
         yield
     except DataError as fault:
@@ -247,9 +244,7 @@ def naming(leg: str) -> Iterator[None]:
 
 
 def not_negative(field: str, **values: float) -> None:
-    """Raises `CampaignError` for the first of these masses and inertias that is
-    negative.
-    """
+    """Raise `CampaignError` for the first mass or inertia that is negative."""
     for name, value in values.items():
         if value < 0.0:
             raise CampaignError(
@@ -258,16 +253,3 @@ def not_negative(field: str, **values: float) -> None:
                 value=value,
                 allowed="0 or more",
             )
-
-
-def as_rows(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Blocks of columns, one below the other; text columns are lists."""
-    out: dict[str, Any] = {}
-    for name in parts[0]:
-        blocks = [part[name] for part in parts]
-        out[name] = (
-            [item for block in blocks for item in block]
-            if isinstance(blocks[0], list)
-            else np.concatenate(blocks)
-        )
-    return out

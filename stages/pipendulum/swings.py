@@ -35,9 +35,8 @@ STOP_WATCH_SD_S = 0.2
 
 
 @dataclass(frozen=True)
-class Swung:
-    """One swing of the apparatus: its entry, mass of the object [kg], period, inertia
-    of what lay on the tray, and its recordings.
+class SwingResult:
+    """One swing of the apparatus: mass [kg], period and inertia of the object on the tray.
 
     `cylinder`: the calculated inertia (58), None where it is no cylinder.
     `amplitude_deg` of the largest swing.
@@ -52,9 +51,10 @@ class Swung:
     amplitude_deg: float
 
 
-def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
-    """All swings of part `quadrifilar` of an apparatus. Raises `CampaignError` for a
-    faulty apparatus, `DataError` for bad recordings.
+def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[SwingResult]:
+    """Return all swings of part `quadrifilar`, the empty tray first.
+
+    Raises `CampaignError` for a faulty apparatus, `DataError` for bad recordings.
     """
     read = Quantities(part, "quadrifilar")
     geometry = QuadrifilarGeometry(
@@ -85,23 +85,23 @@ def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[Swung]:
             allowed=1,
         )
     order = [*trays, *(index for index in range(len(part["swings"])) if index not in trays)]
-    found: list[Swung] = []
+    results: list[SwingResult] = []
     for index in order:
-        found.append(
+        results.append(
             _swing(
                 part["swings"][index],
                 f"quadrifilar.swings[{index}]",
                 geometry,
                 logs,
-                found[0].period if found else None,
+                results[0].period if results else None,
             )
         )
-    return found
+    return results
 
 
 def _swing(
     entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None
-) -> Swung:
+) -> SwingResult:
     read = Quantities(entry, field)
     mass = 0.0
     if empty is not None:
@@ -146,7 +146,7 @@ def _swing(
     amplitude = max(
         [np.degrees(fit.amplitude_rad) for fit in fits] + [np.degrees(size) for _, size in timed]
     )
-    return Swung(
+    return SwingResult(
         entry,
         mass,
         period,
@@ -163,9 +163,7 @@ def _fit(recording: Recording, slowed: tuple[float, float]) -> SwingFit:
 
 
 def _timed(item: Document) -> tuple[Estimate, float]:
-    """Counted oscillations: period at the amplitude of the swing, and that amplitude
-    [rad].
-    """
+    """Return the period of counted oscillations, and their amplitude [rad]."""
     period = counted_period(
         int(item["oscillations"]),
         float(item["duration_s"]),
@@ -186,18 +184,19 @@ def _cylinder(read: Quantities, mass: float) -> float | None:
     )
 
 
-def swing_figures(found: Sequence[Swung]) -> list[Figure]:
-    """Periods, inertias, and the check of the pendulum against a cylinder. Names: `T of
-    tray`, `I of tube`, `I_x` ...
+def swing_figures(swings: Sequence[SwingResult]) -> list[Figure]:
+    """Return periods, inertias, and the check against a calculated cylinder.
+
+    Names: `T of tray`, `I of tube`, `I_x` ...
     """
     rows = []
-    for item in found:
+    for item in swings:
         name, axis = str(item.entry["id"]), item.entry.get("axis")
         rows.append(figure(f"T of {name}", item.period.value, "s", item.period.standard_error))
         note = f"swings of {item.amplitude_deg:.1f} degrees, corrected to small ones"
         quantity = f"I_{axis}" if axis else f"I of {name}"
         verdict = "identified" if item.inertia.value > 2.0 * item.inertia.standard_error else "weak"
-        empty = item is found[0]
+        empty = item is swings[0]
         rows.append(
             figure(
                 quantity,
@@ -230,8 +229,10 @@ def swing_figures(found: Sequence[Swung]) -> list[Figure]:
     return rows
 
 
-def inertia_document(found: Sequence[Swung], vehicle: str, source: str) -> dict[str, Any] | None:
-    """Document `inertia` with the axes that were swung; None for none."""
+def inertia_document(
+    swings: Sequence[SwingResult], vehicle: str, source: str
+) -> dict[str, Any] | None:
+    """Return document `inertia` with the axes that were swung, None for none."""
     axes = {
         f"I_{item.entry['axis']}": {
             "value": float(item.inertia.value),
@@ -241,7 +242,7 @@ def inertia_document(found: Sequence[Swung], vehicle: str, source: str) -> dict[
                 f" {item.inertia.standard_error:.2g} kg m^2"
             ),
         }
-        for item in found
+        for item in swings
         if item.entry.get("axis")
     }
     return {"vehicle": vehicle, "source": source, **axes} if axes else None

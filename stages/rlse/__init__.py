@@ -1,11 +1,11 @@
-"""Added mass and damping of single channels by recursive least squares and output
-error: Alberti 2015, chapters III and V.
+"""Added mass and damping of single channels: Alberti 2015, chapters III and V.
+
+By recursive least squares and by output error.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,9 @@ from auvid.hydro.identification.bench.single_channel import (
     unexcited,
 )
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.columns import leg_window
-from auvid.stages.rlse.figures import channel_results, dry_mass, nothing_found
-from auvid.stages.rlse.presentation import channel_section, channel_views, still_section
+from auvid.stages.columns import leg_window, stacked
+from auvid.stages.rlse.figures import channel_results, dry_mass, no_results
+from auvid.stages.rlse.presentation import channel_section, channel_views, unexcited_section
 from auvid.stages.rlse.run_of_leg import LegRun, Streams, run_of_leg
 
 
@@ -44,7 +44,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    """Filter, estimator, and what is taken for the force."""
+    """Filter, estimator, and what counts as the force."""
 
     filter_rate_rad_s: float = param(
         "rad/s", 1.0, meaning="rate a of the regression filter (44)", low=1e-3, high=1e3
@@ -78,7 +78,7 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Nothing for a leg without a channel."""
+    """All None for a leg without a channel."""
 
     results: dict[str, Any] | None = port("results", optional=True)
     channel_run: pa.Table | None = port("channel_run", optional=True)
@@ -88,13 +88,14 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """One leg. Raises `DataError` when a stream that its channel needs is missing or
-    too short.
+    """Return masses and damping of one leg.
+
+    Raises `DataError` when a stream that its channel needs is missing or too short.
     """
     channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
     if channel is None:
         return Outputs()
-    vehicle, said = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
+    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
     start_us = int(inputs.log_info["start_us"])
     names = ("velocity", "imu", "attitude", "depth", "actuators", "battery")
     tables = {name: getattr(inputs, name) for name in names}
@@ -102,46 +103,47 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info["end_us"])), vehicle
     )
     constant = channel in params.constant_force
-    found = run_of_leg(
+    leg_run = run_of_leg(
         channel,
         streams,
         constant=constant,
         max_gap_s=params.max_gap_s,
         commands=params.use_commands,
         leg=leg,
-        said=[said] if said else [],
+        direction_note=direction_note,
     )
-    reason = unexcited(found.data)
+    reason = unexcited(leg_run.data)
     if reason:
         return Outputs(
-            results=nothing_found(leg, found, reason), section=still_section(leg, found, reason)
+            results=no_results(leg, leg_run, reason),
+            section=unexcited_section(leg, leg_run, reason),
         )
     estimate = estimate_channel(
-        found.data,
+        leg_run.data,
         filter_rate=params.filter_rate_rad_s,
         prior_spread=params.prior_spread,
         memory_s=params.memory_s or None,
         limits=(params.lowest_trace, params.highest_trace),
     )
     dry = dry_mass(channel, vehicle, inputs.leg)
-    results = channel_results(leg, found, estimate, dry)
+    results = channel_results(leg, leg_run, estimate, dry)
     return Outputs(
         results=results,
-        channel_run=_run_table(found, estimate),
+        channel_run=_run_table(leg_run, estimate),
         channel_history=_history_table(estimate),
         section=channel_section(
-            leg, found, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry
+            leg, leg_run, estimate, results, filter_rate=params.filter_rate_rad_s, dry=dry
         ),
-        views=channel_views(leg, found, estimate),
+        views=channel_views(leg, leg_run, estimate),
     )
 
 
-def _run_table(found: LegRun, estimate: ChannelEstimate) -> pa.Table:
-    """Measured and simulated signal at the samples of the run."""
+def _run_table(leg_run: LegRun, estimate: ChannelEstimate) -> pa.Table:
+    """Return measured and simulated signal at the samples of the run."""
     run, at = estimate.data.run, estimate.data.samples
     columns = {
         "t_s": run.grid_s[at],
-        "measured": found.signal,
+        "measured": leg_run.signal,
         "force": np.append(run.force_left, run.force_right[-1])[at],
     }
     for name in DAMPING:
@@ -150,25 +152,18 @@ def _run_table(found: LegRun, estimate: ChannelEstimate) -> pa.Table:
 
 
 def _history_table(estimate: ChannelEstimate) -> pa.Table:
-    """Recursive estimates of all damping models, one below the other."""
-    parts: dict[str, list[Any]] = {}
+    """Return the recursive estimates of all damping models, one after the other."""
+    blocks = []
     for name in DAMPING:
         recursive, excited = estimate.recursive[name], estimate.excitation[name]
         t = recursive.estimate.t_s
-        block: dict[str, Any] = {"damping": [name] * t.size, "t_s": t}
+        columns: dict[str, Any] = {"damping": [name] * t.size, "t_s": t}
         for index, quantity in enumerate(("mass", "linear", "quadratic")):
-            block[quantity] = recursive.values[:, index]
-            block[f"{quantity}_sd"] = recursive.spread[:, index]
-        block["smallest_eigenvalue"] = np.interp(t, excited.t_s, excited.smallest)
-        for key, values in block.items():
-            parts.setdefault(key, []).append(values)
-    return make_table("channel_history", {key: _joined(values) for key, values in parts.items()})
-
-
-def _joined(values: list[Any]) -> Any:
-    return (
-        list(chain.from_iterable(values)) if isinstance(values[0], list) else np.concatenate(values)
-    )
+            columns[quantity] = recursive.values[:, index]
+            columns[f"{quantity}_sd"] = recursive.spread[:, index]
+        columns["smallest_eigenvalue"] = np.interp(t, excited.t_s, excited.smallest)
+        blocks.append(columns)
+    return make_table("channel_history", stacked(blocks))
 
 
 STAGE = Stage(

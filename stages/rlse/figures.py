@@ -1,5 +1,4 @@
-"""The figures of a single-channel run as results: masses and damping with intervals,
-verdicts, and what was compared.
+"""Results of a single-channel run: masses and damping, with intervals and verdicts.
 
 Names: `m - X_udot`, `X_udot`, `X_u`, `X_u|u|` are those of the chosen damping model by
 output error; in brackets behind them stands another damping model, and `recursive` for
@@ -36,11 +35,9 @@ CLEAR = 2.0
 IDENTIFIED, WEAK, CONSTANT = "identified", "weak", "constant force"
 
 
-def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
-    """Results of a channel that was never excited: every figure by name, without a
-    number.
-    """
-    names = symbols(found.channel)
+def no_results(leg: str, leg_run: LegRun, reason: str) -> dict[str, Any]:
+    """Return the results of a channel never excited: every figure without a number."""
+    names = symbols(leg_run.channel)
     mass, one, two, _ = names.units
     quantities = (
         (f"{names.mass} - {names.added}", mass),
@@ -52,14 +49,15 @@ def nothing_found(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
         figure(quantity, None, unit, verdict=NOT_EXCITED, note=reason, headline=True)
         for quantity, unit in quantities
     ]
-    return {"title": f"{found.channel} of leg {leg}", "rows": rows}
+    return {"title": f"{leg_run.channel} of leg {leg}", "rows": rows}
 
 
 def channel_results(
-    leg: str, found: LegRun, estimate: ChannelEstimate, dry: float
+    leg: str, leg_run: LegRun, estimate: ChannelEstimate, dry: float
 ) -> dict[str, Any]:
-    """All figures of a leg: the chosen damping model first, then every damping model by
-    both methods, errors and excitation.
+    """Return all figures of a leg, the chosen damping model first.
+
+    Then every damping model by both methods, errors and excitation.
     """
     rows: list[Figure] = []
     for name in (None, *DAMPING):
@@ -70,7 +68,7 @@ def channel_results(
             else (f" ({name})", None)
         )
         rows += _figures(
-            found,
+            leg_run,
             fit,
             _status(estimate, name or estimate.chosen),
             dry,
@@ -79,10 +77,10 @@ def channel_results(
             headline=name is None,
         )
     for name in DAMPING:
-        rows += _recursive_figures(found, estimate.recursive[name], estimate, name, dry)
-    signal = "m/s" if CHANNELS.index(found.channel) < 3 else "rad/s"
-    if not found.data.run.rate.size:
-        signal = "m" if found.channel == "heave" else "rad"
+        rows += _recursive_figures(leg_run, estimate.recursive[name], estimate, name, dry)
+    signal = "m/s" if CHANNELS.index(leg_run.channel) < 3 else "rad/s"
+    if not leg_run.data.run.rate.size:
+        signal = "m" if leg_run.channel == "heave" else "rad"
     for name, fit in estimate.fits.items():
         rows.append(figure(f"rmse ({name})", fit.rmse, signal))
         rows.append(figure(f"rmse held out ({name})", fit.held_out, signal))
@@ -105,17 +103,18 @@ def channel_results(
                 verdict=excited.status,
             )
         )
-    return {"title": f"{found.channel} of leg {leg}", "rows": rows}
+    return {"title": f"{leg_run.channel} of leg {leg}", "rows": rows}
 
 
 def dry_mass(channel: str, vehicle: Vehicle, leg: Mapping[str, Any]) -> float:
-    """Mass [kg] or moment of inertia [kg m^2] that is taken off for the added mass: of
-    the leg, else of the vehicle file.
+    """Return the mass [kg] or inertia [kg m^2] to subtract for the added mass.
+
+    That of the leg, else of the vehicle file.
     """
     index = CHANNELS.index(channel)
-    said = leg.get("mass_kg" if index < 3 else "inertia_kg_m2")
-    if said is not None:
-        return float(said)
+    own = leg.get("mass_kg" if index < 3 else "inertia_kg_m2")
+    if own is not None:
+        return float(own)
     return vehicle.mass_kg if index < 3 else float(vehicle.inertia[index - 3, index - 3])
 
 
@@ -124,7 +123,7 @@ def _status(estimate: ChannelEstimate, name: str) -> str:
 
 
 def _verdict(status: str, value: float, error: float, *, signed: bool = False) -> str:
-    """signed: an added mass or damping, which is negative."""
+    """Return the verdict; `signed`: an added mass or damping, which is negative."""
     if status != PERSISTENT:
         return status
     if abs(value) < CLEAR * error:
@@ -133,7 +132,7 @@ def _verdict(status: str, value: float, error: float, *, signed: bool = False) -
 
 
 def _figures(
-    found: LegRun,
+    leg_run: LegRun,
     fit: ChannelFit,
     status: str,
     dry: float,
@@ -142,13 +141,13 @@ def _figures(
     *,
     headline: bool,
 ) -> list[Figure]:
-    names = symbols(found.channel)
+    names = symbols(leg_run.channel)
     mass_unit = names.units[0]
     values, errors = fit.values, fit.standard_errors
     total = f"{names.mass} - {names.added}"
     rows = []
-    if found.normalised:
-        rows += _in_commands(found, fit, status, suffix, note, headline=headline)
+    if leg_run.normalised:
+        rows += _in_commands(leg_run, fit, status, suffix, note, headline=headline)
         theta, covariance = fit.normalised()
         if not fit.resolved:
             return rows
@@ -156,8 +155,8 @@ def _figures(
         for index, (quantity, unit) in enumerate(
             (
                 (names.linear, "1/s"),
-                (names.quadratic, per_length(found.channel)),
-                ("1", per_command(found)),
+                (names.quadratic, per_length(leg_run.channel)),
+                ("1", per_command(leg_run)),
             )
         ):
             if theta[index] != 0.0:
@@ -217,7 +216,7 @@ def _figures(
 def _damping_figures(
     names: Symbols, fit: ChannelFit, status: str, suffix: str, more: Mapping[str, Any]
 ) -> list[Figure]:
-    """Damping and constant force, as far as the damping model has them."""
+    """Return damping and constant force, as far as the damping model has them."""
     heads = zip(
         (names.linear, names.quadratic, CONSTANT),
         names.units[1:],
@@ -240,12 +239,13 @@ def _damping_figures(
 
 
 def _in_commands(
-    found: LegRun, fit: ChannelFit, status: str, suffix: str, note: str | None, *, headline: bool
+    leg_run: LegRun, fit: ChannelFit, status: str, suffix: str, note: str | None, *, headline: bool
 ) -> list[Figure]:
-    """Damping and constant force in units of the whole command: what steady speeds tell
-    even without masses.
+    """Return damping and constant force in units of full command.
+
+    Steady speeds determine them even where masses are not known.
     """
-    names, angle = symbols(found.channel), "m" if CHANNELS.index(found.channel) < 3 else "rad"
+    names, angle = symbols(leg_run.channel), "m" if CHANNELS.index(leg_run.channel) < 3 else "rad"
     units = ("1", f"s/{angle}", f"s^2/{angle}^2", "1")
     inside = Symbols(
         names.mass,
@@ -261,15 +261,15 @@ def _in_commands(
 
 
 def _recursive_figures(
-    found: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float
+    leg_run: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float
 ) -> list[Figure]:
-    names, suffix = symbols(found.channel), f" ({name}, recursive)"
+    names, suffix = symbols(leg_run.channel), f" ({name}, recursive)"
     values, errors = fit.values[-1], fit.spread[-1]
     total = f"{names.mass} - {names.added}"
-    if found.normalised:
+    if leg_run.normalised:
         theta, spread = fit.estimate.theta[-1], errors[0] / values[0] ** 2
         return (
-            [figure(f"1/({total}){suffix}", 1.0 / values[0], per_command(found), spread)]
+            [figure(f"1/({total}){suffix}", 1.0 / values[0], per_command(leg_run), spread)]
             if theta.size
             else []
         )
@@ -288,10 +288,10 @@ def _recursive_figures(
 
 
 def per_length(channel: str) -> str:
-    """Unit of a quadratic damping over a mass."""
+    """Return the unit of a quadratic damping over a mass."""
     return "1/m" if CHANNELS.index(channel) < 3 else "1/rad"
 
 
-def per_command(found: LegRun) -> str:
-    """Unit of the acceleration that a whole command gives."""
-    return "m/s^2" if CHANNELS.index(found.channel) < 3 else "rad/s^2"
+def per_command(leg_run: LegRun) -> str:
+    """Return the unit of the acceleration at full command."""
+    return "m/s^2" if CHANNELS.index(leg_run.channel) < 3 else "rad/s^2"

@@ -1,4 +1,4 @@
-"""What a single-channel run shows in the report and in the recording."""
+"""The report section and recording views of a single-channel run."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from auvid.stages.presentation import (
     series,
     table,
     text,
+    view,
 )
 from auvid.stages.rlse.figures import CLEAR, TOO_FAST
 from auvid.stages.rlse.run_of_leg import LegRun
@@ -36,15 +37,15 @@ prior.
 """
 
 
-def still_section(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
-    """The section of a leg whose channel was never excited."""
+def unexcited_section(leg: str, leg_run: LegRun, reason: str) -> dict[str, Any]:
+    """Return the section of a leg whose channel was never excited."""
     words = (
-        f"{leg}: {found.channel} was never excited ({reason}), so that nothing is identified"
+        f"{leg}: {leg_run.channel} was never excited ({reason}), so that nothing is identified"
         " from it."
     )
     return section(
-        _title(leg, found),
-        [remark(words, "warning"), *map(remark, found.said)],
+        _title(leg, leg_run),
+        [remark(words, "warning"), *map(remark, leg_run.notes)],
         order=20,
         chapter=CHAPTER,
     )
@@ -52,18 +53,16 @@ def still_section(leg: str, found: LegRun, reason: str) -> dict[str, Any]:
 
 def channel_section(
     leg: str,
-    found: LegRun,
+    leg_run: LegRun,
     estimate: ChannelEstimate,
     results: dict[str, Any],
     *,
     filter_rate: float,
     dry: float,
 ) -> dict[str, Any]:
-    """Verdict, figures by both methods, damping models, run, histories and persistence
-    of excitation.
-    """
+    """Return the section: verdict, figures by both methods, damping models, plots."""
     excited = estimate.excitation[estimate.chosen]
-    words = f"{leg}: {excited.words(_columns(found, estimate.chosen))}"
+    words = f"{leg}: {excited.words(_columns(leg_run, estimate.chosen))}"
     blocks: list[Block] = [remark(words, "finding" if excited.status == PERSISTENT else "warning")]
     if not estimate.fits[estimate.chosen].resolved:
         blocks.append(
@@ -75,95 +74,95 @@ def channel_section(
         )
     blocks += [
         remark(f"{leg}: {item}", "warning")
-        for item in (*found.warnings, *_unphysical(found, estimate, dry))
+        for item in (*leg_run.warnings, *_unphysical(leg_run, estimate, dry))
     ]
+    t = leg_run.data.run.grid_s
     blocks += [
         text(
-            f"{found.channel.capitalize()} from {found.measured},"
-            f" {span_text((found.data.run.grid_s[0], found.data.run.grid_s[-1]))}. Two estimates:"
-            " recursive least squares of the filtered static form (43)-(50) shows how the figures"
-            " settle; output error, started from it, fits the simulated run to the measured one"
+            f"{leg_run.channel.capitalize()} from {leg_run.measured}, {span_text((t[0], t[-1]))}."
+            " Two estimates: recursive least squares of the filtered static form (43)-(50) shows how"
+            " the figures converge; output error, started from it, fits the simulated run to the measured one"
             " and gives the figures to take, because noise in the measured velocity biases a"
             " regression but not a simulation. Damping is chosen by the last third of the run,"
             " predicted with figures from the first two."
         ),
-        *[remark(item) for item in (*found.said, *_sensed(found, estimate))],
-        equation(*_equation(found)),
-        _methods_table(found, estimate, results),
-        _damping_table(found, estimate),
-        _run_plot(found, estimate),
-        _history_plot(found, estimate, filter_rate),
-        _excitation_plot(found, estimate),
+        *[remark(item) for item in (*leg_run.notes, *_lag_and_bias(leg_run, estimate))],
+        equation(*_equation(leg_run)),
+        _methods_table(leg_run, estimate, results),
+        _damping_table(leg_run, estimate),
+        _run_plot(leg_run, estimate),
+        _history_plot(leg_run, estimate, filter_rate),
+        _excitation_plot(leg_run, estimate),
     ]
     look = (
         "The chosen model follows the run on its last third too; the histories stand still long"
         " before the end; C_n keeps its height."
     )
-    return section(_title(leg, found), blocks, order=20, look_for=look, chapter=CHAPTER)
+    return section(_title(leg, leg_run), blocks, order=20, look_for=look, chapter=CHAPTER)
 
 
-def channel_views(leg: str, found: LegRun, estimate: ChannelEstimate) -> dict[str, Any]:
-    """The run with every damping model, and the recursive estimates of the chosen one."""
+def channel_views(leg: str, leg_run: LegRun, estimate: ChannelEstimate) -> dict[str, Any]:
+    """Return the run with every damping model, and the chosen one's history."""
     names = list(DAMPING)
-    run = {
-        "entity": f"rlse/{leg}/run",
-        "table": "channel_run",
-        "columns": ["measured", *(name.replace(" ", "_") for name in names)],
-        "names": ["measured", *(f"{name} damping" for name in names)],
-        "roles": ["measured", *names],
-        "tab": "Answer",
-        "unit": _signal_unit(found),
-    }
+    run = view(
+        f"rlse/{leg}/run",
+        "channel_run",
+        ["measured", *(name.replace(" ", "_") for name in names)],
+        ["measured", *names],
+        tab="Answer",
+        names=["measured", *(f"{name} damping" for name in names)],
+        unit=_signal_unit(leg_run),
+    )
+    chosen = {"damping": estimate.chosen}
     histories = [
-        {
-            "entity": f"rlse/{leg}/{quantity}/history",
-            "table": "channel_history",
-            "columns": [quantity],
-            "names": [f"{label}, recursive"],
-            "roles": ["fused"],
-            "tab": "Histories",
-            "unit": unit,
-            "filter": {"damping": estimate.chosen},
-            "spread": [f"{quantity}_sd"],
-        }
-        for quantity, label, unit in _quantities(found, estimate.chosen)
+        view(
+            f"rlse/{leg}/{quantity}/history",
+            "channel_history",
+            [quantity],
+            ["fused"],
+            tab="Histories",
+            names=[f"{label}, recursive"],
+            unit=unit,
+            filter=chosen,
+            spread=[f"{quantity}_sd"],
+        )
+        for quantity, label, unit in _quantities(leg_run, estimate.chosen)
     ]
-    excited = {
-        "entity": f"rlse/{leg}/excitation/history",
-        "table": "channel_history",
-        "columns": ["smallest_eigenvalue"],
-        "names": ["smallest eigenvalue of C_n"],
-        "roles": ["measured"],
-        "tab": "Histories",
-        "unit": "1",
-        "filter": {"damping": estimate.chosen},
-    }
+    excited = view(
+        f"rlse/{leg}/excitation/history",
+        "channel_history",
+        ["smallest_eigenvalue"],
+        ["measured"],
+        tab="Histories",
+        names=["smallest eigenvalue of C_n"],
+        filter=chosen,
+    )
     return {"groups": [run, *histories, excited]}
 
 
-def _title(leg: str, found: LegRun) -> str:
-    return f"{found.channel.capitalize()} of leg {leg}"
+def _title(leg: str, leg_run: LegRun) -> str:
+    return f"{leg_run.channel.capitalize()} of leg {leg}"
 
 
-def _columns(found: LegRun, name: str) -> tuple[str, ...]:
-    index = CHANNELS.index(found.channel)
+def _columns(leg_run: LegRun, name: str) -> tuple[str, ...]:
+    index = CHANNELS.index(leg_run.channel)
     x = "uvwpqr"[index]
     linear, quadratic = DAMPING[name]
-    drive = "the command" if found.normalised else f"{'XYZKMN'[index]}_prop"
+    drive = "the command" if leg_run.normalised else f"{'XYZKMN'[index]}_prop"
     return tuple(
         word
         for word, has in (
             (x, linear),
             (f"{x}|{x}|", quadratic),
             (drive, True),
-            ("the constant force", found.data.constant),
+            ("the constant force", leg_run.data.constant),
         )
         if has
     )
 
 
-def _sensed(found: LegRun, estimate: ChannelEstimate) -> list[str]:
-    """The lag of the thrust and the constant of the sensor, where they were found."""
+def _lag_and_bias(leg_run: LegRun, estimate: ChannelEstimate) -> list[str]:
+    """Return notes on the lag of the thrust and the bias of the sensor."""
     fit, words = estimate.fits[estimate.chosen].fit, []
     if estimate.lag is not None:
         words.append(
@@ -174,21 +173,19 @@ def _sensed(found: LegRun, estimate: ChannelEstimate) -> list[str]:
     if fit.bias[0] != 0.0:
         what = (
             "the sensor's zero"
-            if CHANNELS.index(found.channel) > 2
+            if CHANNELS.index(leg_run.channel) > 2
             else "a current, or the sensor's zero"
         )
         words.append(
-            f"Constant of the {found.measured}, found with the figures: {fit.bias[0]:+.2g}"
-            f" {_signal_unit(found)} ({what})."
+            f"Constant of the {leg_run.measured}, found with the figures: {fit.bias[0]:+.2g}"
+            f" {_signal_unit(leg_run)} ({what})."
         )
     return words
 
 
-def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[str]:
-    """Signs that no body in water has, of the chosen damping model, where they are
-    clear of zero.
-    """
-    fit, names = estimate.fits[estimate.chosen], symbols(found.channel)
+def _unphysical(leg_run: LegRun, estimate: ChannelEstimate, dry: float) -> list[str]:
+    """Return warnings of signs that no body in water has, where clear of zero."""
+    fit, names = estimate.fits[estimate.chosen], symbols(leg_run.channel)
     damping = ((names.linear, 1), (names.quadratic, 2))
     wrong = [
         name
@@ -204,7 +201,7 @@ def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[st
         else []
     )
     added = dry - float(fit.values[0])
-    if fit.resolved and not found.normalised and added > CLEAR * fit.standard_errors[0]:
+    if fit.resolved and not leg_run.normalised and added > CLEAR * fit.standard_errors[0]:
         unit = names.units[0]
         words.append(
             f"{names.added} comes out positive, {added:.3g} {unit}: {names.mass} of the vehicle,"
@@ -214,14 +211,14 @@ def _unphysical(found: LegRun, estimate: ChannelEstimate, dry: float) -> list[st
     return words
 
 
-def _equation(found: LegRun) -> tuple[str, str]:
-    index = CHANNELS.index(found.channel)
-    x, axis, names = "uvwpqr"[index], "XYZKMN"[index], symbols(found.channel)
+def _equation(leg_run: LegRun) -> tuple[str, str]:
+    index = CHANNELS.index(leg_run.channel)
+    x, axis, names = "uvwpqr"[index], "XYZKMN"[index], symbols(leg_run.channel)
     mass = f"{names.mass}-{axis}_{{\\dot {x}}}"
     latex = f"({mass})\\dot {x}={axis}_{x}{x}+{axis}_{{{x}|{x}|}}{x}|{x}|+{axis}_{{prop}}"
-    if found.data.restoring:
+    if leg_run.data.restoring:
         latex += f"-R\\sin\\{'phi' if index == 3 else 'theta'}"
-    if found.data.constant:
+    if leg_run.data.constant:
         latex += "+C"
     return (
         latex,
@@ -232,9 +229,9 @@ def _equation(found: LegRun) -> tuple[str, str]:
     )
 
 
-def _quantities(found: LegRun, name: str) -> list[tuple[str, str, str]]:
-    names, (linear, quadratic) = symbols(found.channel), DAMPING[name]
-    units = _units(found)
+def _quantities(leg_run: LegRun, name: str) -> list[tuple[str, str, str]]:
+    names, (linear, quadratic) = symbols(leg_run.channel), DAMPING[name]
+    units = _units(leg_run)
     rows = (
         ("mass", f"{names.mass} - {names.added}", True),
         ("linear", names.linear, linear),
@@ -243,17 +240,15 @@ def _quantities(found: LegRun, name: str) -> list[tuple[str, str, str]]:
     return [(key, label, unit) for (key, label, has), unit in zip(rows, units, strict=True) if has]
 
 
-def _units(found: LegRun) -> tuple[str, str, str]:
-    """Units of mass, linear and quadratic damping, by the whole command where that is
-    all that is known.
-    """
-    if not found.normalised:
-        return symbols(found.channel).units[:3]
-    length = "m" if CHANNELS.index(found.channel) < 3 else "rad"
+def _units(leg_run: LegRun) -> tuple[str, str, str]:
+    """Return units of mass, linear and quadratic damping, per full command if normalised."""
+    if not leg_run.normalised:
+        return symbols(leg_run.channel).units[:3]
+    length = "m" if CHANNELS.index(leg_run.channel) < 3 else "rad"
     return f"command s^2/{length}", f"command s/{length}", f"command s^2/{length}^2"
 
 
-def _methods_table(found: LegRun, estimate: ChannelEstimate, results: dict[str, Any]) -> Block:
+def _methods_table(leg_run: LegRun, estimate: ChannelEstimate, results: dict[str, Any]) -> Block:
     figures = {item["quantity"]: item for item in results["rows"]}
     rows = []
     for item in results["rows"]:
@@ -290,8 +285,8 @@ def _methods_table(found: LegRun, estimate: ChannelEstimate, results: dict[str, 
     return table(f"Methods side by side, {estimate.chosen} damping", heads, rows, note=note)
 
 
-def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
-    names, unit = symbols(found.channel), _signal_unit(found)
+def _damping_table(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
+    names, unit = symbols(leg_run.channel), _signal_unit(leg_run)
     rows = []
     for name, fit in estimate.fits.items():
         m, one, two, _ = fit.values
@@ -312,7 +307,7 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
         "damping",
         *zip(
             (f"{names.mass} - {names.added}", names.linear, names.quadratic),
-            _units(found),
+            _units(leg_run),
             strict=True,
         ),
         ("RMSE", unit),
@@ -326,29 +321,29 @@ def _damping_table(found: LegRun, estimate: ChannelEstimate) -> Block:
     return table("Damping models (as Table 9)", heads, rows, note=note)
 
 
-def _run_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
+def _run_plot(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
     run, at = estimate.data.run, estimate.data.samples
     t = run.grid_s[at]
-    lines = [series("measured", t, found.signal, "raw")]
+    lines = [series("measured", t, leg_run.signal, "raw")]
     lines += [
         series(f"{name} damping", t, fit.simulated[at], name) for name, fit in estimate.fits.items()
     ]
     drive = np.append(run.force_left, run.force_right[-1])[at]
-    unit = "1" if found.normalised else symbols(found.channel).units[3]
+    unit = "1" if leg_run.normalised else symbols(leg_run.channel).units[3]
     panels = [
-        panel(found.measured, _signal_unit(found), lines),
+        panel(leg_run.measured, _signal_unit(leg_run), lines),
         panel("driven by", unit, [series("force", t, drive, "thrusters")]),
     ]
     look = "Which damping follows fast and slow parts alike."
-    return plot("Measured and simulated", panels, group=f"rlse {found.channel}", look_for=look)
+    return plot("Measured and simulated", panels, group=f"rlse {leg_run.channel}", look_for=look)
 
 
-def _history_plot(found: LegRun, estimate: ChannelEstimate, rate: float) -> Block:
+def _history_plot(leg_run: LegRun, estimate: ChannelEstimate, rate: float) -> Block:
     recursive, fit = estimate.recursive[estimate.chosen], estimate.fits[estimate.chosen]
     t = recursive.estimate.t_s
     rows = slice(int(SETTLED_AFTER * t.size), None)
     panels = []
-    for index, (_, label, unit) in enumerate(_quantities(found, "linear and quadratic")):
+    for index, (_, label, unit) in enumerate(_quantities(leg_run, "linear and quadratic")):
         if fit.standard_errors[index] == 0.0:  # not in this damping model, or not determined
             continue
         value, spread = recursive.values[rows, index], NORMAL_95 * recursive.spread[rows, index]
@@ -366,12 +361,12 @@ def _history_plot(found: LegRun, estimate: ChannelEstimate, rate: float) -> Bloc
     return plot(
         f"Recursive estimates over time, {estimate.chosen} damping",
         panels,
-        group=f"rlse {found.channel}",
+        group=f"rlse {leg_run.channel}",
         look_for=note,
     )
 
 
-def _excitation_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
+def _excitation_plot(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
     lines = [
         series(f"{name} damping", item.t_s, item.smallest, name)
         for name, item in estimate.excitation.items()
@@ -385,13 +380,13 @@ def _excitation_plot(found: LegRun, estimate: ChannelEstimate) -> Block:
     return plot(
         "Smallest eigenvalue of C_n (52), columns of unit RMS",
         panels,
-        group=f"rlse {found.channel}",
+        group=f"rlse {leg_run.channel}",
         look_for=look,
     )
 
 
-def _signal_unit(found: LegRun) -> str:
-    rotation = CHANNELS.index(found.channel) > 2
-    if found.data.run.rate.size:
+def _signal_unit(leg_run: LegRun) -> str:
+    rotation = CHANNELS.index(leg_run.channel) > 2
+    if leg_run.data.run.rate.size:
         return "rad/s" if rotation else "m/s"
     return "rad" if rotation else "m"

@@ -1,12 +1,8 @@
-"""From the raw streams of a log to one run of one channel: what was measured, and what
-drove it.
-
-Equations of Alberti 2015.
-"""
+"""One run of one channel from the raw streams of a log: measured signal and force."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,16 +22,17 @@ from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.splines import smoothing_spline
 from auvid.stages.columns import ATTITUDE, GYRO, VELOCITY, Samples, samples_within, span_text
 
-FEWEST = 20
-NEUTRAL_AFTER_S = 1e-9
+MIN_SAMPLES = 20
+SAME_TIME_S = 1e-9
 NO_FORCE = 1e-9
 """Share of a thruster's force below which thrusters that cancel give none."""
 
 
 @dataclass(frozen=True)
 class LegRun:
-    """The run, its channel, whether its force is a command without unit, what was
-    `measured` with its values `signal` (n,), what to say.
+    """The run of a leg: what was `measured`, its values `signal` (n,), and its data.
+
+    normalised: the force is a command without a unit.
     """
 
     data: ChannelRun
@@ -43,15 +40,13 @@ class LegRun:
     normalised: bool
     measured: str
     signal: Array
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Streams:
-    """Raw streams of a log by name, absent where it has none; times in s from the start
-    of the log, lags taken off.
-    """
+    """Raw streams of a log by name, None where absent; times in s from its start."""
 
     tables: Mapping[str, pa.Table | None]
     start_us: int
@@ -59,9 +54,7 @@ class Streams:
     vehicle: Vehicle
 
     def samples(self, stream: str, names: tuple[str, ...], lag_s: float = 0.0) -> Samples | None:
-        """Samples of a stream inside the leg with all of these columns; None for a
-        stream that is not there.
-        """
+        """Return samples of a stream in the leg, None without all of these columns."""
         table = self.tables.get(stream)
         if table is None or not has_columns(table, names):
             return None
@@ -76,29 +69,30 @@ def run_of_leg(
     max_gap_s: float,
     commands: bool,
     leg: str,
-    said: Sequence[str] = (),
+    direction_note: str = "",
 ) -> LegRun:
-    """The run of a leg; `said` are notes on its thrusters.
+    """Return the run of a leg.
 
     Raises `DataError` when a stream that the channel needs is missing or too short, or
-    nothing says what drove it.
+    no actuator was logged.
     """
     index = CHANNELS.index(channel)
-    words: list[str] = []
+    notes: list[str] = []
     warnings: list[str] = []
     rate, position, measured = _measured(channel, streams, leg)
     kept = _longest(rate if rate is not None else position, max_gap_s, leg, warnings)
     rate = None if rate is None else rate.between(*kept)
     position = None if position is None else position.between(*kept)
-    drive = _drive(index, streams, kept, commands, leg, words)
-    words += () if drive.normalised else said
+    drive = _drive(index, streams, kept, commands, leg, notes)
+    if direction_note and not drive.normalised:
+        notes.append(direction_note)
     signal = rate if rate is not None else position
     assert signal is not None
     first, last = max(signal.t_s[0], drive.t_s[0]), min(signal.t_s[-1], drive.end_s + max_gap_s)
     rate = None if rate is None else rate.between(first, last)
     position = None if position is None else position.between(first, last)
     signal = rate if rate is not None else position
-    if signal is None or signal.t_s.size < FEWEST:
+    if signal is None or signal.t_s.size < MIN_SAMPLES:
         raise _too_few(signal, leg)
     if position is not None and position.t_s.size < 2:
         position = None
@@ -109,9 +103,9 @@ def run_of_leg(
     )
     x = _velocity(signal, grid, rate is not None)
     left, right = drive.over(grid, x, streams.vehicle, index)
-    restoring = _restoring(channel, streams.vehicle, words)
+    restoring = _restoring(channel, streams.vehicle, notes)
     if channel == "pitch":
-        coupling = _munk(streams, grid, words, leg)
+        coupling = _munk(streams, grid, notes, leg)
         left, right = left + coupling[:-1], right + coupling[1:]
     none, empty = np.zeros(0, dtype=np.intp), np.zeros(0)
     run = SingleRun(
@@ -142,16 +136,14 @@ def run_of_leg(
         drive.normalised,
         measured,
         signal.values[:, 0],
-        tuple(words),
+        tuple(notes),
         tuple(warnings),
     )
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What drives a channel: `values` (m,) held from t_s (m,) on, and the propeller
-    speed (m,) where a propeller adds to it.
-    """
+    """What drives a channel: `values` (m,) held from t_s (m,) on, and propeller speed."""
 
     t_s: Array
     values: Array
@@ -160,10 +152,11 @@ class Drive:
     propeller_rev_s: Array | None = None
 
     def over(self, grid: Array, x: Array, vehicle: Vehicle, index: int) -> tuple[Array, Array]:
-        """Force at both ends of every step of the grid (n,) -> two of (n-1,): held, but
-        for a propeller, whose thrust depends on speed.
+        """Return the force at both ends of every step of the grid (n,): two of (n-1,).
+
+        Held, but for a propeller, whose thrust depends on speed.
         """
-        at = np.searchsorted(self.t_s, grid[:-1] + NEUTRAL_AFTER_S, side="right") - 1
+        at = np.searchsorted(self.t_s, grid[:-1] + SAME_TIME_S, side="right") - 1
         held = self.values[at]
         if self.propeller_rev_s is None or vehicle.propeller is None:
             return held, held.copy()
@@ -183,22 +176,22 @@ class Drive:
 def _measured(
     channel: str, streams: Streams, leg: str
 ) -> tuple[Samples | None, Samples | None, str]:
-    """Rate and position samples of a channel, and what they are, in words."""
+    """Return rate and position samples of a channel, and the name of the signal."""
     index, vehicle = CHANNELS.index(channel), streams.vehicle
     gyro = streams.samples("imu", GYRO)
     if gyro is not None:
         gyro = Samples(gyro.t_s - vehicle.imu.lag_s, gyro.values @ vehicle.imu.rotation.T)
     if index < 3:
-        found = streams.samples("velocity", VELOCITY[:3], vehicle.dvl.lag_s)
-        if found is not None and found.t_s.size:
-            body = found.values @ vehicle.dvl.rotation.T
+        samples = streams.samples("velocity", VELOCITY[:3], vehicle.dvl.lag_s)
+        if samples is not None and samples.t_s.size:
+            body = samples.values @ vehicle.dvl.rotation.T
             if np.any(vehicle.dvl.arm_m != 0.0) and gyro is not None and gyro.t_s.size:
                 omega = np.column_stack(
-                    [np.interp(found.t_s, gyro.t_s, gyro.values[:, axis]) for axis in range(3)]
+                    [np.interp(samples.t_s, gyro.t_s, gyro.values[:, axis]) for axis in range(3)]
                 )
                 body = body - cross(omega, vehicle.dvl.arm_m)
             return (
-                Samples(found.t_s, body[:, index : index + 1]),
+                Samples(samples.t_s, body[:, index : index + 1]),
                 None,
                 f"velocity {VELOCITY[index][0]}",
             )
@@ -240,15 +233,15 @@ def _too_few(signal: Samples | None, leg: str) -> DataError:
     return DataError(
         f"too few samples in leg '{leg}'",
         value=0 if signal is None else signal.t_s.size,
-        allowed=f"at least {FEWEST}",
+        allowed=f"at least {MIN_SAMPLES}",
     )
 
 
 def _longest(
     signal: Samples | None, max_gap_s: float, leg: str, warnings: list[str]
 ) -> tuple[float, float]:
-    """The longest part of a signal without a gap; what is left out is said."""
-    if signal is None or signal.t_s.size < FEWEST:
+    """Return the longest gap-free part of a signal; a warning tells of the rest."""
+    if signal is None or signal.t_s.size < MIN_SAMPLES:
         raise _too_few(signal, leg)
     parts = [
         (float(signal.t_s[a]), float(signal.t_s[b - 1])) for a, b in gaps(signal.t_s, max_gap_s)
@@ -269,11 +262,9 @@ def _drive(
     kept: tuple[float, float],
     commands: bool,
     leg: str,
-    said: list[str],
+    notes: list[str],
 ) -> Drive:
-    """Force of thrusters and propeller, or the normalised command where the log has no
-    more than that.
-    """
+    """Return the force of thrusters and propeller, else the normalised command."""
     table, vehicle = streams.tables.get("actuators"), streams.vehicle
     if table is None:
         raise _missing("actuators", leg, "")
@@ -293,7 +284,7 @@ def _drive(
     if commands or not (has_pulses or has_propeller):
         if not has_columns(table, (command,)):
             raise DataError(
-                f"nothing in leg '{leg}' says what drove {CHANNELS[index]}",
+                f"leg '{leg}' has no force or command for {CHANNELS[index]}",
                 field="actuators",
                 value=", ".join(table.column_names),
                 allowed=(
@@ -302,9 +293,9 @@ def _drive(
                 ),
             )
         values = column(table, command)[rows]
-        said.append(
-            "The log has commands without a unit of force: only the ratios of (62) can be found,"
-            " not masses."
+        notes.append(
+            "The log has commands without a unit of force: only the ratios of (62) can be"
+            " estimated, not masses."
         )
         return _drive_of(t[rows], values, None, normalised=True, leg=leg)
     force = np.zeros(rows.size)
@@ -319,9 +310,7 @@ def _drive(
 
 
 def _drive_of(t: Array, values: Array, turns: Array | None, *, normalised: bool, leg: str) -> Drive:
-    """The drive without samples that say nothing (nan) and without those that only
-    repeat.
-    """
+    """Return the drive without missing (nan) and repeated samples."""
     known = np.isfinite(values) if turns is None else np.isfinite(values) & np.isfinite(turns)
     if not known.any():
         raise DataError(
@@ -347,37 +336,33 @@ def _voltage(streams: Streams, t_s: Array) -> Array | None:
 
 
 def _velocity(signal: Samples, grid: Array, is_rate: bool) -> Array:
-    """x on the grid: straight lines between its samples, or the slope of a smoothing
-    spline through positions.
-    """
+    """Return x on the grid: linear between rates, or the slope of a position spline."""
     if is_rate:
         return np.interp(grid, signal.t_s, signal.values[:, 0])
     return smoothing_spline(signal.t_s, signal.values[:, 0]).evaluate(grid, 1)
 
 
-def _restoring(channel: str, vehicle: Vehicle, said: list[str]) -> float:
-    """R [N m] of roll and pitch: W z_G - B z_B of the vehicle file (63)-(64)."""
+def _restoring(channel: str, vehicle: Vehicle, notes: list[str]) -> float:
+    """Return R = W z_G - B z_B [N m] of roll and pitch, of the vehicle file (63)-(64)."""
     if channel not in ("roll", "pitch"):
         return 0.0
     lever = float(vehicle.weight * vehicle.r_G[2] - vehicle.buoyancy * vehicle.r_B[2])
-    said.append(
+    notes.append(
         f"Restoring moment of {channel}: {lever:.4g} N m at 90 degrees, from weight, buoyancy and"
         " centres of the vehicle file."
     )
     return lever
 
 
-def _munk(streams: Streams, grid: Array, said: list[str], leg: str) -> Array:
-    """-(Z_wdot - X_udot) u w on the grid (n,) [N m]: what drives pitch when surge and
-    heave are driven, (64) corrected.
-    """
-    found = streams.samples("velocity", VELOCITY[:3], streams.vehicle.dvl.lag_s)
-    if found is None or found.t_s.size < 2:
+def _munk(streams: Streams, grid: Array, notes: list[str], leg: str) -> Array:
+    """Return the Munk moment -(Z_wdot - X_udot) u w (n,) [N m], (64) corrected."""
+    samples = streams.samples("velocity", VELOCITY[:3], streams.vehicle.dvl.lag_s)
+    if samples is None or samples.t_s.size < 2:
         raise _missing("velocity", leg, " for pitch")
-    body = found.values @ streams.vehicle.dvl.rotation.T
-    u, w = (np.interp(grid, found.t_s, body[:, axis]) for axis in (0, 2))
+    body = samples.values @ streams.vehicle.dvl.rotation.T
+    u, w = (np.interp(grid, samples.t_s, body[:, axis]) for axis in (0, 2))
     difference = float(streams.vehicle.added_mass[2, 2] - streams.vehicle.added_mass[0, 0])
-    said.append(
+    notes.append(
         f"Pitch is driven by -(Z_wdot - X_udot) u w with Z_wdot - X_udot = {difference:.4g} kg of"
         " the vehicle file."
     )
@@ -385,9 +370,7 @@ def _munk(streams: Streams, grid: Array, said: list[str], leg: str) -> Array:
 
 
 def _gyro_bias(run: SingleRun, index: int) -> float:
-    """Constant of the gyro [rad/s] where the angle is measured too: mean rate less the
-    turn of the angle; else 0.
-    """
+    """Return the gyro bias [rad/s]: mean rate less the turn of the angle; else 0."""
     if index < 3 or not (run.rate.size and run.position.size > 1):
         return 0.0
     t, at = run.grid_s[run.rate_at], run.grid_s[run.position_at]

@@ -326,13 +326,13 @@ def test_missing_streams(channel: str, without: str, message: str) -> None:
         run(leg_of(channel), tables)
 
 
-def test_nothing_says_what_drove_it() -> None:
+def test_a_leg_without_force_or_command_is_refused() -> None:
     tables = tables_of("surge")
     time = tables["actuators"]["time_us"].to_numpy()
     tables["actuators"] = make_table(
         "actuators", {"time_us": time, "command_yaw": np.zeros(time.size)}
     )
-    with pytest.raises(DataError, match="nothing in leg 'tank' says what drove surge"):
+    with pytest.raises(DataError, match="leg 'tank' has no force or command for surge"):
         run(leg_of("surge"), tables)
 
 
