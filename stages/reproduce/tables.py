@@ -288,8 +288,11 @@ def plan_tables(content: ReproductionContent) -> Iterator[Block]:
         [leg["id"], leg["use"], leg["manoeuvre"], leg["rpm"], leg["duration_s"]]
         for leg in content.plans[content.plan]["legs"]
     ]
-    heads = ["leg", "use", "manoeuvre", ("speed", "rpm"), ("length", "s")]
-    yield table(f"Legs of plan {content.plan}", heads, legs)
+    yield table(
+        f"Legs of plan {content.plan}",
+        ["leg", "use", "manoeuvre", ("speed", "rpm"), ("length", "s")],
+        legs,
+    )
     if content.vehicle.fins is not None:
         yield _derivatives(content)
     rows = [
