@@ -209,7 +209,7 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
     """
     rows = results.to_pylist()
     units = [(symbol(name), unit_of("free_run", name)) for name in NAMES]
-    heads = ["model", ("after", "s"), "starts", "diverged", *units]
+    heads: list[str | tuple[str, str]] = ["model", ("after", "s"), "starts", "diverged", *units]
     blocks: list[Block] = []
     for segment in dict.fromkeys(row["segment"] for row in rows):
         own = [row for row in rows if row["segment"] == segment]
