@@ -1,5 +1,4 @@
-"""Orchestration: campaigns, runner, artefact store, execution engines and the command
-line.
+"""Campaigns, runner, store of artefacts, execution engines and the command line.
 
 One BLAS thread, here and in every worker: more threads would change the last digits of
 a result with the machine. The variables work only if they are set before numpy is

@@ -1,6 +1,4 @@
-"""The graph of stages, wired by schema: the input port of a schema is fed by the one
-stage that outputs it.
-"""
+"""The graph of stages: an input port is fed by the one stage that outputs its schema."""
 
 from __future__ import annotations
 
@@ -30,9 +28,7 @@ SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
 
 
 class WiringError(Exception):
-    """The declared stages do not fit together: a fault in auvid, not in the user's
-    campaign.
-    """
+    """Stages that do not fit together: a fault of auvid, not of the user's campaign."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +51,11 @@ class Port:
         return self.many and not self.stage.yields
 
     def owner(self, item: str, key: str | None) -> str:
-        """The item that an artefact belongs to."""
+        """Return the item that an artefact belongs to."""
         return str(key) if self.stage.yields and self.many else item
 
     def path(self, item: str, key: str | None = None) -> str:
-        """Place of an artefact in the folder of its stage. `key` is None for a port
-        that is not many.
-        """
+        """Return the path of an artefact in its stage's folder; `key` only for many."""
         suffix = schema(self.schema).suffix
         if self.stage.yields and self.many:
             return f"{key}/{self.name}{suffix}"
@@ -73,8 +67,7 @@ class Port:
 
 @dataclass(frozen=True)
 class Feed:
-    """How an input port is fed: by the manifest (no producers), by one port, or by all
-    ports of a schema (`every`).
+    """How an input port is fed: by the manifest, one port, or all of a schema.
 
     A raw log is fed by the manifest, or by the one port of simulated logs; `runs` by
     other runs (`Run.members`).
@@ -90,9 +83,7 @@ class Feed:
 
 @dataclass(frozen=True)
 class Graph:
-    """Stages in the order in which they run. Raises `WiringError` when made from stages
-    that do not fit together.
-    """
+    """Stages in running order. Raises `WiringError` where they do not fit together."""
 
     stages: tuple[AnyStage, ...]
 
@@ -109,7 +100,7 @@ class Graph:
         )
 
     def stage(self, name: str) -> AnyStage:
-        """The stage of a name. Raises `UsageError` for an unknown one."""
+        """Return the stage of a name. Raises `UsageError` for an unknown one."""
         for stage in self.stages:
             if stage.name == name:
                 return stage
@@ -122,13 +113,13 @@ class Graph:
         )
 
     def producers(self, schema_name: str) -> tuple[Port, ...]:
-        """Output ports of a schema; `table` stands for all tables."""
+        """Return the output ports of a schema; `table` stands for all tables."""
         if schema_name == "table":
             return tuple(port for port in self.outputs if schema(port.schema).kind == "table")
         return tuple(port for port in self.outputs if port.schema == schema_name)
 
     def feeds(self, stage: AnyStage) -> tuple[Feed, ...]:
-        """How each input port of a stage is fed."""
+        """Return how each input port of a stage is fed."""
         return tuple(self._feed(stage, name, spec) for name, spec in ports(stage.inputs).items())
 
     def _feed(self, stage: AnyStage, name: str, spec: Mapping[str, Any]) -> Feed:
@@ -168,7 +159,7 @@ class Graph:
         return Feed(name, wanted, optional, found)
 
     def ancestors(self, stage: AnyStage) -> tuple[AnyStage, ...]:
-        """The stages that a stage needs, directly or through others, in running order."""
+        """Return the stages that a stage needs, directly or not, in running order."""
         needed = {port.stage.name for feed in self.feeds(stage) for port in feed.producers}
         for name in tuple(needed):
             needed |= {other.name for other in self.ancestors(self.stage(name))}
@@ -178,7 +169,7 @@ class Graph:
 def select(
     graph: Graph, *, only: str | None = None, until: str | None = None
 ) -> tuple[AnyStage, ...]:
-    """The stages to run: one, one with all that it needs, or all."""
+    """Return the stages to run: one, one with all that it needs, or all."""
     if only is not None and until is not None:
         raise UsageError("--only and --until exclude each other")
     if only is not None:
@@ -191,5 +182,5 @@ def select(
 def stages_of_kind(
     stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], kind: str
 ) -> tuple[AnyStage, ...]:
-    """The stages of a campaign kind, in the order of STAGES."""
+    """Return the stages of a campaign kind, in the order of STAGES."""
     return tuple(stage for stage in stages if stage.name in kinds[kind])

@@ -1,6 +1,4 @@
-"""The command `auvid coefficients`: what strip theory gives for a vehicle's geometry,
-beside what is published, with formula and source.
-"""
+"""`auvid coefficients`: strip theory of a vehicle, and published coefficients."""
 
 from __future__ import annotations
 
@@ -18,6 +16,7 @@ from auvid.pipeline.campaigns.twin import published_coefficients as coefficient_
 from auvid.pipeline.campaigns.twin import read_coefficients
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
+from auvid.pipeline.terminal import table
 
 KINDS = {
     "added_mass": "Added mass, tau_A = M_A nu_dot (M_A <= 0)",
@@ -34,8 +33,7 @@ KINDS = {
 def coefficients_of(
     vehicle: str, *, parameter_set: str = "corrected", model: str | None = None
 ) -> dict[str, Any]:
-    """Strip theory of a vehicle (name or file) beside its published coefficients, as a
-    document.
+    """Return strip theory and published coefficients of a vehicle, as a document.
 
     `published` of a row is what the vehicle file prints. `model` names one of the
     models whose published coefficients lie beside the vehicle file; its terms that
@@ -60,7 +58,7 @@ def coefficients_of(
             remedy=nearest(model, files),
         )
     terms = viscous_terms(used)
-    compared = [] if model is None else _beside(terms, read_coefficients(files[model]))
+    compared = [] if model is None else _shared_terms(terms, read_coefficients(files[model]))
     return {
         "vehicle": known.name,
         "title": known.title,
@@ -76,13 +74,18 @@ def print_coefficients(
     vehicle: str, *, parameter_set: str, model: str | None, as_json: bool
 ) -> None:
     """Print `coefficients_of` as text, or as JSON."""
-    found = coefficients_of(vehicle, parameter_set=parameter_set, model=model)
-    print(json.dumps(found, indent=2) if as_json else _text(found))
+    document = coefficients_of(vehicle, parameter_set=parameter_set, model=model)
+    if as_json:
+        print(json.dumps(document, indent=2))
+    else:
+        _print(document)
 
 
 def _used(vehicle: Vehicle, parameter_set: str) -> tuple[Coefficient, ...]:
-    """What the set gives: formulas for `as_printed` and `corrected`; `as_simulated` is
-    the published set with its replacements.
+    """Return the coefficients of a parameter set.
+
+    Formulas for `as_printed` and `corrected`; the published ones with their
+    replacements for `as_simulated`.
     """
     if parameter_set in PARAMETER_SETS and parameter_set != "as_simulated":
         return strip_theory_of(vehicle, corrected=parameter_set == "corrected")
@@ -109,10 +112,10 @@ def _row(item: Coefficient, published: Coefficient | None) -> dict[str, Any]:
     return row
 
 
-def _beside(
+def _shared_terms(
     ours: Mapping[str, Mapping[str, float]], theirs: Mapping[str, Mapping[str, float]]
 ) -> list[dict[str, Any]]:
-    """Terms that both have: strip theory first, then the published value."""
+    """Return the terms that both have, with both values."""
     shared = (
         (axis, term)
         for axis, terms in ours.items()
@@ -130,38 +133,43 @@ def _beside(
     ]
 
 
-def _text(found: Mapping[str, Any]) -> str:
-    lines = [f"{found['title']}, parameter set {found['parameter_set']}", f"{found['file']}"]
+def _print(document: Mapping[str, Any]) -> None:
+    print(f"{document['title']}, parameter set {document['parameter_set']}\n{document['file']}")
     for kind, title in KINDS.items():
-        rows = [row for row in found["coefficients"] if row["kind"] == kind]
+        rows = [row for row in document["coefficients"] if row["kind"] == kind]
         if rows:
-            lines += ["", title]
-        for row in rows:
-            beside = (
-                f"   published {row['published']:g} ({row['published_source']})"
-                if "published" in row
-                else ""
-            )
-            lines.append(f"  {row['name']:<11}{row['value']:>12.5g} {row['unit']:<7}{beside}")
-            lines.append(
-                f"      {row['formula']}   [{row['source']}]"
-                if row["formula"]
-                else f"      [{row['source']}]"
-            )
-            if row["note"]:
-                lines.append(f"      {row['note']}")
-    lines += ["", "Viscous model (drag and lift together), by axis and basis term"]
-    for axis, terms in found["viscous_model"].items():
-        named = (f"{BASIS_TERMS[term].name} {value:.5g}" for term, value in terms.items())
-        lines.append(f"  {axis}  " + ", ".join(named))
-    if found["model"]:
-        lines += [
-            "",
-            f"Beside the published model {found['model']['name']}",
-            f"  {'':<4}{'term':<8}{'strip theory':>14}{'published':>12}",
-        ]
-        lines += [
-            f"  {r['axis']:<4}{r['term']:<8}{r['strip_theory']:>14.5g}{r['published']:>12.5g}"
-            for r in found["model"]["terms"]
-        ]
-    return "\n".join(lines)
+            print()
+        table(
+            ("name", "value", "unit", "published", "formula", "source", "note"),
+            [
+                (
+                    row["name"],
+                    f"{row['value']:.5g}",
+                    row["unit"],
+                    f"{row['published']:g} ({row['published_source']})"
+                    if "published" in row
+                    else "",
+                    row["formula"] or "",
+                    row["source"],
+                    row["note"] or "",
+                )
+                for row in rows
+            ],
+            title=title,
+            indent=2,
+        )
+    print("\nViscous model (drag and lift together), by axis and basis term")
+    for axis, terms in document["viscous_model"].items():
+        values = (f"{BASIS_TERMS[term].name} {value:.5g}" for term, value in terms.items())
+        print(f"  {axis}  " + ", ".join(values))
+    if document["model"]:
+        print()
+        table(
+            ("axis", "term", "strip theory", "published"),
+            [
+                (row["axis"], row["term"], f"{row['strip_theory']:.5g}", f"{row['published']:.5g}")
+                for row in document["model"]["terms"]
+            ],
+            title=f"Compared with the published model {document['model']['name']}",
+            indent=2,
+        )

@@ -1,6 +1,4 @@
-"""The command `auvid simulate`: fly a plan with a vehicle, and write its logs, the
-truth and a campaign that is ready to run.
-"""
+"""`auvid simulate`: a plan as logs, truth, and a campaign that is ready to run."""
 
 from __future__ import annotations
 
@@ -33,8 +31,10 @@ def write_campaign(
     seed: int = 0,
     accelerometer: str = "specific_force",
 ) -> list[str]:
-    """Fly the plan and write `logs/`, `truth/` (Parquet and CSV), `columns/` for CSV
-    logs and `campaign.yaml` into a new or empty folder.
+    """Simulate a plan into a new or empty folder, and return what was cut short.
+
+    Written are `logs/`, `truth/` (Parquet and CSV), `columns/` for CSV logs and
+    `campaign.yaml`.
 
     Returns sentences about legs that the flight did not finish. Raises `PipelineError`
     for whatever is wrong with what the user gave.
@@ -105,9 +105,7 @@ ACCELEROMETERS = ("specific_force", "inertial")
 
 
 def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest of kind identification over the legs that were reached, each cut where
-    its flight stopped.
-    """
+    """Return a manifest over the legs that were reached, each cut where it stopped."""
     ends = {leg["id"]: leg["end_s"] for leg in simulation["legs"] if leg["end_s"] is not None}
     logs, legs = manifest_entries(twin["plan"], format=twin["format"])
     for log in logs:

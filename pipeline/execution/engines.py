@@ -1,6 +1,4 @@
-"""Where work items run: one after the other in this process, or spread over processes.
-Results are the same.
-"""
+"""Engines that run work items: one after another here, or spread over processes."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ ENGINES = ("serial", "processes")
 
 
 class Engine(Protocol):
-    """Runs tasks and gives their outcomes as they finish."""
+    """A way to run tasks; yields their outcomes as they finish."""
 
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]: ...
 
@@ -38,8 +36,7 @@ class Serial:
 
 
 class Processes:
-    """A pool of fresh interpreters, started with the first stage that has work for more
-    than one.
+    """A pool of fresh interpreters, started by the first stage with several items.
 
     Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no
     state of the parent.
@@ -71,9 +68,7 @@ class Processes:
                 )
 
     def close(self) -> None:
-        """Stop the workers, at once if they are in the middle of something; what they
-        had not finished is not in any manifest.
-        """
+        """Stop the workers, at once where items are unfinished: no manifest has those."""
         if self._pool is None:
             return
         if self._waiting:
@@ -85,9 +80,7 @@ class Processes:
 
 @contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while workers are started: they inherit that, and leave
-    interruptions to the parent, which gets them afterwards.
-    """
+    """Hold Ctrl-C back while workers start: they inherit that and leave it to the parent."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
@@ -96,8 +89,9 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
-    """The engine of a name. `jobs` processes, as many as the machine has cores unless
-    said; more than one means processes, named or not.
+    """Return the engine of a name, with `jobs` processes or one per core.
+
+    More than one job means processes, named or not.
     """
     if name is None:
         name = "processes" if jobs is not None and jobs > 1 else "serial"

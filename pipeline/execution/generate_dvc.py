@@ -1,6 +1,4 @@
-"""params.yaml and dvc.yaml as the stages declare them: made for a new workspace, and
-held against the repository's by a test.
-"""
+"""params.yaml and dvc.yaml, generated from the declarations of the stages."""
 
 from __future__ import annotations
 
@@ -34,13 +32,13 @@ stages:
 
 
 def default_of(item: Field[Any]) -> Any:
-    """The default of a parameter, tuples as lists."""
+    """Return the default of a parameter, tuples as lists."""
     value = item.default if item.default_factory is MISSING else item.default_factory()
     return list(value) if isinstance(value, tuple) else value
 
 
 def bounds(meta: Mapping[str, Any]) -> str:
-    """What values a parameter allows, in words; empty if any."""
+    """Return the allowed values of a parameter in words; empty if any."""
     if meta.get("allowed"):
         return ", ".join(str(value) for value in meta["allowed"])
     low, high = meta.get("low"), meta.get("high")
@@ -56,9 +54,7 @@ def bounds(meta: Mapping[str, Any]) -> str:
 
 
 def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
-    """params.yaml with every parameter of every stage at its default, with unit, bounds
-    and meaning.
-    """
+    """Return params.yaml: every parameter at its default, with unit, bounds, meaning."""
     lines = [
         (
             "# Defaults of every stage parameter, one section per stage. A campaign sets what"
@@ -90,7 +86,7 @@ def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
 
 
 def _scalar(value: Any) -> str:
-    """A YAML scalar or flow list; JSON is YAML except for words that need no quotes."""
+    """Return a YAML scalar or flow list: JSON, but for words that need no quotes."""
     if (
         isinstance(value, str)
         and value.isidentifier()
@@ -130,7 +126,7 @@ def dvc_yaml(
 
 
 def _entry(graph: Graph, stage: AnyStage) -> list[str]:
-    """What an entry does for each of its campaigns."""
+    """Return what an entry does for each of its campaigns."""
     feeds = graph.feeds(stage)
     manifest = {
         feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers
@@ -168,9 +164,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
 
 
 def _outs(stage: AnyStage) -> list[tuple[str, str]]:
-    """Paths that a stage leaves: its folder, or, where a metric lies in it, each
-    artefact by itself.
-    """
+    """Return the paths that a stage leaves: its folder, or each artefact with a metric."""
     folder = f"runs/${{item}}/{stage.name}"
     specs = ports(stage.outputs)
     if (
@@ -195,7 +189,7 @@ def _outs(stage: AnyStage) -> list[tuple[str, str]]:
 
 
 def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
-    """The kind of each campaign, from its manifest."""
+    """Return the kind of each campaign, from its manifest."""
     from auvid.pipeline.campaigns.yaml_files import load_yaml
 
     return {
@@ -205,9 +199,7 @@ def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
 
 
 def main() -> None:
-    """Write params.yaml and dvc.yaml of the current folder anew; the list of campaigns
-    stays.
-    """
+    """Write params.yaml and dvc.yaml of this folder; the list of campaigns stays."""
     from auvid.pipeline.campaigns.yaml_files import load_yaml
     from auvid.pipeline.store.atomic_files import write_atomically
     from auvid.stages import KINDS, STAGES

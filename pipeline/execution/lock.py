@@ -1,5 +1,6 @@
-"""One run of a campaign at a time: a lock on its folder, held by the system as long as
-the process lives.
+"""A lock on a run folder: one run of a campaign at a time.
+
+The system holds it as long as the process lives.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ FILE = ".lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a run folder. Raises `PipelineError` while another live process
-    holds it; a dead one's lock is free by itself.
+    """Hold the lock of a run folder.
+
+    Raises `PipelineError` while another live process holds it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

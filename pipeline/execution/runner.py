@@ -40,7 +40,11 @@ from auvid.pipeline.graph import (
     Graph,
     Port,
 )
-from auvid.pipeline.store.atomic_files import prune, sweep, write_atomically
+from auvid.pipeline.store.atomic_files import (
+    remove_stale_files,
+    remove_temporary_files,
+    write_atomically,
+)
 from auvid.pipeline.store.fingerprints import (
     FileHashes,
     as_document,
@@ -126,7 +130,7 @@ class Run:
                 if close_engine:
                     engine.close()
                 for stage in stages:
-                    sweep(self.manifests[stage.name].folder)
+                    remove_temporary_files(self.manifests[stage.name].folder)
                 self.hashes.save()
 
     def _stage(self, stage: AnyStage, engine: Engine, progress: Progress, force: bool) -> int:
@@ -160,7 +164,7 @@ class Run:
             if outcome.record is not None:
                 manifest.write({**manifest.records, outcome.item: outcome.record}, order)
             progress.item(outcome.item)
-        prune(
+        remove_stale_files(
             manifest.folder,
             {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))},
         )

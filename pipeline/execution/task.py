@@ -1,5 +1,6 @@
-"""One work item: load its inputs, run the stage, check and write what it returns. Runs
-in any process; never raises.
+"""One work item: load inputs, run the stage, check and write its results.
+
+Runs in any process and never raises.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from auvid.pipeline.store.manifest import Hashes, Record
 
 @dataclass(frozen=True)
 class Task:
-    """What is needed to run one item. `folder` is the folder of the stage; `key` stands
-    for all that the result depends on.
+    """What is needed to run one item.
+
+    `folder` is that of the stage; `key` stands for all that the result depends on.
     """
 
     stage: AnyStage
@@ -39,9 +41,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task: a record, or the user's fault, or the trace of a fault of
-    auvid.
-    """
+    """The result of a task: a record, a user's fault, or the trace of a fault of auvid."""
 
     item: str
     record: Record | None = None
@@ -51,9 +51,7 @@ class Outcome:
 
 
 def execute(task: Task) -> Outcome:
-    """Run one item to its end. Interruptions pass through; everything else is an
-    outcome.
-    """
+    """Run one item to its end; all but interruptions is an outcome."""
     try:
         return Outcome(task.item, record=_run(task))
     except PipelineError as fault:
@@ -102,8 +100,9 @@ def _check_unchanged(task: Task) -> None:
 
 
 def _contents(port: Port, result: Any) -> dict[str | None, bytes]:
-    """The bytes of a port's artefacts by key (None for a single one); all are made and
-    checked before the first is written.
+    """Return the bytes of a port's artefacts by key, None for a single one.
+
+    All are made and checked before the first is written.
     """
     where = f"output '{port.name}'"
     if result is None:

@@ -1,5 +1,4 @@
-"""Where an input of a work item comes from: values of the manifest, artefacts on disk,
-collections of them, and raw logs.
+"""Inputs of a work item: manifest values, artefacts, collections of them, raw logs.
 
 Sources are small and picklable; they are opened by the process that runs the item.
 """

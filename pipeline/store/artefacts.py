@@ -1,5 +1,6 @@
-"""Artefacts on disk: tables as Parquet, documents as JSON, and bytes; checked against
-their schema on write and on read.
+"""Artefacts on disk, checked against their schema on write and on read.
+
+Tables are Parquet, documents JSON, anything else bytes.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ LINE = 120
 
 
 def encode(artefact: object, name: str, *, file: object) -> bytes:
-    """The bytes of an artefact of schema `name`, the same for the same content. Raises
-    `SchemaError` where it does not fit.
+    """Return the bytes of an artefact, the same for the same content.
+
+    Raises `SchemaError` where it does not fit schema `name`.
     """
     kind = schema(name).kind
     if kind == "table":
@@ -47,8 +49,9 @@ def encode(artefact: object, name: str, *, file: object) -> bytes:
 
 
 def load(path: Path, name: str, expected: str | None = None) -> Any:
-    """Read an artefact back, checked. `expected`: hash of the content that the caller
-    counts on; another one is a `SchemaError`.
+    """Read an artefact back, checked.
+
+    Raises `SchemaError` where its hash is not `expected` or it does not fit its schema.
     """
     with readable(path, file=path, what="artefact"):
         content = path.read_bytes()
@@ -81,9 +84,7 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
 
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
-    """A document of plain Python values; numpy scalars and arrays are taken over, NaN
-    and infinity refused.
-    """
+    """Return a document of plain Python values; NaN and infinity are refused."""
     if isinstance(value, Mapping):
         return {
             str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key))
@@ -105,8 +106,9 @@ def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
 
 
 def to_json(value: Any, indent: int = 0) -> str:
-    """JSON that a person can read in a diff: one key a line, short containers and lists
-    of scalars on one line.
+    """Return JSON that a person can read in a diff.
+
+    One key a line; short containers and lists of scalars on one line.
     """
     if not isinstance(value, dict | list) or not value:
         return _line(value)

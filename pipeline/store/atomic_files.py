@@ -1,6 +1,4 @@
-"""Files that are either whole or not there: temporary file in the same folder, fsync of
-file and folder, rename.
-"""
+"""Files that are whole or not there: temporary file, fsync, rename."""
 
 from __future__ import annotations
 
@@ -28,8 +26,9 @@ REMEDIES = {
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that readers see the old content or the new, never a part. Raises
-    `PipelineError` where the system refuses.
+    """Write a file so that readers see the old content or the new, never a part.
+
+    Raises `PipelineError` where the system refuses.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,10 +64,8 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def prune(folder: Path, keep: set[Path]) -> None:
-    """Remove every file under a folder that is not in `keep`, and the folders that then
-    are empty.
-    """
+def remove_stale_files(folder: Path, keep: set[Path]) -> None:
+    """Remove files under a folder that are not in `keep`, and folders left empty."""
     if not folder.is_dir():
         return
     for path in sorted(folder.rglob("*"), reverse=True):
@@ -79,7 +76,7 @@ def prune(folder: Path, keep: set[Path]) -> None:
             path.unlink()
 
 
-def sweep(folder: Path) -> None:
+def remove_temporary_files(folder: Path) -> None:
     """Remove temporary files that a killed writer left behind."""
     for path in folder.rglob(f".*{TEMPORARY}"):
         path.unlink(missing_ok=True)
@@ -87,9 +84,7 @@ def sweep(folder: Path) -> None:
 
 @contextmanager
 def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
-    """Turn the system's refusal to read into an error that says which entry of which
-    file names the path.
-    """
+    """Turn a refusal to read into a fault that says which entry of which file it is."""
     try:
         if path.is_dir():
             raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
@@ -109,7 +104,7 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
 
 
 def _neighbours(path: Path) -> str:
-    """What there is in place of a file that is not there."""
+    """Return what there is in place of a missing file, as a remedy."""
     folder = next((parent for parent in path.absolute().parents if parent.is_dir()), Path("/"))
     if folder != path.absolute().parent:
         return f"There is no folder {path.absolute().parent}; there is {folder}."
@@ -126,7 +121,7 @@ def _neighbours(path: Path) -> str:
 
 
 def contents(path: Path, *, file: object, what: str) -> npt.NDArray[np.uint8]:
-    """The bytes of a file, read-only, n bytes in memory.
+    """Return the bytes of a file, read-only.
 
     A file that is cut short while it is mapped would end the process (SIGBUS), so only
     what is larger than `LARGEST_IN_MEMORY` is mapped.

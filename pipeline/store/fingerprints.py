@@ -1,6 +1,4 @@
-"""What a result depends on, as hashes: file contents, values, schemas, and the code
-that a stage imports.
-"""
+"""Hashes of what a result depends on: files, values, schemas and code."""
 
 from __future__ import annotations
 
@@ -30,13 +28,14 @@ READERS = {"vehicle": "auvid.hydro.dynamics.vehicle.from_document"}
 
 
 def hash_bytes(content: bytes) -> str:
-    """SHA-256 in hexadecimal."""
+    """Return the SHA-256 of bytes in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
 
 
 def hash_value(value: object) -> str:
-    """Hash of a value made of mappings, sequences, text, numbers and dataclasses; the
-    order of keys does not matter.
+    """Return the hash of a value of mappings, sequences, scalars and dataclasses.
+
+    The order of keys does not matter.
     """
     return hash_bytes(json.dumps(value, sort_keys=True, default=_plain).encode())
 
@@ -48,17 +47,16 @@ def _plain(value: object) -> object:
 
 
 def hash_file(path: Path) -> str:
-    """SHA-256 of a file's content."""
+    """Return the SHA-256 of a file's content."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class FileHashes:
-    """File hashes, remembered by size and time of change so that an unchanged file is
-    not read twice.
+    """File hashes, kept by size and time of change: unchanged files are read once.
 
-    A file younger than two seconds is not remembered: it could change again within one
-    tick of the file system's clock.
+    The hash of a file younger than two seconds is not kept: the file could change again
+    within one tick of the file system's clock.
     """
 
     def __init__(self, memory: Path | None = None) -> None:
@@ -73,7 +71,7 @@ class FileHashes:
             self._known = loaded if isinstance(loaded, dict) else {}
 
     def of(self, path: Path) -> str:
-        """The hash of a file. Raises `OSError` where it cannot be read."""
+        """Return the hash of a file. Raises `OSError` where it cannot be read."""
         status = path.stat()
         stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
         known = self._known.get(str(path))
@@ -86,7 +84,7 @@ class FileHashes:
         return found
 
     def save(self) -> None:
-        """Write the memory down if it changed; files that are gone are forgotten."""
+        """Write the hashes if any changed, without those of files that are gone."""
         if self._memory is not None and self._changed:
             kept = {name: entry for name, entry in self._known.items() if os.path.exists(name)}
             write_atomically(self._memory, json.dumps(kept, sort_keys=True).encode())
@@ -95,12 +93,12 @@ class FileHashes:
 
 @cache
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that shape the numbers."""
+    """Return the versions of the packages that shape the numbers."""
     return {name: metadata.version(name) for name in PACKAGES}
 
 
 def stage_code(stage: Stage[Any, Any, Any]) -> str:
-    """Hash of everything a stage's result depends on besides inputs and parameters.
+    """Return the hash of what a result depends on besides inputs and parameters.
 
     That is: the stage's module, the modules of auvid that it imports directly or
     through others (found in the source, not by running it), the data files that these
@@ -111,7 +109,7 @@ def stage_code(stage: Stage[Any, Any, Any]) -> str:
 
 
 def stage_schemas(stage: Stage[Any, Any, Any]) -> dict[str, str]:
-    """Hash of the schema of every port of a stage."""
+    """Return the hash of the schema of every port of a stage."""
     named = {
         spec["port"] for kind in (stage.inputs, stage.outputs) for spec in ports(kind).values()
     }
@@ -129,8 +127,7 @@ def _schema_hash(name: str) -> str:
 
 @cache
 def import_closure(module: str) -> dict[str, Path]:
-    """Source and data files that a module of auvid depends on: name -> path, the module
-    itself included.
+    """Return source and data files that a module depends on, itself included, by name.
 
     A package's `__init__` counts only where something is imported from it:
     `stages/__init__.py` names all stages, and no stage depends on the others.
@@ -155,8 +152,9 @@ def import_closure(module: str) -> dict[str, Path]:
 
 
 def _floor(module: str) -> str:
-    """The floor that a module belongs to: `auvid.stages.fuse.motion` -> `auvid.stages`;
-    its first name outside of auvid.
+    """Return the floor of a module: `auvid.stages` of `auvid.stages.fuse.motion`.
+
+    Outside of auvid it is the first name.
     """
     parts = module.split(".")
     return ".".join(parts[: 2 if parts[0] == "auvid" else 1])
@@ -164,7 +162,7 @@ def _floor(module: str) -> str:
 
 @cache
 def _floor_folder(floor: str) -> Path:
-    """The folder of a floor, wherever it is installed."""
+    """Return the folder of a floor, wherever it is installed."""
     return Path(next(iter(import_module(floor).__path__))).resolve()
 
 
@@ -240,9 +238,7 @@ def _absolute(node: ast.ImportFrom, module: str, path: Path) -> str:
 
 
 def _data_files(source: Path, module: str) -> list[Path]:
-    """Data files named in a module's source, or lying in the folder of a stage that is
-    a package of its own.
-    """
+    """Return data files named in a source, or in the folder of a stage."""
     top = _floor_folder(_floor(module))
     named = _scan(source).data_names
     beside = source.parent != top and module.startswith("auvid.stages.")
@@ -261,11 +257,11 @@ def _folder_data(top: Path) -> tuple[Path, ...]:
 
 
 def fingerprint_line(stage: Stage[Any, Any, Any]) -> str:
-    """What the small file holds on which DVC depends in place of the code."""
+    """Return the content of the file on which DVC depends in place of the code."""
     return f"{stage.name} {stage_code(stage)}\n"
 
 
 def as_document(params: object) -> Mapping[str, Any]:
-    """Parameters as a mapping of plain values, tuples as lists."""
+    """Return parameters as a mapping of plain values, tuples as lists."""
     document: dict[str, Any] = json.loads(json.dumps(asdict(params), default=str))  # type: ignore[call-overload]
     return document

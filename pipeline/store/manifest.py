@@ -1,8 +1,7 @@
-"""The manifest of a stage's folder: for every item what went in, what came out, and
-under which code, all as hashes.
+"""The manifest of a stage's folder: inputs, outputs and code of each item, as hashes.
 
-It is written last. An item whose result is about to be replaced is taken out first, so
-that the manifest never vouches for files that an interrupted run left behind.
+It is written last. An item that is about to be replaced is taken out first, so that the
+manifest never vouches for files that an interrupted run left behind.
 """
 
 from __future__ import annotations
@@ -23,8 +22,10 @@ Hashes = str | dict[str, str]
 
 @dataclass(frozen=True)
 class Record:
-    """One finished item. `outputs`: port -> hash, or key -> hash for a port with
-    several artefacts; ports that gave none are left out.
+    """One finished item.
+
+    `outputs`: port -> hash, or key -> hash for a port with several artefacts; a port
+    that gave none is left out.
     """
 
     key: str
@@ -61,9 +62,7 @@ class Manifest:
         self.records = ordered
 
     def keys(self, item: str) -> list[str]:
-        """Keys of the artefacts of an item, over all its ports with several, in the
-        order given by the stage.
-        """
+        """Return the keys of an item's artefacts over all ports, in the stage's order."""
         record = self.records.get(item)
         found = (
             [hashes for hashes in record.outputs.values() if isinstance(hashes, dict)]
@@ -74,9 +73,7 @@ class Manifest:
 
 
 def _read(path: Path) -> dict[str, Record]:
-    """The records of a manifest file; none if the file is of another format or damaged,
-    which makes its items run again.
-    """
+    """Return the records of a manifest file; none if damaged or of another format."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document["format"] != FORMAT:

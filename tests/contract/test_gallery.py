@@ -29,7 +29,7 @@ def test_page_is_that_of_the_list_and_its_picture_shows_something(name: str) -> 
     assert (FOLDER / name / gallery.PAGE).read_text(encoding="utf-8") == gallery.page_of(case)
     assert (ROOT / "campaigns" / case["target"] / "campaign.yaml").is_file()
     picture = look(FOLDER / name / gallery.PICTURE)
-    assert picture.bytes <= gallery.LARGEST
+    assert picture.bytes <= gallery.MAX_BYTES
     assert picture.colours > 30, "an empty viewer has a handful of greys"
     assert 1 <= len(re.findall(r"[.:;](?:\s|$)", str(case["see"]))) <= 4, "two sentences"
 

@@ -1,12 +1,10 @@
-"""A side of `auvid diff`: what a word of the command line means, read from the folder
-of a run, golden tables or the history.
-"""
+"""Operands of `auvid diff`: runs, golden tables or history entries as run data."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +27,11 @@ VARIANTS = ".variants"
 
 
 @dataclass(frozen=True)
-class Loaded:
-    """A side with its error tables in golden layout, and the folder of the tolerances
-    that it brings along.
+class RunData:
+    """Results of a run, its error tables in golden layout, and the folder of tolerances.
 
-    `partial`: golden tables or an entry of the history, which hold tables and figures
-    but no signals.
+    `partial`: golden tables or a history entry, which hold tables and figures but no
+    signals.
     """
 
     side: Side
@@ -43,10 +40,10 @@ class Loaded:
     partial: bool = False
 
 
-def load(word: str) -> Loaded:
-    """A side of the command line: campaign, run folder or folder of golden tables, with
-    `@MODEL`, `@RUN` of the history or `@STAGE.PARAMETER=VALUE` behind it.
+def read_operand(word: str) -> RunData:
+    """Read an operand: campaign, run folder or folder of golden tables.
 
+    Behind it may stand `@MODEL`, `@RUN` of the history or `@STAGE.PARAMETER=VALUE`.
     Raises `PipelineError` for what is none of these, has not been run, or has no such
     model or parameter.
     """
@@ -54,8 +51,8 @@ def load(word: str) -> Loaded:
     path = Path(what).expanduser()
     if path.is_dir() and not (path / "campaign.yaml").is_file():
         tables = golden.read_tables(path) if list(path.glob("*.csv")) else {}
-        loaded = (
-            Loaded(Side(what), tables, path, partial=True) if tables else _from_folder(what, path)
+        data = (
+            RunData(Side(what), tables, path, partial=True) if tables else _from_folder(what, path)
         )
     else:
         run = open_run(what)
@@ -64,19 +61,20 @@ def load(word: str) -> Loaded:
             return _from_folder(word, _variant(run, *variant.groups()))
         if narrow.isdigit():
             entry = history.entry_of(run, int(narrow))
-            return Loaded(
+            return RunData(
                 Side(word, results=history.results_of(entry)), entry.error_tables, partial=True
             )
-        loaded = _from_folder(what, run.folder)
+        data = _from_folder(what, run.folder)
     if not narrow:
-        return loaded
-    models = list(loaded.side.cards) or list(
-        dict.fromkeys(model for table in loaded.tables.values() for model in table)
+        return data
+    models = list(data.side.cards) or list(
+        dict.fromkeys(model for table in data.tables.values() for model in table)
     )
     if narrow not in models:
         remedy = (
             nearest(narrow, models)
-            or "Behind @ stands a model, the number of a run in the history, or STAGE.PARAMETER=VALUE."
+            or "Behind @ stands a model, the number of a run in the history, or"
+            " STAGE.PARAMETER=VALUE."
         )
         raise DataError(
             "no such model",
@@ -85,44 +83,37 @@ def load(word: str) -> Loaded:
             allowed=models or "none: no model is fitted here",
             remedy=remedy,
         )
-    return Loaded(
-        Side(**{**_parts(loaded.side), "name": word, "model": narrow}),
-        loaded.tables,
-        loaded.tolerances,
-        loaded.partial,
-    )
+    return replace(data, side=replace(data.side, name=word, model=narrow))
 
 
-def common(one: Loaded, two: Loaded) -> tuple[Loaded, Loaded]:
-    """Both without what a partial side cannot hold: signals and models, and named
-    figures where it has none.
-    """
+def common(one: RunData, two: RunData) -> tuple[RunData, RunData]:
+    """Return both without what partial data cannot hold: signals, models, figures."""
     figures = bool(one.side.results) and bool(two.side.results)
-    return _without(one, figures=figures), _without(two, figures=figures)
+    first, second = (
+        replace(
+            data,
+            side=Side(
+                data.side.name, data.side.model, results=data.side.results if figures else {}
+            ),
+        )
+        for data in (one, two)
+    )
+    return first, second
 
 
-def _without(loaded: Loaded, *, figures: bool) -> Loaded:
-    side = Side(loaded.side.name, loaded.side.model, results=loaded.side.results if figures else {})
-    return Loaded(side, loaded.tables, loaded.tolerances, loaded.partial)
-
-
-def _parts(side: Side) -> dict[str, Any]:
-    return {name: getattr(side, name) for name in side.__dataclass_fields__}
-
-
-def _from_folder(name: str, folder: Path) -> Loaded:
-    """A side from the artefacts in the folder of a run."""
-    table = next(iter(_found(folder, "*/error_table.parquet", "error_table").values()), None)
-    segments = _found(folder, "*/*/segment.json", "segment")
+def _from_folder(name: str, folder: Path) -> RunData:
+    """Read the artefacts in the folder of a run."""
+    table = next(iter(_artefacts(folder, "*/error_table.parquet", "error_table").values()), None)
+    segments = _artefacts(folder, "*/*/segment.json", "segment")
     side = Side(
         name,
         segments=segments,
-        logs=_found(folder, "ingest/*/log_info.json", "log_info"),
-        cards=_found(folder, "*/model_card/*.json", "model_card"),
+        logs=_artefacts(folder, "ingest/*/log_info.json", "log_info"),
+        cards=_artefacts(folder, "*/model_card/*.json", "model_card"),
         results={document["title"]: document for document in _documents(folder, "results")},
-        fused=_found(folder, "fuse/*/fused.parquet", "fused"),
-        residual=_found(folder, "residual/*/residual.parquet", "residual"),
-        predictions=_found(folder, "*/predictions/*.parquet", "predictions"),
+        fused=_artefacts(folder, "fuse/*/fused.parquet", "fused"),
+        residual=_artefacts(folder, "residual/*/residual.parquet", "residual"),
+        predictions=_artefacts(folder, "*/predictions/*.parquet", "predictions"),
         viewed={} if segments else _viewed(folder),
     )
     if table is None and not (side.cards or side.results or side.fused):
@@ -132,30 +123,24 @@ def _from_folder(name: str, folder: Path) -> Loaded:
             else "It is no folder of a run, and holds no golden tables (training.csv)."
         )
         raise PipelineError("there is nothing to compare", file=folder, remedy=remedy)
-    return Loaded(side, golden.tables_of(table.to_pylist()) if table is not None else {})
+    return RunData(side, golden.tables_of(table.to_pylist()) if table is not None else {})
 
 
 def _documents(folder: Path, schema: str) -> Iterator[Any]:
-    """All documents of a schema in the folder of a run, of whole stages and of their
-    items.
-    """
+    """Yield all documents of a schema in the folder of a run."""
     for stage in STAGES:
         for name, spec in ports(stage.outputs).items():
             if spec["port"] == schema:
-                for path in sorted(
-                    [
-                        *folder.glob(f"{stage.name}/{name}.json"),
-                        *folder.glob(f"{stage.name}/*/{name}.json"),
-                    ]
-                ):
+                for path in sorted(folder.glob(f"{stage.name}/**/{name}.json")):
                     yield artefacts.load(path, schema)
 
 
 def _viewed(folder: Path) -> dict[tuple[str, str], Signals]:
-    """The signals that the stages show, of runs without segments (bench and control);
-    raw streams are not results and stay out.
+    """Return the signals that stages show, for runs without segments (bench, control).
+
+    Raw streams are not results and stay out.
     """
-    found: dict[tuple[str, str], Signals] = {}
+    viewed: dict[tuple[str, str], Signals] = {}
     for stage in (item for item in STAGES if item.name != "ingest"):
         schemas = {name: spec["port"] for name, spec in ports(stage.outputs).items()}
         for path in sorted(
@@ -169,12 +154,12 @@ def _viewed(folder: Path) -> dict[tuple[str, str], Signals]:
                     tables[name] = artefacts.load(file, schemas[name.partition("/")[0]])
                 signals = signals_of_view(group, tables[name]) if name in tables else None
                 if signals is not None:
-                    found[place_of_view(group)] = signals
-    return found
+                    viewed[place_of_view(group)] = signals
+    return viewed
 
 
-def _found(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
-    """Artefacts by item: the name of their folder, or of the file where all lie in one."""
+def _artefacts(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
+    """Return artefacts by item: the name of their folder, or of the file."""
     own = pattern.endswith(("*.json", "*.parquet"))
     return {
         path.stem if own else path.parent.name: artefacts.load(path, schema)
@@ -183,8 +168,9 @@ def _found(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
 
 
 def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
-    """Run a campaign with one parameter changed, in a folder of its own beside the
-    runs; what is up to date there is not made again.
+    """Run a campaign with one parameter changed and return the folder of that run.
+
+    It stands beside the runs; what is up to date there does not run again.
     """
     stage = run.graph.stage(stage_name)
     given = {
@@ -206,7 +192,7 @@ def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
 
 
 def _scalar(text: str) -> Any:
-    """A value as params.yaml would hold it; text that is no YAML stays text."""
+    """Return a value as params.yaml would hold it; text that is no YAML stays text."""
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:

@@ -1,6 +1,4 @@
-"""`auvid history`: the earlier runs of a campaign in the terminal, one of them in full,
-and the report put beside one of them.
-"""
+"""`auvid history`: earlier runs of a campaign, and the report compared with one."""
 
 from __future__ import annotations
 
@@ -11,9 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands.history.run_history import Entry, best, changes, entry_of, judged, read
 from auvid.pipeline.commands.open_run import open_run
@@ -21,9 +16,10 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.terminal import plain
+from auvid.pipeline.terminal import plain, table
 from auvid.stages import report
-from auvid.stages.presentation import Block, section, table, text
+from auvid.stages.presentation import Block, section, text
+from auvid.stages.presentation import table as table_block
 
 COMPARED = "compared.html"
 ORDER = 2
@@ -44,30 +40,22 @@ def show(campaign: str, *, number: int | None, as_json: bool) -> None:
 
 
 def _print_list(entries: Sequence[Entry]) -> None:
-    grid = Table(box=None, pad_edge=False, header_style="dim")
     models = any(best(entry) for entry in entries)
-    heads = ("best model", "training", "validation") if models else ("figures determined",)
-    for name in ("run", "finished (UTC)", *heads, "changed since the run before"):
-        grid.add_column(
-            name,
-            justify="right" if name in ("run", "training", "validation") else "left",
-            overflow="fold",
-        )
+    columns = ("best model", "training", "validation") if models else ("figures determined",)
+    rows = []
     for before, entry in zip((None, *entries), entries, strict=False):
-        found = best(entry)
-        figures: tuple[str, ...] = (
-            ("", "", "") if found is None else (found[0], _ratio(found[1]), _ratio(found[2]))
-        )
-        if not models:
-            good, of = judged(entry)
-            figures = (f"{good} of {of}" if of else f"{len(entry.figures)} found",)
-        grid.add_row(
-            str(entry.number),
-            entry.finished_utc,
-            *map(plain, figures),
-            plain("; ".join(changes(before, entry))),
-        )
-    Console(highlight=False).print(grid)
+        model, determined = best(entry), judged(entry)
+        if model is not None:
+            figures: tuple[str, ...] = (model[0], *map(_ratio, model[1:]))
+        elif models:
+            figures = ("", "", "")
+        elif determined[1]:
+            figures = ("{} of {}".format(*determined),)
+        else:
+            figures = (f"{len(entry.figures)} in all",)
+        changed = "; ".join(changes(before, entry))
+        rows.append((entry.number, entry.finished_utc, *figures, changed))
+    table(("run", "finished (UTC)", *columns, "changed since the run before"), rows)
 
 
 def _print_entry(entry: Entry) -> None:
@@ -85,10 +73,8 @@ def _print_entry(entry: Entry) -> None:
         print(plain(f"{name}: {value}{unit}{verdict}"))
 
 
-def _then_and_now(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
-    """A row of the table of figures; the change in percent where both are known and the
-    first is not zero.
-    """
+def _figure_row(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
+    """Return a row of figures; the change in percent where both are known."""
     change = (
         100.0 * (float(new["value"]) / float(old["value"]) - 1.0)
         if old["value"] and new["value"] is not None
@@ -102,16 +88,14 @@ def _ratio(value: float | None) -> str:
 
 
 def write_compared(run: Run, number: int | None) -> Path:
-    """The report with a section that puts it beside an earlier run: the one before the
-    last unless a number is given.
+    """Write the report with a section that compares it with an earlier run.
 
+    That is the one before the last unless a number is given.
     Raises `PipelineError` where stages have not been run, or there is no earlier run.
     """
     entries = read(run.folder)
     if number is None and len(entries) < 2:
-        remedy = (
-            "Every finished run that changes anything is remembered; there has been one or none."
-        )
+        remedy = "Every finished run that changes anything is kept; there has been one or none."
         raise DataError(
             "there is no earlier run to compare with", value=run.campaign.name, remedy=remedy
         )
@@ -127,7 +111,7 @@ def write_compared(run: Run, number: int | None) -> Path:
 
 
 def comparison(old: Entry, new: Entry) -> dict[str, Any]:
-    """The section: what was set otherwise, and every figure of both."""
+    """Return the section: changed settings, and every figure of both runs."""
     blocks: list[Block] = [text("; ".join(changes(old, new)))]
     for use in [use for use in new.error_tables if use in old.error_tables]:
         rows = []
@@ -158,11 +142,13 @@ def comparison(old: Entry, new: Entry) -> dict[str, Any]:
             ("J now", "mixed"),
         ]
         heads += ["J/J0 then", "J/J0 now", ("change", "%")]
-        blocks.append(table(use.capitalize(), heads, rows))
+        blocks.append(table_block(use.capitalize(), heads, rows))
     names = [name for name in new.figures if name in old.figures]
     if names:
-        rows = [_then_and_now(name, old.figures[name], new.figures[name]) for name in names]
-        blocks.append(table("Figures", ["figure", "then", "now", ("change", "%"), "unit"], rows))
+        rows = [_figure_row(name, old.figures[name], new.figures[name]) for name in names]
+        blocks.append(
+            table_block("Figures", ["figure", "then", "now", ("change", "%"), "unit"], rows)
+        )
     return section(
         f"Against run {old.number} of {old.finished_utc} UTC",
         blocks,

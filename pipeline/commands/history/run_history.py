@@ -1,8 +1,7 @@
-"""What earlier runs of a campaign gave: a small file for every finished run, with its
-parameters, its error tables and its figures.
+"""The history of a campaign: a file per finished run, with parameters, tables, figures.
 
-A run is remembered when it made the report anew and anything that counts has changed
-since the last one. The last 200 are kept.
+A run is entered when it made the report again and anything that counts has changed
+since the last entry. The last 200 entries are kept.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Entry:
 
     @property
     def content(self) -> dict[str, Any]:
-        """All but when it was."""
+        """All but number and time."""
         return {
             name: value
             for name, value in asdict(self).items()
@@ -58,8 +57,9 @@ class Entry:
 
 
 def add_entry(run: Run) -> None:
-    """Write the entry of a run that has just been finished; nothing where it gave
-    neither tables nor figures, or the same as the last.
+    """Enter a run that has just finished into the history.
+
+    Nothing is written for a run without tables and figures, or equal to the last one.
     """
     entries = read(run.folder)
     entry = _entry(run, entries[-1].number + 1 if entries else 1)
@@ -77,9 +77,7 @@ def add_entry(run: Run) -> None:
 
 
 def read(folder: Path) -> list[Entry]:
-    """The entries of a run's folder, the oldest first. Files that are damaged or of
-    another format are passed over.
-    """
+    """Return the entries of a run folder, the oldest first; damaged files are skipped."""
     return [
         entry
         for path in sorted((folder / FOLDER).glob("*.json"))
@@ -135,7 +133,7 @@ def _artefacts(run: Run, schema: str) -> Iterator[Any]:
 
 
 def entry_of(run: Run, number: int) -> Entry:
-    """One entry by its number. Raises `DataError` with the numbers that there are."""
+    """Return an entry by its number. Raises `DataError` with the numbers there are."""
     entries = {entry.number: entry for entry in read(run.folder)}
     if number not in entries:
         allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
@@ -146,19 +144,17 @@ def entry_of(run: Run, number: int) -> Entry:
 
 
 def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
-    """The figures of an entry as documents of schema `results`, by their titles."""
-    found: dict[str, dict[str, Any]] = {}
+    """Return the figures of an entry as documents of schema `results`, by title."""
+    documents: dict[str, dict[str, Any]] = {}
     for name, item in entry.figures.items():
         title = str(item.get("of") or name.partition(": ")[0])
         row = {"quantity": name.removeprefix(f"{title}: "), **item}
-        found.setdefault(title, {"title": title, "rows": []})["rows"].append(row)
-    return found
+        documents.setdefault(title, {"title": title, "rows": []})["rows"].append(row)
+    return documents
 
 
 def judged(entry: Entry) -> tuple[int, int]:
-    """How many of the figures that a run shows first were determined (or held, or
-    within their bound), and of how many.
-    """
+    """Count the headline figures that are determined or within bounds, and all of them."""
     with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
     shown = [item for item in with_verdict if item.get("headline")] or with_verdict
     return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(
@@ -167,9 +163,7 @@ def judged(entry: Entry) -> tuple[int, int]:
 
 
 def changes(old: Entry | None, new: Entry) -> list[str]:
-    """What a run had otherwise than the one before, in words: parameters with both
-    values, data, code, packages.
-    """
+    """Return what changed since the previous run: parameters, data, code, packages."""
     if old is None:
         return ["first run"]
     found = []

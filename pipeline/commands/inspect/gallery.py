@@ -1,4 +1,4 @@
-"""The gallery: run its cases, take their pictures, and write its pages. `make gallery`."""
+"""`make gallery`: run its cases, take their pictures, and write its pages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, UsageError, nearest
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.commands.inspect import inspect_command as inspection
+from auvid.pipeline.commands.inspect.inspect_command import find_subject, photograph
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.store.atomic_files import write_atomically
@@ -17,13 +17,11 @@ from auvid.pipeline.store.atomic_files import write_atomically
 FOLDER = Path("docs/gallery")
 CASES, PAGE, PICTURE = "cases.yaml", "README.md", "picture.png"
 KEYS = {"id", "title", "target", "log", "tab", "see"}
-LARGEST = 200_000
+MAX_BYTES = 200_000
 
 
 def read_cases(folder: Path) -> dict[str, Mapping[str, Any]]:
-    """The cases by id, in their order. Raises `CampaignError` for unknown or missing
-    keys.
-    """
+    """Return the cases by id. Raises `CampaignError` for unknown or missing keys."""
     file = load_yaml(folder / CASES)
     for index, case in enumerate(file.value):
         for key in case:
@@ -42,13 +40,13 @@ def read_cases(folder: Path) -> dict[str, Mapping[str, Any]]:
 
 
 def command_of(case: Mapping[str, Any]) -> str:
-    """The command that shows a case."""
+    """Return the command that shows a case."""
     options = "".join(f" --{name} {case[name]}" for name in ("log", "tab") if name in case)
     return f"auvid inspect {case['target']}{options}"
 
 
 def page_of(case: Mapping[str, Any]) -> str:
-    """The page of a case in Markdown."""
+    """Return the page of a case in Markdown."""
     words = " ".join(str(case["see"]).split())
     return (
         f"# {case['title']}\n\n    auvid run {case['target']}\n   "
@@ -57,11 +55,11 @@ def page_of(case: Mapping[str, Any]) -> str:
 
 
 def index_of(cases: Mapping[str, Mapping[str, Any]]) -> str:
-    """The page that leads to all cases."""
+    """Return the page that leads to all cases."""
     lines = [
         "# Gallery",
         "",
-        "What auvid shows, case by case. `make gallery` makes the pictures anew.",
+        "What auvid shows, case by case. `make gallery` takes the pictures again.",
         "",
     ]
     for name, case in cases.items():
@@ -75,7 +73,7 @@ def index_of(cases: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def main(names: Sequence[str]) -> None:
-    """Make the pages and pictures of these cases, of all if none is named."""
+    """Write pages and pictures of these cases, of all if none is named."""
     cases = read_cases(FOLDER)
     for name in names:
         if name not in cases:
@@ -86,15 +84,15 @@ def main(names: Sequence[str]) -> None:
         case = cases[name]
         run = open_run(str(case["target"]))
         execute(run, run.graph.stages)
-        subject = inspection.find(
+        subject = find_subject(
             str(case["target"]), log=case.get("log"), tab=str(case.get("tab") or "")
         )
-        picture = inspection.photograph(subject.preview())
-        if len(picture) > LARGEST:
+        picture = photograph(subject.preview())
+        if len(picture) > MAX_BYTES:
             raise PipelineError(
                 "the picture is too large",
                 value=f"{len(picture)} bytes",
-                allowed=f"{LARGEST} bytes",
+                allowed=f"{MAX_BYTES} bytes",
             )
         write_atomically(FOLDER / name / PICTURE, picture)
         write_atomically(FOLDER / name / PAGE, page_of(case).encode())

@@ -1,6 +1,4 @@
-"""`auvid inspect`: the recording of a campaign or of a raw log, in the Rerun viewer, in
-a browser, as a file or as a picture.
-"""
+"""`auvid inspect`: the recording of a campaign or a raw log in the Rerun viewer."""
 
 from __future__ import annotations
 
@@ -29,9 +27,7 @@ MEMORY_PER_BYTE = 6.0
 
 @dataclass(frozen=True)
 class Subject:
-    """What is looked at: its name, its recording as bytes or as a file, and how to make
-    a recording that is quick to draw.
-    """
+    """What is inspected: its name, its recording, and a preview that is quick to draw."""
 
     name: str
     content: Callable[[], bytes]
@@ -50,28 +46,29 @@ def inspect(
     preview: bool = False,
     tab: str = "",
 ) -> None:
-    """Open the recording of a campaign, of one of its logs, of a log file, or a
-    recording itself; a `preview` is thinned and quick to draw.
+    """Open the recording of a campaign, of one of its logs, or of a log file.
+
+    A target may also be a recording itself; a `preview` is thinned and quick to draw.
 
     Raises `PipelineError` where there is nothing to show, or nothing to show it with.
     """
-    subject = find(target, log=log, columns=columns, tab=tab)
+    subject = find_subject(target, log=log, columns=columns, tab=tab)
     if preview:
         subject = Subject(subject.name, subject.preview, subject.preview)
     if save is not None:
-        wants(save, RECORDING, "--save")
+        check_suffix(save, RECORDING, "--save")
         content = subject.content()
         write_atomically(save, content)
         print(f"{path_from_here(save.resolve())}  {len(content) / 1e6:.1f} MB")
     if picture is not None:
-        wants(picture, ".png", "--screenshot")
+        check_suffix(picture, ".png", "--screenshot")
         content = photograph(subject.preview())
         write_atomically(picture, content)
         print(f"{path_from_here(picture.resolve())}  {len(content) / 1e3:.0f} kB")
     if save is not None or picture is not None:
         return
     viewer.program()
-    path = subject.file or _kept(subject)
+    path = subject.file or _temporary_file(subject)
     print(f"{plain(subject.name)}: {path_from_here(path)}")
     if web:
         viewer.serve(path)
@@ -79,12 +76,10 @@ def inspect(
         viewer.show(path)
 
 
-def find(
+def find_subject(
     target: str, *, log: str | None = None, columns: Path | None = None, tab: str = ""
 ) -> Subject:
-    """What a word of the command line means. Raises `PipelineError` where it means
-    nothing that can be shown.
-    """
+    """Return what a target is. Raises `PipelineError` where it cannot be shown."""
     path = Path(target).expanduser()
     if path.suffix == RECORDING:
         if not path.is_file():
@@ -94,14 +89,12 @@ def find(
     if log is None and names_campaign(target):
         return campaign_subject(open_run(target), tab)
     if not names_campaign(target):
-        _fits(path)
-    return log_subject(_page(log_pages(target, columns), log, target), tab)
+        _check_memory(path)
+    return log_subject(_page_of_log(log_pages(target, columns), log, target), tab)
 
 
 def campaign_subject(run: Run, tab: str = "") -> Subject:
-    """The recording of a campaign's run. A run that is not up to date is shown as it
-    is, and that is said.
-    """
+    """Return the recording of a campaign's run; one that is stale is shown with a note."""
     stage = run.graph.stage("report")
     remedy = (
         f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name}"
@@ -127,7 +120,7 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
 
 
 def log_subject(page: LogPage, tab: str = "") -> Subject:
-    """The recording of one raw log. Raises `LogError` where the log was refused."""
+    """Return the recording of a raw log. Raises `LogError` where it was refused."""
     if page.outputs is None or page.health is None:
         raise LogError(plain(page.refused))
     outputs, health = page.outputs, page.health
@@ -149,28 +142,28 @@ def log_subject(page: LogPage, tab: str = "") -> Subject:
 
 
 def photograph(content: bytes) -> bytes:
-    """A picture of how a recording opens, as PNG."""
+    """Return a picture of how a recording opens, as PNG."""
     with tempfile.TemporaryDirectory(prefix="auvid_") as folder:
         path = Path(folder) / f"picture{RECORDING}"
         path.write_bytes(content)
         return viewer.picture(path)
 
 
-def _page(pages: list[LogPage], log: str | None, target: str) -> LogPage:
+def _page_of_log(pages: list[LogPage], log: str | None, target: str) -> LogPage:
     if log is None:
         return pages[0]
-    found = {page.name.rpartition(": ")[2]: page for page in pages}
-    if log not in found:
+    by_log = {page.name.rpartition(": ")[2]: page for page in pages}
+    if log not in by_log:
         raise CampaignError(
-            "no such log", file=target, value=log, allowed=list(found), remedy=nearest(log, found)
+            "no such log", file=target, value=log, allowed=list(by_log), remedy=nearest(log, by_log)
         )
-    return found[log]
+    return by_log[log]
 
 
-def _fits(path: Path) -> None:
-    """Raises `LogError` for a log that memory cannot hold."""
+def _check_memory(path: Path) -> None:
+    """Raise `LogError` for a log that memory cannot hold."""
     if not path.is_file():
-        return  # what is wrong with it is said by who reads it
+        return  # the reader says what is wrong with it
     size, memory = path.stat().st_size, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if MEMORY_PER_BYTE * size > memory:
         raise LogError(
@@ -185,18 +178,14 @@ def _fits(path: Path) -> None:
         )
 
 
-def wants(path: Path, suffix: str, option: str) -> None:
-    """Raises `UsageError` for a file name with another ending than what is written into
-    it.
-    """
+def check_suffix(path: Path, suffix: str, option: str) -> None:
+    """Raise `UsageError` for a file name with another suffix than its content."""
     if path.suffix != suffix:
         raise UsageError(f"the name does not end in {suffix}", field=option, value=str(path))
 
 
-def _kept(subject: Subject) -> Path:
-    """The recording as a temporary file, which outlives this program because the viewer
-    reads it.
-    """
+def _temporary_file(subject: Subject) -> Path:
+    """Write the recording to a file that outlives this program, for the viewer."""
     handle, name = tempfile.mkstemp(prefix="auvid_", suffix=RECORDING)
     with os.fdopen(handle, "wb") as file:
         file.write(subject.content())

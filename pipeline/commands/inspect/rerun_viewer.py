@@ -1,6 +1,4 @@
-"""The Rerun viewer as a program: open a recording in a window, serve it to a browser,
-or take a picture of it.
-"""
+"""The Rerun viewer as a program: in a window, for a browser, or for a picture."""
 
 from __future__ import annotations
 
@@ -36,9 +34,7 @@ and more.
 
 
 def program() -> Path:
-    """The Rerun viewer beside this Python, or on the path. Raises `PipelineError` where
-    it is not installed.
-    """
+    """Return the Rerun viewer. Raises `PipelineError` where it is not installed."""
     beside = Path(sys.executable).with_name("rerun")
     found = beside if beside.is_file() else shutil.which("rerun")
     if found is None:
@@ -101,9 +97,7 @@ def serve(recording: Path) -> None:
 
 
 def missing_for_pictures() -> str | None:
-    """What pictures need and this machine lacks, in a sentence with the remedy; None if
-    they can be taken.
-    """
+    """Return what this machine lacks for pictures, with the remedy, or None."""
     lacking = [name for name in ("xvfb-run", "xauth") if shutil.which(name) is None]
     if not lacking:
         return None
@@ -111,7 +105,7 @@ def missing_for_pictures() -> str | None:
 
 
 def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
-    """A picture of how a recording opens, as PNG of `size` pixels with few colours.
+    """Return a picture of how a recording opens, as PNG of `size` pixels with few colours.
 
     Raises `PipelineError` where programs are missing, the viewer fails, or the
     recording is from a version that it cannot read.
@@ -178,7 +172,7 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
 
 
 def verify(recording: Path) -> None:
-    """Raises `PipelineError` for a file that this version of Rerun cannot read."""
+    """Raise `PipelineError` for a file that this version of Rerun cannot read."""
     done = subprocess.run(
         [str(program()), "rrd", "verify", str(recording)],
         capture_output=True,
@@ -197,8 +191,9 @@ def verify(recording: Path) -> None:
 
 
 def _small(content: bytes, size: tuple[int, int]) -> bytes:
-    """The picture scaled to `size`, in its own most frequent colours: thin lines keep
-    theirs, which a palette by area would grey.
+    """Return the picture scaled to `size`, in its own most frequent colours.
+
+    Thin lines keep their colours, which a palette by area would grey.
     """
     from PIL import Image
 

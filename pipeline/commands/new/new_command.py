@@ -1,6 +1,4 @@
-"""Make a workspace: the files that `make` and `dvc` need, and an example campaign with
-its own synthetic data.
-"""
+"""`auvid new`: a workspace with an example campaign and synthetic data."""
 
 from __future__ import annotations
 
@@ -19,9 +17,7 @@ EXAMPLE = "example"
 
 
 def make_workspace(folder: Path) -> None:
-    """Write the workspace into a new or empty folder. Raises `PipelineError` if the
-    folder holds anything.
-    """
+    """Write the workspace. Raises `PipelineError` if the folder holds anything."""
     folder = folder.expanduser()
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise PipelineError(

@@ -92,9 +92,7 @@ def result_files(run: Run) -> dict[str, Path]:
 
 
 def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
-    """Model, rank, and J/J0 on training and validation, over all axes and legs; models
-    in the order of the table.
-    """
+    """Return model, rank, and J/J0 on training and validation, over all axes and legs."""
     rows: dict[str, dict[str, Any]] = {}
     for artefact in _of_schema(run, "error_table"):
         for row in artefact.to_pylist():
@@ -107,8 +105,9 @@ def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
 
 
 def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
-    """Of a twin: quantity, unit, and the RMS error against the truth per axis, over all
-    legs; the models have their own table.
+    """Return quantity, unit, and RMS error per axis of a twin's estimates, over all legs.
+
+    Models have their own table.
     """
     found: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for rows in _of_schema(run, "truth_errors"):
@@ -121,23 +120,17 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
 
 
 def bounds(run: Run) -> list[dict[str, Any]]:
-    """The bounds that a twin campaign sets for its chain, beside what was measured
-    (schema `trust_checks`).
-    """
+    """Return the bounds of a twin campaign with what was measured (`trust_checks`)."""
     return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
 
 
 def comparison_rows(run: Run) -> list[dict[str, Any]]:
-    """Printed values beside those of the run, with what is asked of them (schema
-    `comparison`).
-    """
+    """Return printed values, those of the run, and their bounds (`comparison`)."""
     return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
 
 
 def losses(run: Run) -> list[str]:
-    """What of the logs did not reach the results, in words: damaged logs and rejected
-    samples.
-    """
+    """Return what of the logs did not reach the results: damage and rejected samples."""
     found = []
     for log, info in _per_item(run, "log_info"):
         if info["status"] != "complete":
@@ -163,9 +156,7 @@ def losses(run: Run) -> list[str]:
 
 
 def warnings(run: Run) -> list[str]:
-    """What a user should read: warnings of the report sections and of Python, notes on
-    segments, legs without segment.
-    """
+    """Return warnings of sections and Python, notes on segments, legs without segments."""
     found: Counter[str] = Counter()
     for document in _of_schema(run, "section"):
         found.update(
@@ -216,7 +207,7 @@ def print_checks(
 
 
 def shortened(lines: list[str]) -> list[str]:
-    """The first twenty lines and the count of the rest."""
+    """Return the first twenty lines and the count of the rest."""
     return (
         lines
         if len(lines) <= MAX_LINES

@@ -20,7 +20,12 @@ from auvid.data_schemas.errors import PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
-from auvid.pipeline.store.atomic_files import TEMPORARY, prune, sweep, write_atomically
+from auvid.pipeline.store.atomic_files import (
+    TEMPORARY,
+    remove_stale_files,
+    remove_temporary_files,
+    write_atomically,
+)
 from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
 from auvid.stages import KINDS, STAGES
 from tests.support import toy_stages
@@ -152,13 +157,13 @@ def test_write_replaces_as_a_whole_and_leaves_no_part(
 def test_prune_and_sweep(tmp_path: Path) -> None:
     for name in ("keep/a", "drop/b", "keep/c"):
         write_atomically(tmp_path / name, b"")
-    prune(tmp_path, {tmp_path / "keep" / "a"})
+    remove_stale_files(tmp_path, {tmp_path / "keep" / "a"})
     assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
         "keep",
         "keep/a",
     ]
     (tmp_path / "keep" / f".a.77{TEMPORARY}").touch()
-    sweep(tmp_path)
+    remove_temporary_files(tmp_path)
     assert [path.name for path in (tmp_path / "keep").iterdir()] == ["a"]
 
 

@@ -17,7 +17,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.tables import column, make_table
 from auvid.pipeline import cli
 from auvid.pipeline.commands.diff import diff_command as diff
-from auvid.pipeline.commands.diff import diff_operands as sides
+from auvid.pipeline.commands.diff import diff_operands
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.store.artefacts import encode
@@ -296,8 +296,8 @@ def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_
 def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    nothing = sides.Loaded(Side("old@1"), {}, partial=True)
-    monkeypatch.setattr(diff, "load", lambda word: nothing)
+    nothing = diff_operands.RunData(Side("old@1"), {}, partial=True)
+    monkeypatch.setattr(diff, "read_operand", lambda word: nothing)
     with pytest.raises(PipelineError, match="nothing that could be compared"):
         diff.diff("old@1", "old@1")
 
@@ -318,6 +318,8 @@ def test_signals_of_the_size_of_rounding_are_equal(tmp_path: Path) -> None:
     )
     found, alone = pairs(one, two)
     assert (
-        diff.difference(sides.Loaded(one, {}), sides.Loaded(two, {}), found, alone, 1e-6).signals
+        diff.difference(
+            diff_operands.RunData(one, {}), diff_operands.RunData(two, {}), found, alone, 1e-6
+        ).signals
         == []
     )
