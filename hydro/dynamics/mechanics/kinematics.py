@@ -97,7 +97,8 @@ def euler_rate_matrix_inverse(attitude: ArrayLike) -> Array:
     """Return P_omega^-1 (2.14), Euler angle rates to [p q r]: (..., 3) -> (..., 3, 3).
 
     [[1, 0, -sin(theta)], [0, cos(phi), cos(theta) sin(phi)],
-     [0, -sin(phi), cos(theta) cos(phi)]], defined at every attitude.
+     [0, -sin(phi), cos(theta) cos(phi)]], defined at every attitude. With P_v' it gives
+    nu from the pose's derivative (2.15).
     """
     sines, cosines = _sines_and_cosines(attitude)
     sf, cf, ct = sines[..., 0], cosines[..., 0], cosines[..., 1]

@@ -1,8 +1,9 @@
 """Simulation as one compiled loop: the equations of hydro/dynamics, called by number.
 
-No equation stands here. numba compiles the same functions of components that the array
-functions call (EQUATIONS), so a change in one of them changes both. Import this module
-only where a simulation runs: numba takes a second.
+No equation stands here (numbers are those of McCarter 2014): numba compiles the same
+functions of components that the array functions call (EQUATIONS), so a change in one of
+them changes both. Import this module only where a simulation runs: numba takes a
+second.
 """
 
 from __future__ import annotations
