@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
@@ -294,7 +293,6 @@ def _integrator(sources: str) -> Any:
     return _compiled(integrate, cache=True)
 
 
-_SOURCES = {__file__, *(inspect.getsourcefile(item) or "" for item in EQUATIONS)}
-integrate: Any = _integrator(
-    hashlib.sha256(b"".join(Path(item).read_bytes() for item in sorted(_SOURCES))).hexdigest()
-)
+_MODULES = {inspect.getmodule(item) for item in (*EQUATIONS, derivative)}
+_SOURCES = sorted(inspect.getsource(module) for module in _MODULES if module is not None)
+integrate: Any = _integrator(hashlib.sha256("".join(_SOURCES).encode()).hexdigest())
