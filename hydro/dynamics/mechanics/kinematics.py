@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, matrix_product, stack_matrix
+from auvid.hydro.arrays import Array, stack_matrix
 
 SINGULAR_COSINE = 1e-6
 """Pitch within 1e-6 rad of 90 degrees: below this |cos(theta)| Euler rates are nan."""
@@ -115,13 +115,10 @@ def eta_dot(eta: ArrayLike, nu: ArrayLike) -> Array:
     [-1.5, 0.0, 0.0, 0.0, 0.0, 0.1]
     """
     attitude, nu = np.asarray(eta, dtype=np.float64)[..., 3:], np.asarray(nu, dtype=np.float64)
-    return np.concatenate(
-        [
-            matrix_product(rotation_body_to_ned(attitude), nu[..., :3]),
-            matrix_product(euler_rate_matrix(attitude), nu[..., 3:]),
-        ],
-        axis=-1,
-    )
+    # einsum adds in a fixed order; a product by BLAS differs in the last bit.
+    upper = np.einsum("...ij,...j->...i", rotation_body_to_ned(attitude), nu[..., :3])
+    lower = np.einsum("...ij,...j->...i", euler_rate_matrix(attitude), nu[..., 3:])
+    return np.concatenate([upper, lower], axis=-1)
 
 
 def _sines_and_cosines(attitude: ArrayLike) -> tuple[Array, Array]:
