@@ -14,7 +14,7 @@ from auvid.pipeline.campaigns.workspace import (
     stage_params,
     workspace_of,
 )
-from auvid.pipeline.execution.progress import Bars, Lines, Progress
+from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.stages import KINDS, STAGES
@@ -42,7 +42,7 @@ def show_progress() -> Iterator[Progress]:
         with Bars() as bars:
             yield bars
     else:
-        yield Lines()
+        yield ProgressLines()
 
 
 def write_codes() -> None:

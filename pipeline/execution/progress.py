@@ -31,7 +31,7 @@ class Silent:
         """The stage is over."""
 
 
-class Lines:
+class ProgressLines:
     """One line when a stage begins to work and one when it ends."""
 
     def __init__(self) -> None:

@@ -29,7 +29,7 @@ from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, named
 from auvid.stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
-from auvid.stages.fuse.motion import FusionResult, Motion, low_pass, sensor_motion
+from auvid.stages.fuse.motion import FusionResult, SensorMotion, low_pass, sensor_motion
 from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
 
 LEAST_EDGE_S = 0.5
@@ -181,7 +181,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _fuse(inputs: Inputs, params: Params, motion: Motion) -> FusionResult:
+def _fuse(inputs: Inputs, params: Params, motion: SensorMotion) -> FusionResult:
     if params.method == "kinematic":
         return kinematic(motion)
     convention = (
@@ -231,7 +231,7 @@ def _standard_deviations(
     return columns
 
 
-def _pose(motion: Motion, velocity: Array) -> Array:
+def _pose(motion: SensorMotion, velocity: Array) -> Array:
     """Return the pose (n, 6): x and y from integrated velocity (McCarter 2.91-2.92)."""
     ned = np.einsum("nij,nj->ni", rotation_body_to_ned(motion.euler), velocity)
     track = integrate(motion.t_s, ned[:, :2], np.zeros(2))

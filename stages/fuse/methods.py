@@ -30,7 +30,13 @@ from auvid.hydro.identification.signals.smoother import SmootherNoise, smooth_ve
 from auvid.hydro.identification.signals.splines import derivative
 from auvid.stages.columns import ACCELEROMETER, VELOCITY, rms
 from auvid.stages.fuse.current import current_document, drift, water_track, without_water_track
-from auvid.stages.fuse.motion import FusionResult, Motion, depth_below_origin, low_pass, missing
+from auvid.stages.fuse.motion import (
+    FusionResult,
+    SensorMotion,
+    depth_below_origin,
+    low_pass,
+    missing,
+)
 
 SWAY_WARNING_M_S = 0.1
 NOISES = {
@@ -47,7 +53,7 @@ NOISES = {
 """Key of parameter `noise` -> field of `SmootherNoise`, and its number of components."""
 
 
-def kinematic(motion: Motion) -> FusionResult:
+def kinematic(motion: SensorMotion) -> FusionResult:
     """Return velocity from the velocity sensor and its derivative by splines."""
     if motion.velocity is None:
         raise missing("velocity", "a body velocity (method kinematic)")
@@ -55,7 +61,7 @@ def kinematic(motion: Motion) -> FusionResult:
 
 
 def thesis(
-    motion: Motion,
+    motion: SensorMotion,
     resampled: pa.Table,
     vehicle: Vehicle,
     *,
@@ -142,7 +148,7 @@ class SensorSamples:
 
 
 def smoother(
-    motion: Motion,
+    motion: SensorMotion,
     samples: SensorSamples,
     vehicle: Vehicle,
     *,

@@ -41,7 +41,7 @@ class FusionResult:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SensorMotion:
     """Filtered sensor signals at the body origin (n, 3) on the segment's clock (n,)."""
 
     t_s: Array
@@ -65,7 +65,7 @@ def sensor_motion(
     cutoff_hz: float | None,
     fit_gyro_bias: bool,
     arm: bool = True,
-) -> Motion:
+) -> SensorMotion:
     """Return the signals at the body origin, all filtered alike.
 
     Lever arms are taken out (that of the velocity sensor only with `arm`), and the gyro
@@ -85,7 +85,7 @@ def sensor_motion(
             velocity = lever_arm_velocity(velocity, omega, vehicle.dvl.arm_m)
     depth = low_pass(t_s, column(resampled, "z_m"), cutoff_hz)
     depth = depth - depth_below_origin(euler, vehicle.depth_sensor.arm_m)
-    return Motion(t_s, depth, euler, omega, derivative(t_s, omega), velocity, bias)
+    return SensorMotion(t_s, depth, euler, omega, derivative(t_s, omega), velocity, bias)
 
 
 def depth_below_origin(euler: Array, arm_m: Array) -> Array:

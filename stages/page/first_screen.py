@@ -10,7 +10,7 @@ Level = Literal["good", "fair", "poor"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class CoefficientLine:
     """One line: its subject (`surge damping`), the figures, and a remark on them."""
 
     label: str
@@ -84,7 +84,7 @@ class Summary:
     judged_on: str
     facts: tuple[Fact, ...]
     models: tuple[ModelScore, ...]
-    identified: tuple[Finding, ...]
+    identified: tuple[CoefficientLine, ...]
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
     figures: tuple[Figure, ...] = ()

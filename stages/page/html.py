@@ -86,7 +86,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Part:
+class SectionView:
     """One section under a heading.
 
     `label` is empty where the heading has one part only. `open`: whether it is unfolded
@@ -115,7 +115,7 @@ class Chapter:
     title: str
     anchor: str
     look_for: str
-    parts: tuple[Part, ...]
+    parts: tuple[SectionView, ...]
 
     @property
     def folds(self) -> bool:
@@ -200,7 +200,7 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
                 for place in range(len(named))
             ]
             parts = tuple(
-                Part(label, item, anchor(stage, item), document, unfolded)
+                SectionView(label, item, anchor(stage, item), document, unfolded)
                 for label, unfolded, (item, document) in zip(labels, opened, named, strict=True)
             )
             chapters.append(
@@ -208,7 +208,7 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
             )
             continue
         for item, document in named:
-            parts = (Part("", item, anchor(stage, item, "part"), document),)
+            parts = (SectionView("", item, anchor(stage, item, "part"), document),)
             chapters.append(
                 Chapter(
                     str(document["title"]),

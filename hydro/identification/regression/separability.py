@@ -32,10 +32,10 @@ ROUNDING_SHARE = 1e-6
 standard error (data without noise).
 """
 
-Motion = Mapping[str, VelocityExcitation]
+VelocityExcitations = Mapping[str, VelocityExcitation]
 
 
-def motion_floors(terms: Sequence[str], motion: Motion) -> dict[str, float]:
+def motion_floors(terms: Sequence[str], motion: VelocityExcitations) -> dict[str, float]:
     """Return `term_floors`, infinite for terms with a factor that is not excited.
 
     The RMS of r*r lies above its floor when r is a few short spikes; that does not make
@@ -45,7 +45,9 @@ def motion_floors(terms: Sequence[str], motion: Motion) -> dict[str, float]:
     return {term: floor if _moves(term, motion) else math.inf for term, floor in floors.items()}
 
 
-def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, float], ...]:
+def one_sided_groups(
+    terms: Sequence[str], motion: VelocityExcitations
+) -> tuple[dict[str, float], ...]:
     """Return sets of terms that are one on the side to which a velocity keeps.
 
     Each maps term -> sign against the others. A velocity keeps to one side when it is
@@ -61,7 +63,7 @@ def one_sided_groups(terms: Sequence[str], motion: Motion) -> tuple[dict[str, fl
 
 
 def judge_with_motion(
-    fit: AxisFit, motion: Motion, *, covariance: Array
+    fit: AxisFit, motion: VelocityExcitations, *, covariance: Array
 ) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
     """Return the verdict on every term, and the combinations that are determined.
 
@@ -130,20 +132,20 @@ def breaks_symmetry(axis: str, term: str) -> bool:
     return odd != (axis in ("Y", "K", "N"))
 
 
-def _moves(term: str, motion: Motion) -> bool:
+def _moves(term: str, motion: VelocityExcitations) -> bool:
     return term not in BASIS_TERMS or all(
         _excited(factor, motion) for factor in BASIS_TERMS[term].factors
     )
 
 
-def _excited(factor: str, motion: Motion) -> bool:
+def _excited(factor: str, motion: VelocityExcitations) -> bool:
     name = factor.strip("|")
     if name[0] == "V":
         return motion["v"].excited or motion["w"].excited
     return name not in motion or motion[name].excited
 
 
-def _on_its_side(term: str, motion: Motion) -> tuple[float, tuple[str, ...]]:
+def _on_its_side(term: str, motion: VelocityExcitations) -> tuple[float, tuple[str, ...]]:
     sign, form = 1.0, []
     for factor in BASIS_TERMS[term].factors:
         name = factor[1] if factor in ("Vv", "Vw") else factor.strip("|")

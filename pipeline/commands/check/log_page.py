@@ -16,7 +16,7 @@ from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.task_inputs import log_files, log_source
 from auvid.stages import KINDS, ingest
 from auvid.stages.base import Document
-from auvid.stages.ingest.health.finding import Recorded
+from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
 
 
@@ -109,5 +109,5 @@ def _page(
         return LogPage(name, refused=str(fault))
     check_document(outputs.health, "health")
     page = LogPage(name, outputs.health, outputs=outputs)
-    recorded = Recorded(page.streams, outputs.log_info, outputs.dropped, vehicle)
+    recorded = CheckedLog(page.streams, outputs.log_info, outputs.dropped, vehicle)
     return LogPage(name, outputs.health, legs=tuple(legs(recorded, leg_entries)), outputs=outputs)

@@ -31,7 +31,7 @@ MOTORS = 8
 
 
 @dataclass(frozen=True)
-class Recorded:
+class CheckedLog:
     """One log: streams, `log_info`, rejected samples, vehicle file, other sources."""
 
     tables: Mapping[str, pa.Table]

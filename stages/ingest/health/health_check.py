@@ -14,7 +14,7 @@ from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.base import Document
-from auvid.stages.ingest.health.finding import ON_CHANGE, Finding, Recorded
+from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
     file_findings,
     gap_findings,
@@ -89,7 +89,7 @@ def check_health(
     The vehicle file, if there is one, says which outputs are thrusters and which
     barometer is in the water.
     """
-    log = Recorded(tables, info, dropped, vehicle, others)
+    log = CheckedLog(tables, info, dropped, vehicle, others)
     excited = excitation(log)
     uses = capabilities(log, excited)
     measured = (item for check in CHECKS for item in check(log))
@@ -137,7 +137,7 @@ def ranked(findings: Iterable[Finding]) -> list[Finding]:
     )
 
 
-def _stream(log: Recorded, name: str) -> dict[str, Any]:
+def _stream(log: CheckedLog, name: str) -> dict[str, Any]:
     about = log.info["streams"][name]
     clock = None if name in ON_CHANGE else clock_statistics(log.t_s(name))
     others = [item for item in about["alternatives"] if item["source"] != about["source"]]

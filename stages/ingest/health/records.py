@@ -13,8 +13,8 @@ from auvid.hydro.identification.signals.signal_checks import clock_statistics, f
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import (
     ON_CHANGE,
+    CheckedLog,
     Finding,
-    Recorded,
     counted,
     finding,
     limit,
@@ -48,7 +48,7 @@ MIN_LIVE_SAMPLES = 20
 MIN_CLIPPED_RAD_S = 1.0
 
 
-def file_findings(log: Recorded) -> Iterator[Finding]:
+def file_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield damage and truncation of the files, and clocks that jump."""
     for item in log.info["files"]:
         lost = [part for part in item["skipped"] if part["bytes"]]
@@ -85,7 +85,7 @@ def file_findings(log: Recorded) -> Iterator[Finding]:
             yield finding("stray_stamps", note, value=int(stray[1]))
 
 
-def rejected_findings(log: Recorded) -> Iterator[Finding]:
+def rejected_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield rejected samples, per stream, with the reasons."""
     rows = log.dropped.to_pylist()
     for stream in STREAMS:
@@ -104,7 +104,7 @@ def rejected_findings(log: Recorded) -> Iterator[Finding]:
             )
 
 
-def gap_findings(log: Recorded) -> Iterator[Finding]:
+def gap_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield pauses of the sensors; those that several sensors share are one finding."""
     gaps: list[tuple[str, int, float, float]] = []
     for stream in log.tables:
@@ -146,7 +146,7 @@ def gap_findings(log: Recorded) -> Iterator[Finding]:
         )
 
 
-def rate_findings(log: Recorded) -> Iterator[Finding]:
+def rate_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield slow and irregular clocks."""
     for stream in log.tables:
         clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
@@ -165,7 +165,7 @@ def rate_findings(log: Recorded) -> Iterator[Finding]:
             yield finding("irregular_rate", text, stream=stream, value=clock.relative_jitter)
 
 
-def sample_findings(log: Recorded) -> Iterator[Finding]:
+def sample_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield constant, stuck and held samples, and a gyro at the end of its range."""
     for stream, names in MOTION.items():
         if stream in log.tables and log.tables[stream].num_rows >= MIN_LIVE_SAMPLES:
@@ -192,7 +192,7 @@ def sample_findings(log: Recorded) -> Iterator[Finding]:
             yield finding("gyro_saturated", text, stream="imu", value=clipped[worst])
 
 
-def _live(log: Recorded, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
+def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
     still = _constant(names, values)
     yield from _constant_findings(stream, names, values, still)

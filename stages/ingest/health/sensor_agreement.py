@@ -20,8 +20,8 @@ from auvid.hydro.identification.signals.signal_checks import (
 )
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
+    CheckedLog,
     Finding,
-    Recorded,
     counted,
     finding,
     limit,
@@ -50,7 +50,7 @@ SPEEDS = ("surge", "sway", "heave")
 RATE_S = 1.0
 
 
-def inertial_findings(log: Recorded) -> Iterator[Finding]:
+def inertial_findings(log: CheckedLog) -> Iterator[Finding]:
     """Compare the gyro with the attitude, and the accelerometer with gravity."""
     if not log.has("imu"):
         return
@@ -64,7 +64,7 @@ def inertial_findings(log: Recorded) -> Iterator[Finding]:
         yield from _gravity(log, accelerometer)
 
 
-def _gyro(log: Recorded) -> Iterator[Finding]:
+def _gyro(log: CheckedLog) -> Iterator[Finding]:
     agreement = rate_agreement(
         log.t_s("attitude"),
         log.values("attitude", ATTITUDE),
@@ -145,7 +145,7 @@ def _axes(agreement: RateAgreement) -> Iterator[Finding]:
         )
 
 
-def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
+def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     attitude = (
         (log.t_s("attitude"), log.values("attitude", ATTITUDE))
         if log.has("attitude")
@@ -175,7 +175,7 @@ def _gravity(log: Recorded, accelerometer: Array) -> Iterator[Finding]:
         yield from _direction(log, accelerometer, estimate.angle)
 
 
-def _direction(log: Recorded, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
+def _direction(log: CheckedLog, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
     if angle is not None and math.degrees(angle) > limit("accelerometer_direction"):
         degrees = math.degrees(angle)
         text = (
@@ -195,7 +195,7 @@ def _direction(log: Recorded, accelerometer: Array, angle: float | None) -> Iter
         yield finding("accelerometer_direction", text, stream="imu", value=180.0)
 
 
-def attitude_findings(log: Recorded) -> Iterator[Finding]:
+def attitude_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield other attitudes of the log that disagree with the one that is used."""
     if not log.has("attitude"):
         return
@@ -229,7 +229,7 @@ def attitude_findings(log: Recorded) -> Iterator[Finding]:
         yield finding("attitude_disagrees", text, stream="attitude", value=angle)
 
 
-def _comparable(log: Recorded, stream: str) -> list[OtherSource]:
+def _comparable(log: CheckedLog, stream: str) -> list[OtherSource]:
     used = log.source(stream)
     return [
         other
@@ -238,7 +238,7 @@ def _comparable(log: Recorded, stream: str) -> list[OtherSource]:
     ]
 
 
-def depth_findings(log: Recorded) -> Iterator[Finding]:
+def depth_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield wrong signs of depth, a barometer in the housing, depths that disagree."""
     if not log.has("depth"):
         return
@@ -256,7 +256,7 @@ def depth_findings(log: Recorded) -> Iterator[Finding]:
         yield from _depth_sign(log, t_s, depth)
 
 
-def _other_depths(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
+def _other_depths(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
     used, moved = log.source("depth"), _spread(depth)
     others = _comparable(log, "depth")
     for other in others:
@@ -333,7 +333,7 @@ def _spread(values: Array) -> float:
     return float(high - low)
 
 
-def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
+def _depth_sign(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
     at, velocity = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)
     angles = log.values("attitude", ATTITUDE)
     phi, theta = (np.interp(at, log.t_s("attitude"), angles[:, axis]) for axis in range(2))
@@ -358,7 +358,7 @@ def _depth_sign(log: Recorded, t_s: Array, depth: Array) -> Iterator[Finding]:
         yield finding("depth_sign", text, stream="depth", value=relation.correlation)
 
 
-def velocity_findings(log: Recorded) -> Iterator[Finding]:
+def velocity_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield velocities that are unaided or estimates, or that contradict each other."""
     refused = [
         other for other in log.others if other.stream == "velocity" and other.refused is not None
@@ -379,7 +379,7 @@ def velocity_findings(log: Recorded) -> Iterator[Finding]:
         yield from _other_velocities(log)
 
 
-def _other_velocities(log: Recorded) -> Iterator[Finding]:
+def _other_velocities(log: CheckedLog) -> Iterator[Finding]:
     used, t_s, own = (
         log.source("velocity"),
         log.t_s("velocity"),

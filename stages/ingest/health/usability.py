@@ -10,7 +10,7 @@ import numpy as np
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
-from auvid.stages.ingest.health.finding import Finding, Recorded, finding, limit, listed, number
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed, number
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
@@ -40,7 +40,7 @@ COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 
 
 def excitation(
-    log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)
+    log: CheckedLog, window: tuple[float, float] = (-np.inf, np.inf)
 ) -> dict[str, dict[str, Any]]:
     """Return the motion per axis u v w p q r; null where nothing measures an axis.
 
@@ -86,7 +86,7 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
         yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
 
 
-def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return which stages can run on the log, and why not: {name, possible, reason}."""
     resample = _resample(log)
     dead = None if set(motions(log)) & set("pqr") else "no live gyro"
@@ -126,7 +126,7 @@ def capabilities(log: Recorded, excited: Mapping[str, Mapping[str, Any]]) -> lis
     return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
 
 
-def driven_s(log: Recorded) -> float:
+def driven_s(log: CheckedLog) -> float:
     """Return for how long outputs act [s]; the whole log if that is unknown."""
     moving = activity(log) if log.has("actuators") else None
     if moving is None:
@@ -162,7 +162,7 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
     return f"No force model can be fitted: {'; '.join(why)}."
 
 
-def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
+def legs(log: CheckedLog, entries: Sequence[Document]) -> list[dict[str, Any]]:
     """Return the legs of a manifest in this log.
 
     Span, time that all sensors cover in one piece, share of active outputs, RMS per
@@ -200,12 +200,12 @@ def legs(log: Recorded, entries: Sequence[Document]) -> list[dict[str, Any]]:
     return rows
 
 
-def _without(log: Recorded, *streams: str) -> str | None:
+def _without(log: CheckedLog, *streams: str) -> str | None:
     missing = [name for name in streams if not log.has(name)]
     return f"no {listed(missing)}" if missing else None
 
 
-def _resample(log: Recorded) -> str | None:
+def _resample(log: CheckedLog) -> str | None:
     missing = _without(log, "attitude", "depth")
     if missing is not None:
         return missing
@@ -217,7 +217,7 @@ def _resample(log: Recorded) -> str | None:
     )
 
 
-def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
+def longest_common_s(log: CheckedLog, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
     """Return the longest time [s] that all sensors and commands cover without a gap."""
     spans = [window]
     for stream in COVERING:
@@ -233,7 +233,7 @@ def longest_common_s(log: Recorded, window: tuple[float, float] = (-np.inf, np.i
     return max((end - start for start, end in spans), default=0.0)
 
 
-def _forces(log: Recorded) -> str | None:
+def _forces(log: CheckedLog) -> str | None:
     """Return why the commands of a log cannot become forces; None if they can."""
     if not log.has("actuators"):
         return "no actuators"

@@ -11,8 +11,8 @@ from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.signals.signal_checks import clock_statistics, response_lag
 from auvid.stages.columns import GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
+    CheckedLog,
     Finding,
-    Recorded,
     finding,
     limit,
     listed,
@@ -37,7 +37,7 @@ NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
 MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
-def missing_findings(log: Recorded) -> Iterator[Finding]:
+def missing_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield streams that the chain needs and the log lacks."""
     for stream in NEEDED:
         if not log.has(stream):
@@ -61,7 +61,7 @@ def missing_findings(log: Recorded) -> Iterator[Finding]:
         )
 
 
-def actuation_findings(log: Recorded) -> Iterator[Finding]:
+def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield findings on arming, activity and saturation of the outputs."""
     armed = _armed(log)
     if armed is False:
@@ -89,7 +89,7 @@ def actuation_findings(log: Recorded) -> Iterator[Finding]:
     yield from _saturation(log)
 
 
-def _armed(log: Recorded) -> bool | None:
+def _armed(log: CheckedLog) -> bool | None:
     """Return whether the vehicle was ever armed; None if the log does not say."""
     if not log.has("mode") or "armed" not in log.tables["mode"].column_names:
         return None
@@ -97,7 +97,7 @@ def _armed(log: Recorded) -> bool | None:
     return any(states) if states else None
 
 
-def activity(log: Recorded) -> Mask | None:
+def activity(log: CheckedLog) -> Mask | None:
     """Return the samples (n,) of the actuators in which any of them acts.
 
     A thruster acts where its output left the dead band. None without any column.
@@ -115,12 +115,12 @@ def activity(log: Recorded) -> Mask | None:
     return np.any(parts, axis=0) if parts else None
 
 
-def _largest(log: Recorded) -> float:
+def _largest(log: CheckedLog) -> float:
     outputs = log.values("actuators", log.thrusters()) if log.thrusters() else np.zeros((1, 1))
     return float(np.nanmax(np.abs(np.where(outputs > 0.0, outputs - NEUTRAL_US, 0.0))))
 
 
-def _idle(log: Recorded) -> str:
+def _idle(log: CheckedLog) -> str:
     if not log.thrusters():
         return "Every command is zero"
     return (
@@ -138,12 +138,12 @@ def _numbers(names: list[str]) -> str:
     )
 
 
-def _active_span(log: Recorded, moving: Mask) -> str:
+def _active_span(log: CheckedLog, moving: Mask) -> str:
     at = log.t_s("actuators")[moving]
     return f"between {at[0]:.1f} and {at[-1]:.1f} s"
 
 
-def _saturation(log: Recorded) -> Iterator[Finding]:
+def _saturation(log: CheckedLog) -> Iterator[Finding]:
     given = log.info["parameters"]
     low, high = (
         given.get(key) or usual
@@ -170,7 +170,7 @@ def _saturation(log: Recorded) -> Iterator[Finding]:
         yield finding("outputs_saturated", text, stream="actuators", value=beyond[0][0])
 
 
-def battery_findings(log: Recorded) -> Iterator[Finding]:
+def battery_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield voltage sag and an impossible current."""
     if not log.has("battery"):
         return
@@ -195,7 +195,7 @@ def battery_findings(log: Recorded) -> Iterator[Finding]:
             )
 
 
-def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
+def motions(log: CheckedLog) -> dict[str, tuple[Array, Array, str]]:
     """Return times (n,), values (n,) and source of each body velocity u v w p q r.
 
     The gyro is without its median.
@@ -228,7 +228,7 @@ def motions(log: Recorded) -> dict[str, tuple[Array, Array, str]]:
     return by_axis
 
 
-def response_findings(log: Recorded) -> Iterator[Finding]:
+def response_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield how much later motion follows the outputs, per axis."""
     if not log.has("actuators") or log.under_water is False:
         return
@@ -273,7 +273,7 @@ def response_findings(log: Recorded) -> Iterator[Finding]:
         yield finding("command_lag", text, stream="actuators", value=max(lags)[0])
 
 
-def identity_findings(log: Recorded) -> Iterator[Finding]:
+def identity_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield findings on firmware, simulators, parameters, other vehicles."""
     info = log.info
     messages = sorted(name for name in info["counts"] if SIMULATOR.match(name))

@@ -17,14 +17,14 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.base import Document
-from auvid.stages.page.first_screen import AXIS_WORDS, Finding
+from auvid.stages.page.first_screen import AXIS_WORDS, CoefficientLine
 
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 LONGEST = 6
 """Longer lists of assumed numbers stay in the vehicle file."""
 
 
-def findings(card: Document) -> tuple[Finding, ...]:
+def findings(card: Document) -> tuple[CoefficientLine, ...]:
     """Return lines on damping, constant forces and the number of couplings.
 
     Damping per axis where a term in that axis's own velocity is identified.
@@ -33,7 +33,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
     vehicle as exact.
     """
     entries = [
-        Finding(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
+        CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
         for axis, part in card["axes"].items()
         if (lines := _damping(axis, part))
     ]
@@ -45,7 +45,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
     ]
     if constant:
         entries.append(
-            Finding(
+            CoefficientLine(
                 "constant force per axis",
                 tuple(constant),
                 "Z below zero pushes up: net buoyancy. Moments: trim, or thrusters.",
@@ -62,7 +62,7 @@ def findings(card: Document) -> tuple[Finding, ...]:
             f"{sum(crossed)} of them a hull symmetric to port and starboard cannot have: look at"
             " thrusters, sensor mounting and load first."
         )
-        entries.append(Finding("couplings", (words,), note if any(crossed) else ""))
+        entries.append(CoefficientLine("couplings", (words,), note if any(crossed) else ""))
     return tuple(entries)
 
 

@@ -252,10 +252,10 @@ def test_new_refuses_to_overwrite(
 
 
 def test_bars_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
-    from auvid.pipeline.execution.progress import Bars, Lines
+    from auvid.pipeline.execution.progress import Bars, ProgressLines
 
     with show_progress() as plain:
-        assert isinstance(plain, Lines)
+        assert isinstance(plain, ProgressLines)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with show_progress() as bars:
         assert isinstance(bars, Bars)

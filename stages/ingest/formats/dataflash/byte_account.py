@@ -12,7 +12,7 @@ from auvid.hydro.arrays import Buffer
 from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import ByteAccount, LogStatus
 from auvid.stages.ingest.formats.accounting import DAY_US, Losses, covered_seconds, status_of
-from auvid.stages.ingest.formats.dataflash.scan import Chain, Clock, Gap, read_times
+from auvid.stages.ingest.formats.dataflash.scan import Chain, ChainGap, Clock, read_times
 
 DAMAGED = "damaged bytes"
 BLANK = "blank bytes (all zeros or all ones)"
@@ -64,7 +64,7 @@ def byte_account(
     return account, status_of(skipped, at_end=(CUT_OFF, BLANK_END), harmless=harmless)
 
 
-def _reason(buffer: Buffer, gap: Gap) -> str:
+def _reason(buffer: Buffer, gap: ChainGap) -> str:
     if gap.id >= 0:
         return UNDEFINED.format(gap.id)
     part = buffer[gap.start : gap.stop]

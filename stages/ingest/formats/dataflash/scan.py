@@ -33,7 +33,7 @@ Clock = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True)
-class Gap:
+class ChainGap:
     """Buffer `start:stop` outside the chain.
 
     `id` is the type of the undefined message at `start`, -1 for damage.
@@ -55,7 +55,7 @@ class Chain:
     type: Buffer
     entry: Entries
     length: Entries
-    gaps: list[Gap]
+    gaps: list[ChainGap]
     failed: Entries  # entries of the candidates that do not fit the chain
     distance: Ints  # from each of them to the next candidate
 
@@ -127,7 +127,7 @@ class Walk:
         self.end = self.offset + self.length
         self.valid = (self.length > 0) & (self.end <= self.size)
         self.runs: list[tuple[int, int]] = []
-        self.gaps: list[Gap] = []
+        self.gaps: list[ChainGap] = []
         self.failed: list[int] = []
 
     # What only a break needs is computed at the first break.
@@ -353,13 +353,13 @@ class Walk:
                     if place < start:
                         continue
                     if place > start:
-                        self.gaps.append(Gap(start, place, undefined))
+                        self.gaps.append(ChainGap(start, place, undefined))
                         undefined = -1
                     self.runs.append((single, single + 1))
                     self.failed.append(single)
                     start = int(self.end[single])
         if start < stop:
-            self.gaps.append(Gap(start, stop, undefined))
+            self.gaps.append(ChainGap(start, stop, undefined))
 
 
 def read_times(buffer: Buffer, offset: Ints, kind: Clock) -> Ints:

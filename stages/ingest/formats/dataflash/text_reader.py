@@ -67,7 +67,7 @@ Declared = list[tuple[int, layout.Definition]]
 
 
 @dataclass(frozen=True)
-class Lines:
+class TextLines:
     """Lines of a file: `start`, `stop` (behind the line feed), number of `commas`.
 
     `name` is the letters before the first comma. `losses` collects what gave nothing.
@@ -94,7 +94,7 @@ def recognises(head: bytes) -> bool:
     return head[:2] != layout.MAGIC and FMT_LINE.search(head) is not None
 
 
-def split_lines(buffer: Buffer) -> Lines:
+def split_lines(buffer: Buffer) -> TextLines:
     """Return all lines of a file of more than four bytes.
 
     Names are packed into four bytes, 0 if no comma follows within or behind them.
@@ -115,7 +115,7 @@ def split_lines(buffer: Buffer) -> Lines:
     before_comma = np.logical_and.accumulate(letters != ord(","), axis=1)
     before_comma[(first != start) | before_comma[:, -1]] = False
     name = (letters * before_comma)[:, :NAME_BYTES].copy()
-    return Lines(start, stop, count, name.view(np.uint32)[:, 0], Losses())
+    return TextLines(start, stop, count, name.view(np.uint32)[:, 0], Losses())
 
 
 def _sliced(buffer: Buffer) -> Sliced:
@@ -196,7 +196,7 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
     )
 
 
-def _members(data: Sliced, lines: Lines) -> dict[str, Ints]:
+def _members(data: Sliced, lines: TextLines) -> dict[str, Ints]:
     """Return the line numbers of each message name; lines without one are lost."""
     names, group = np.unique(lines.name, return_inverse=True)
     parts = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
@@ -220,7 +220,7 @@ def _members(data: Sliced, lines: Lines) -> dict[str, Ints]:
     return members
 
 
-def _declare(data: Sliced, lines: Lines, index: Ints) -> tuple[dict[str, Declared], Ints]:
+def _declare(data: Sliced, lines: TextLines, index: Ints) -> tuple[dict[str, Declared], Ints]:
     """Return the layouts of each message name, and the lines of FMT that are sound.
 
     Within one log no type is declared with other field names: a declaration that
@@ -270,7 +270,7 @@ def _is_text(char: str) -> bool:
     return layout.FIELD_FORMATS[char].is_text or char in "Ma"
 
 
-def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints) -> Ints:
+def _with_all_fields(lines: TextLines, definition: layout.Definition, index: Ints) -> Ints:
     """Return the lines with one comma before each field.
 
     A last field of text may hold more; a type without fields has one comma or two.
@@ -284,7 +284,7 @@ def _with_all_fields(lines: Lines, definition: layout.Definition, index: Ints) -
 
 
 def _parse(
-    data: Sliced, lines: Lines, definition: layout.Definition, index: Ints
+    data: Sliced, lines: TextLines, definition: layout.Definition, index: Ints
 ) -> tuple[dict[str, Column], Ints]:
     """Return the columns of the lines `index`, and the lines that could be read."""
     parts = [

@@ -34,8 +34,8 @@ from auvid.stages.ingest.formats.ulog.scan import (
     UNDEFINED_STREAM,
     WRONG_SIZE,
     WRONG_SIZE_STREAM,
-    Gap,
     Scan,
+    SkippedBytes,
     StreamNumbers,
 )
 
@@ -62,7 +62,7 @@ def decode_ulog(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
     if recognises(head):
         scan.definition_bytes += len(head)
     elif scan.streams:
-        scan.gaps.insert(0, Gap(0, len(head), HEADER_DAMAGED))
+        scan.gaps.insert(0, SkippedBytes(0, len(head), HEADER_DAMAGED))
     else:
         raise LogError(
             "no ULog message can be read",

@@ -62,7 +62,7 @@ _searchable[list(b"FIMPQASLC")] = True
 
 
 @dataclass(frozen=True)
-class Stream:
+class TopicInstance:
     """One instance of one topic."""
 
     topic: str
@@ -74,7 +74,7 @@ class Stream:
         return f"{self.topic}.{self.instance}" if self.instance else self.topic
 
 
-class Gap(NamedTuple):
+class SkippedBytes(NamedTuple):
     """Buffer `start:stop` that gave nothing, and why."""
 
     start: int
@@ -180,9 +180,9 @@ class Scan:
 
     def __init__(self, buffer: Buffer) -> None:
         self.formats = layout.Formats()
-        self.streams: list[Stream] = []
+        self.streams: list[TopicInstance] = []
         self.data: list[tuple[Ints, StreamNumbers]] = []
-        self.gaps: list[Gap] = []
+        self.gaps: list[SkippedBytes] = []
         self.definition_bytes = self.other_bytes = 0
         self.parameters: dict[str, float] = {}
         self.texts: list[tuple[int, str]] = []
@@ -225,7 +225,7 @@ class Scan:
         if start < stop:
             if reason == DAMAGED and not self.buffer[start:stop].any():
                 reason = BLANK_END if stop == self.size else BLANK
-            self.gaps.append(Gap(start, stop, reason))
+            self.gaps.append(SkippedBytes(start, stop, reason))
 
     def _drop_last(self) -> None:
         """Remove the last data message."""
@@ -347,7 +347,7 @@ class Scan:
             (subscription.topic, subscription.instance), len(self.streams)
         )
         if number == len(self.streams):
-            self.streams.append(Stream(subscription.topic, subscription.instance, sizes))
+            self.streams.append(TopicInstance(subscription.topic, subscription.instance, sizes))
         self.numbers.subscribe(subscription.id, number, sizes)
 
     def _choose_format(self, subscription: messages.Subscription) -> None:
