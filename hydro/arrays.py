@@ -31,7 +31,10 @@ def cross(a: Array, b: Array) -> Array:
     """
     a1, a2, a3 = a[..., 0], a[..., 1], a[..., 2]
     b1, b2, b3 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+    first = a2 * b3 - a3 * b2
+    out = np.empty((*first.shape, 3))
+    out[..., 0], out[..., 1], out[..., 2] = first, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+    return out
 
 
 def matrix_product(matrix: ArrayLike, vector: ArrayLike) -> Array:

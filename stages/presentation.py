@@ -7,6 +7,7 @@ signals are thinned by minimum and maximum per bin, so that peaks stay visible.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any, Literal
 
 import numpy as np
@@ -231,7 +232,7 @@ def _first_equal(
 
 
 def _rounded(values: Array) -> list[float | None]:
-    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
+    return [float(f"{value:.6g}") if isfinite(value) else None for value in values.tolist()]
 
 
 def _plain(cell: Any) -> Any:

@@ -44,3 +44,19 @@ def committed_run(session_folder: Path) -> Callable[[str], Path]:
 def example_workspace(session_folder: Path) -> Path:
     """Workspace of `auvid new` whose example has run: read-only."""
     return campaign_runs.made_once(session_folder / "workspace", campaign_runs.make_example)
+
+
+@pytest.fixture(scope="session")
+def short_template(session_folder: Path) -> Path:
+    """Workspace of `auvid new` with a short example that has not run: read-only."""
+    return campaign_runs.made_once(
+        session_folder / "short_template", campaign_runs.write_short_example
+    )
+
+
+@pytest.fixture(scope="session")
+def short_workspace(session_folder: Path) -> Path:
+    """Workspace of `auvid new` whose example is short and has run: read-only."""
+    return campaign_runs.made_once(
+        session_folder / "short_workspace", campaign_runs.make_short_example
+    )

@@ -37,6 +37,7 @@ MODELS = {
     "views": "records.report.ViewsRecord",
 }
 """Document -> its model, counted from data_schemas."""
+NUMBERS = {float, int, bool, type(None)}
 
 
 def model_of(name: str) -> type[Model]:
@@ -57,4 +58,7 @@ def check_document(document: object, name: str, *, file: object = None) -> None:
 def _plain(value: object) -> object:
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+    if not isinstance(value, list | tuple):
+        return value
+    # long series hold only numbers: nothing in them is to be made plain
+    return list(value) if set(map(type, value)) <= NUMBERS else [_plain(item) for item in value]

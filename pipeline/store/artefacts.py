@@ -24,6 +24,7 @@ from auvid.pipeline.store.atomic_files import readable
 from auvid.pipeline.store.fingerprints import hash_bytes
 
 LINE = 120
+SCALARS = {float, int, bool, type(None)}
 
 
 def encode(artefact: object, name: str, *, file: object) -> bytes:
@@ -93,6 +94,9 @@ def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
+        # long series are of numbers (and null): those of a few kinds are checked in one go
+        if set(map(type, value)) <= SCALARS and all(map(math.isfinite, filter(None, value))):
+            return list(value)
         return [to_plain(item, file=file, at=f"{at}[{index}]") for index, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
         raise SchemaError(
@@ -113,7 +117,7 @@ def to_json(value: Any, indent: int = 0) -> str:
     if not isinstance(value, dict | list) or not value:
         return _line(value)
     items = value.values() if isinstance(value, dict) else value
-    if isinstance(value, list) and not any(isinstance(item, dict | list) for item in items):
+    if isinstance(value, list) and set(map(type, value)).isdisjoint((dict, list)):
         return _line(value)
     if not any(isinstance(item, dict | list) and item for item in items):
         line = _line(value)

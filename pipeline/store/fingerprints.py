@@ -22,6 +22,7 @@ from auvid.stages.base import Stage, ports
 FLOORS = ("auvid.data_schemas", "auvid.hydro", "auvid.stages")
 DATA_SUFFIXES = (".yaml", ".json", ".css", ".js", ".html", ".j2", ".csv", ".svg")
 PACKAGES = ("numpy", "scipy", "pyarrow", "auvid")
+STATEMENTS = (ast.stmt, ast.excepthandler, ast.match_case)
 SETTLED_S = 2.0
 READERS = {"vehicle": "auvid.hydro.dynamics.vehicle.from_document"}
 """What makes the value that a port delivers, where that is not the document's model."""
@@ -193,7 +194,10 @@ class _Scan:
 def _scan(path: Path) -> _Scan:
     imports: list[ast.Import | ast.ImportFrom] = []
     names: set[str] = set()
-    waiting: list[ast.AST] = [ast.parse(path.read_bytes(), filename=str(path))]
+    source = path.read_bytes()
+    # Expressions hold no imports: they are walked only where a name of data can stand.
+    kinds = ast.AST if any(suffix.encode() in source for suffix in DATA_SUFFIXES) else STATEMENTS
+    waiting: list[ast.AST] = [ast.parse(source, filename=str(path))]
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -206,7 +210,7 @@ def _scan(path: Path) -> _Scan:
             and isinstance(node.test, ast.Name)
             and node.test.id == "TYPE_CHECKING"
         ):
-            waiting += ast.iter_child_nodes(node)
+            waiting += [child for child in ast.iter_child_nodes(node) if isinstance(child, kinds)]
     return _Scan(tuple(imports), frozenset(names))
 
 

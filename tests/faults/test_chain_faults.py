@@ -1,5 +1,5 @@
-"""Bad input through the command line, on the example of a new workspace: exit code,
-words, no traceback, nothing half-written.
+"""Bad input through the command line, on the short example of a new workspace: exit
+code, words, no traceback, nothing half-written.
 """
 
 from __future__ import annotations
@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,8 +17,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from auvid.pipeline import cli
-from auvid.pipeline.commands.new.new_command import make_workspace
 from auvid.pipeline.store.atomic_files import TEMPORARY
+from tests.support.campaign_runs import copy_workspace
 
 Edit = Callable[[Path], None]
 EXAMPLE = Path("campaigns/example")
@@ -31,17 +30,9 @@ MANIFEST, MAP, LOG = (
 VEHICLE = Path("vehicles/example_rov.yaml")
 
 
-@pytest.fixture(scope="module")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("template") / "workspace"
-    make_workspace(folder)
-    return folder
-
-
 @pytest.fixture
-def workspace(template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = tmp_path / "workspace"
-    shutil.copytree(template, folder)
+def workspace(short_template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = copy_workspace(short_template, tmp_path / "workspace")
     monkeypatch.chdir(folder)
     return folder
 
@@ -168,7 +159,7 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         ("stage residual needs the stream 'actuators' with pwm_1_us, pwm_3_us", "can come from"),
     ),
     "LEG_OUTSIDE_LOG": (
-        replaced(MANIFEST, "start_s: 60, end_s: 89", "start_s: 600, end_s: 640"),
+        replaced(MANIFEST, "start_s: 20, end_s: 29", "start_s: 600, end_s: 640"),
         "resample",
         ("leg 'check' lies outside log 'run'", "600 to 640 s"),
     ),
@@ -192,7 +183,7 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
     ),
     "ALL_CELLS_NAN": (lines(lambda rows: cells(rows, "u", "nan")), "fuse", ("velocity",)),
     "MODEL_UNKNOWN": (
-        replaced(MANIFEST, "stages:", "stages:\n  synthesise: {models: [fosen]} #"),
+        replaced(MANIFEST, "models: [fossen]", "models: [fosen]"),
         "synthesise",
         ("stages.synthesise.models", "Did you mean 'fossen'?"),
     ),
@@ -275,7 +266,7 @@ def dropped(root: Path) -> dict[str, int]:
 def test_no_validation_leg_is_a_warning(
     workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    replaced(MANIFEST, "  - {id: check, log: run, start_s: 60, end_s: 89, use: validation}\n", "")(
+    replaced(MANIFEST, "  - {id: check, log: run, start_s: 20, end_s: 29, use: validation}\n", "")(
         workspace
     )
     out = run_fine(monkeypatch, capsys)
@@ -287,8 +278,8 @@ def test_no_validation_leg_is_a_warning(
 
 
 def repeat_and_shuffle(rows: list[str]) -> list[str]:
-    """Row 101 twice, and rows 201 and 202 exchanged."""
-    return [*rows[:101], rows[100], *rows[101:200], rows[201], rows[200], *rows[202:]]
+    """Row 51 twice, and rows 101 and 102 exchanged."""
+    return [*rows[:51], rows[50], *rows[51:100], rows[101], rows[100], *rows[102:]]
 
 
 def test_repeated_and_backward_times_are_counted(
@@ -322,7 +313,7 @@ def test_nan_cells_are_counted_and_bridged_or_split(
 
     def spoil(rows: list[str]) -> list[str]:
         rows = cells(rows, "gyro_x", "nan", every=50)
-        return [*rows[:200], *cells([rows[0], *rows[200:230]], "u", "")[1:], *rows[230:]]
+        return [*rows[:80], *cells([rows[0], *rows[80:110]], "u", "")[1:], *rows[110:]]
 
     lines(spoil)(workspace)
     run_fine(monkeypatch, capsys)
@@ -331,7 +322,7 @@ def test_nan_cells_are_counted_and_bridged_or_split(
     )
     assert segments == ["check", "train.1", "train.2"]
     counts = {key.split(": ")[0]: number for key, number in dropped(workspace).items()}
-    assert counts == {"imu": 18, "velocity": 30}
+    assert counts == {"imu": 6, "velocity": 30}
     fused = pq.ParquetFile(workspace / "runs/example/fuse/train.1/fused.parquet").read()
     assert all(np.isfinite(fused[name].to_numpy()).all() for name in fused.column_names)
 
@@ -342,7 +333,7 @@ def test_fault_in_one_leg_names_it_and_leaves_the_other(
     """Pulses are neutral in the validation leg only: its item fails, the other is kept,
     and the next run starts from there.
     """
-    lines(lambda rows: [*rows[:600], *neutral([rows[0], *rows[600:]])[1:]])(workspace)
+    lines(lambda rows: [*rows[:200], *neutral([rows[0], *rows[200:]])[1:]])(workspace)
     code, _, err = auvid(monkeypatch, capsys, "run", "example", "--until", "validate")
     assert code == 1
     assert "residual, segment 'check'" in err

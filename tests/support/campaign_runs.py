@@ -28,6 +28,13 @@ LAST_STAGE = {
     "blueye_heave": "rlse",
 }
 """Campaigns of the repository that tests look at, and how far their chains go."""
+SHORT_S, SHORT_HZ = 30, 10
+SHORT = {
+    "start_s: 0, end_s: 60": "start_s: 0, end_s: 20",
+    "start_s: 60, end_s: 89": "start_s: 20, end_s: 29",
+    "\nstages:": "\nstages:\n  synthesise: {models: [fossen]}\n  validate: {free_run: false}",
+}
+"""Texts of the example's manifest and what they are in that of the short example."""
 TWIN = "twin"
 TWIN_PLANS = ROOT / "campaigns/vt690_twin/plans"
 
@@ -92,6 +99,29 @@ def make_example(folder: Path) -> None:
     printed = auvid("run", "example", folder=folder)
     assert "items run" in printed
     assert "runs/example/report/report_html.html" in printed
+
+
+def write_short_example(folder: Path) -> None:
+    """Write a new workspace whose example is short: `SHORT_S` seconds of log, one model
+    and no free runs.
+    """
+    folder.rmdir()
+    auvid("new", str(folder), folder=folder.parent)
+    campaign = folder / "campaigns" / "example"
+    log, manifest = campaign / "logs/synthetic_run.csv", campaign / "campaign.yaml"
+    rows = log.read_text(encoding="utf-8").splitlines(keepends=True)
+    log.write_text("".join(rows[: 1 + SHORT_S * SHORT_HZ]), encoding="utf-8")
+    text = manifest.read_text(encoding="utf-8")
+    for old, new in SHORT.items():
+        assert text.count(old) == 1, f"{old!r} is not in the manifest"
+        text = text.replace(old, new)
+    manifest.write_text(text, encoding="utf-8")
+
+
+def make_short_example(folder: Path) -> None:
+    """Write the workspace of the short example and run it, with report and recording."""
+    write_short_example(folder)
+    assert "items run" in auvid("run", "example", folder=folder)
 
 
 def write_twin(folder: Path, plan: dict[str, object], stages: Mapping[str, object]) -> None:

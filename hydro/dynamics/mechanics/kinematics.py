@@ -27,10 +27,7 @@ def rotation_body_to_ned(attitude: ArrayLike) -> Array:
     inverse is its transpose (2.13, corrected).
     """
     attitude = np.asarray(attitude, dtype=np.float64)
-    (cf, ct, cp), (sf, st, sp) = (
-        np.moveaxis(np.cos(attitude), -1, 0),
-        np.moveaxis(np.sin(attitude), -1, 0),
-    )
+    (cf, ct, cp), (sf, st, sp) = _components(np.cos(attitude)), _components(np.sin(attitude))
     rows: list[list[Array | float]] = [
         [cp * ct, -sp * cf + cp * st * sf, sp * sf + cp * cf * st],
         [sp * ct, cp * cf + sf * st * sp, -cp * sf + st * sp * cf],
@@ -46,10 +43,7 @@ def euler_rate_matrix(attitude: ArrayLike) -> Array:
     columns of q and r are nan.
     """
     attitude = np.asarray(attitude, dtype=np.float64)
-    (cf, ct, _), (sf, st, _) = (
-        np.moveaxis(np.cos(attitude), -1, 0),
-        np.moveaxis(np.sin(attitude), -1, 0),
-    )
+    (cf, ct, _), (sf, st, _) = _components(np.cos(attitude)), _components(np.sin(attitude))
     ct = np.where(np.abs(ct) < SINGULAR_COSINE, np.nan, ct)
     tt = st / ct
     # 0 * nan keeps nan: at the singularity the whole column is undefined, also its
@@ -68,10 +62,7 @@ def euler_rate_matrix_inverse(attitude: ArrayLike) -> Array:
     attitude; (..., 3) rad -> (..., 3, 3).
     """
     attitude = np.asarray(attitude, dtype=np.float64)
-    (cf, ct, _), (sf, st, _) = (
-        np.moveaxis(np.cos(attitude), -1, 0),
-        np.moveaxis(np.sin(attitude), -1, 0),
-    )
+    (cf, ct, _), (sf, st, _) = _components(np.cos(attitude)), _components(np.sin(attitude))
     return stack_matrix(
         [[1.0, 0.0, -st], [0.0, cf, ct * sf], [0.0, -sf, ct * cf]], attitude.shape[:-1]
     )
@@ -98,3 +89,7 @@ def _block_product(linear: Array, angular: Array, vector: Array) -> Array:
     upper = np.einsum("...ij,...j->...i", linear, vector[..., :3])
     lower = np.einsum("...ij,...j->...i", angular, vector[..., 3:])
     return np.concatenate([upper, lower], axis=-1)
+
+
+def _components(vector: Array) -> tuple[Array, Array, Array]:
+    return vector[..., 0], vector[..., 1], vector[..., 2]

@@ -10,17 +10,20 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement, product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
-from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.arrays import VELOCITIES, Array, Index
 
 MODULI = tuple(f"|{name}|" for name in VELOCITIES)
 PROPULSION = "eta-1"
 FORCE_AXES = ("X", "Y", "Z")
+BLOCK = 256
+"""Columns of a matrix of terms that are multiplied at once."""
 
 
 @dataclass(frozen=True)
@@ -121,18 +124,34 @@ def basis_rows(
     None, `PipelineError` for an unknown term.
     """
     nu = np.asarray(nu_rows, dtype=np.float64)
-    names = basis_term_names() if terms is None else tuple(terms)
+    names, places = _product_plan(basis_term_names() if terms is None else tuple(terms))
     factor = _factors(nu, eta_ratio)
-    out = np.empty((len(names), nu.shape[1]))
-    for row, name in zip(out, names, strict=True):
-        first, *others = (factor(item) for item in _lookup(name).factors)
-        if not others:
-            row[:] = first
-            continue
-        np.multiply(first, others[0], out=row)
-        for other in others[1:]:
-            row *= other
+    values = np.ones((len(names) + 1, nu.shape[1]))
+    for row, name in zip(values, names, strict=False):
+        row[:] = factor(name)
+    out = np.empty((places.shape[1], nu.shape[1]))
+    # in blocks that stay in the cache; a factor that a term does not have is the row of ones
+    for start in range(0, nu.shape[1], BLOCK):
+        part, block = values[:, start : start + BLOCK], out[:, start : start + BLOCK]
+        np.multiply(part.take(places[0], axis=0), part.take(places[1], axis=0), out=block)
+        for others in places[2:]:
+            block *= part.take(others, axis=0)
     return out
+
+
+@lru_cache(maxsize=64)
+def _product_plan(terms: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
+    """Return the factors that occur in `terms`, and for the first, second ... factor of
+    each term its place among them; one beyond the last where a term has no such factor.
+    """
+    factors = [_lookup(name).factors for name in terms]
+    names = tuple(dict.fromkeys(name for each in factors for name in each))
+    depth = max((2, *map(len, factors)))
+    places = [
+        [names.index(each[k]) if k < len(each) else len(names) for each in factors]
+        for k in range(depth)
+    ]
+    return names, np.array(places, dtype=np.intp)
 
 
 def basis(
