@@ -1,0 +1,1 @@
+"""Fits within physical limits, and with priors, from the triangular factor."""

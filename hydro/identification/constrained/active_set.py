@@ -1,0 +1,170 @@
+"""Least squares under linear inequalities, exactly, by the dual active set method.
+
+Goldfarb & Idnani 1983. It starts from the free minimum and takes in the most violated
+row, one after the other. So thousands of rows cost no more than their product with the
+solution, and rows can be made while it runs (cutting planes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+
+FEASIBLE = 1e-12
+"""A row of unit length counts as satisfied up to this share of the solution's size."""
+DEPENDENT = 1e-9
+"""A row counts as a combination of active ones when less than this share is its own."""
+
+
+@dataclass(frozen=True)
+class InequalityRows:
+    """Rows (c, p) with rows @ x <= bounds (c,); `describe(i)` names the i-th."""
+
+    rows: Array
+    bounds: Array
+    describe: Callable[[int], str]
+
+
+Cuts = Callable[[Array], InequalityRows]
+"""x (p,) -> rows that x violates; none where it violates none."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The solution x (p,), the names of its active rows, and their multipliers.
+
+    rows (a, p) are the active ones; multipliers (a,) > 0 say by how much the sum of
+    squares falls per unit of a row's bound.
+    """
+
+    x: Array
+    active: tuple[str, ...]
+    rows: Array
+    multipliers: Array
+
+
+class _Pool:
+    """All rows so far, scaled to unit length in the scaled unknowns."""
+
+    def __init__(self, p: int) -> None:
+        self.rows, self.bounds = np.zeros((0, p)), np.zeros(0)
+        self.origin: list[tuple[InequalityRows, int]] = []
+        self.length = np.zeros(0)
+
+    def add(self, new: InequalityRows, scale: Array) -> None:
+        rows = new.rows / scale
+        length = np.linalg.norm(rows, axis=1)
+        impossible = np.flatnonzero((length == 0.0) & (new.bounds < 0.0))
+        if len(impossible):
+            raise DataError("a limit cannot be met", field=new.describe(int(impossible[0])))
+        kept = np.flatnonzero(length > 0.0)
+        self.rows = np.vstack([self.rows, rows[kept] / length[kept, None]])
+        self.bounds = np.append(self.bounds, new.bounds[kept] / length[kept])
+        self.length = np.append(self.length, length[kept])
+        self.origin += [(new, int(i)) for i in kept]
+
+    def name(self, index: int) -> str:
+        rows, i = self.origin[index]
+        return rows.describe(i)
+
+
+def minimise(
+    R: Array, d: Array, limits: Sequence[InequalityRows] = (), *, cuts: Sequence[Cuts] = ()
+) -> Minimum:
+    """Return the x (p,) that minimises |R x - d|^2 with every row satisfied.
+
+    R (m, p) of full column rank, d (m,). `cuts` are asked for more rows as soon as the
+    present ones hold, until they have none. Raises `DataError` that names rows which
+    contradict each other.
+
+    >>> rows = InequalityRows(np.array([[1.0, 0.0]]), np.array([0.0]), lambda i: "x <= 0")
+    >>> best = minimise(np.eye(2), np.array([2.0, 3.0]), [rows])
+    >>> best.x.tolist(), best.active, best.multipliers.tolist()
+    ([0.0, 3.0], ('x <= 0',), [4.0])
+    """
+    scale = np.linalg.norm(R, axis=0)
+    Q, T = np.linalg.qr(R / scale)
+    target = Q.T @ d
+    pool = _Pool(len(scale))
+    for item in limits:
+        pool.add(item, scale)
+    J = solve_triangular(T, np.eye(len(T)))
+    x = J @ target
+    active: list[int] = []
+    dual = np.zeros(0)
+    while True:
+        tolerance = FEASIBLE * max(1.0, float(np.linalg.norm(x)))
+        excess = pool.rows @ x - pool.bounds
+        excess[active] = 0.0
+        if len(excess) and excess.max() > tolerance:
+            x, active, dual = _take_in(J, x, active, dual, pool, int(np.argmax(excess)))
+            continue
+        before = len(pool.bounds)
+        for cut in cuts:
+            pool.add(cut(x / scale), scale)
+        excess = pool.rows[before:] @ x - pool.bounds[before:]
+        if not len(excess) or excess.max() <= tolerance:
+            break
+    x, dual = _settled(J, target, pool, active)
+    lengths = pool.length[active]
+    return Minimum(
+        x / scale,
+        tuple(pool.name(i) for i in active),
+        pool.rows[active] * lengths[:, None] * scale,
+        2.0 * dual / lengths,
+    )
+
+
+def _take_in(
+    J: Array, x: Array, active: list[int], dual: Array, pool: _Pool, entering: int
+) -> tuple[Array, list[int], Array]:
+    """Return x, active rows and their dual values once the entering row holds."""
+    row, bound, own = pool.rows[entering], pool.bounds[entering], 0.0
+    direction = J.T @ row
+    while True:
+        # Split the row into what the active rows span and what is its own.
+        basis, triangle = qr((pool.rows[active] @ J).T, mode="economic")
+        along = basis.T @ direction
+        rest = direction - basis @ along
+        rest -= basis @ (basis.T @ rest)
+        change = solve_triangular(triangle, along) if active else np.zeros(0)
+        # Dual step: until an active row's dual value reaches zero.
+        falling = np.flatnonzero(change > 0.0)
+        ratios = dual[falling] / change[falling]
+        blocking = int(falling[np.argmin(ratios)]) if len(falling) else -1
+        dual_step = float(ratios.min()) if len(falling) else np.inf
+        # Primal step: until the entering row holds.
+        independent = np.linalg.norm(rest) > DEPENDENT * np.linalg.norm(direction)
+        step = (float(row @ x) - bound) / float(rest @ rest) if independent else np.inf
+        if not np.isfinite(min(step, dual_step)):
+            others = [pool.name(i) for i in active]
+            raise DataError(
+                "limits contradict each other",
+                field=pool.name(entering),
+                value=f"together with {', '.join(others)}",
+                remedy="Widen or remove one of them.",
+            )
+        taken = min(step, dual_step)
+        if independent:
+            x = x - taken * (J @ rest)
+        dual, own = dual - taken * change, own + taken
+        if step <= dual_step:
+            return x, [*active, entering], np.append(dual, own)
+        active, dual = active[:blocking] + active[blocking + 1 :], np.delete(dual, blocking)
+
+
+def _settled(J: Array, target: Array, pool: _Pool, active: list[int]) -> tuple[Array, Array]:
+    """Return x and dual values for the final active rows, free of summed rounding."""
+    if not active:
+        return J @ target, np.zeros(0)
+    basis, triangle = qr((pool.rows[active] @ J).T, mode="economic")
+    # With y = T x: the minimum of |y - target| on rows J y = bounds.
+    particular = solve_triangular(triangle, pool.bounds[active], trans="T")
+    y = target - basis @ (basis.T @ target - particular)
+    return J @ y, solve_triangular(triangle, basis.T @ target - particular)
