@@ -1,5 +1,4 @@
-"""Simulated steps per second: one vehicle and a batch, compiled and numpy, beside an
-Euler step of PythonVehicleSimulator.
+"""Cost of a simulated step: one vehicle and a batch, beside PythonVehicleSimulator.
 
     python -m benchmarks.simulation --peer FOLDER
 
@@ -33,7 +32,11 @@ import numpy as np
 import yaml
 
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
-from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs, integrate_open_loop
+from auvid.hydro.dynamics.simulation.simulation import (
+    SimulatedVehicle,
+    constant_actuation,
+    integrate_open_loop,
+)
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
@@ -56,16 +59,16 @@ def shortest(jobs: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
     return times
 
 
-def simulation(plant: Plant, batch: int, steps: int, *, compiled: bool) -> Callable[[], object]:
+def simulation(plant: SimulatedVehicle, batch: int, steps: int) -> Callable[[], object]:
     """A job of `batch * steps` vehicle-steps."""
     start = np.tile(
         plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.05, 0.0, 0.0, 0.0, 0.1]), (batch, 1)
     )
     start[:, 6] += np.linspace(0.0, 0.5, batch)
-    inputs = constant_inputs(
+    inputs = constant_actuation(
         np.full(batch, 35.0), np.tile([0.02, -0.02, 0.05, -0.05], (batch, 1)), knots=steps + 1
     )
-    return lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S, compiled=compiled)
+    return lambda: integrate_open_loop(plant, start, inputs, step_s=STEP_S)
 
 
 def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
@@ -119,23 +122,19 @@ def main() -> None:
         yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
     )
     truths = {
-        "physical": Plant(vehicle, physical_viscous(vehicle)),
-        "gertler_hagen": Plant(vehicle, published("gertler_hagen")),
+        "physical": SimulatedVehicle(vehicle, physical_viscous(vehicle)),
+        "gertler_hagen": SimulatedVehicle(vehicle, published("gertler_hagen")),
     }
     jobs: dict[str, Callable[[], object]] = {}
     steps: dict[str, int] = {}
     for name, plant in truths.items():
         for batch, count in ((1, 2000), (1000, 20)):
             key = f"{name}_{'one' if batch == 1 else f'batch_of_{batch}'}"
-            jobs[key], steps[key] = simulation(plant, batch, count, compiled=True), batch * count
+            jobs[key], steps[key] = simulation(plant, batch, count), batch * count
     if peer is not None:
         jobs["peer_euler_step"], steps["peer_euler_step"] = peer[1], PEER_STEPS
     times = shortest(jobs, REPEATS)
-    slow: dict[str, Callable[[], object]] = {
-        "numpy_one": simulation(truths["physical"], 1, 100, compiled=False),
-        "numpy_batch_of_1000": simulation(truths["physical"], 1000, 2, compiled=False),
-    }
-    steps |= {"numpy_one": 100, "numpy_batch_of_1000": 2000}
+    slow: dict[str, Callable[[], object]] = {}
     if peer is not None:
         slow["peer_simulate"], steps["peer_simulate"] = peer[0], PEER_SAMPLES
     times |= shortest(slow, 5)

@@ -26,7 +26,7 @@ from auvid.hydro.control.equilibrium import equilibrium
 from auvid.hydro.control.paths.paths import Curve, helix, path_of_pieces, saw_tooth
 from auvid.hydro.control.paths.trajectories import fly_path
 from auvid.hydro.control.plants import HybridPlant
-from auvid.hydro.dynamics.simulation.simulation import Inputs, Motion
+from auvid.hydro.dynamics.simulation.simulation import Actuation, Motion
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.cases import limits_of, weights_of
 from auvid.stages.control.flying import models_of
@@ -69,7 +69,7 @@ LEGS = {
 class Logged:
     """A closed-loop flight as the sensors of a twin want it."""
 
-    plant: Any
+    simulated: Any
     leg: Any
     log_end_s: float
     states: CubicSpline
@@ -86,11 +86,11 @@ class Logged:
             self.U[np.clip((t_s / TICK_S + 1e-6).astype(int), 0, len(self.U) - 1)],
         )
         fins = np.column_stack([U[:, 2], U[:, 3], U[:, 1], U[:, 1]])
-        inputs = Inputs(
+        actuation = Actuation(
             np.sqrt(np.maximum(U[:, 0], 0.0) / self.newtons), fins, np.zeros((len(t_s), 6))
         )
         return Motion(
-            t_s, chi[:, 6:], chi[:, :6], self.rates(t_s)[:, :6], inputs, np.zeros((len(t_s), 6))
+            t_s, chi[:, 6:], chi[:, :6], self.rates(t_s)[:, :6], actuation, np.zeros((len(t_s), 6))
         )
 
 
@@ -122,7 +122,7 @@ def flights() -> dict[str, bytes]:
             chi, flown.U[0], mass_kg=found.mass_kg, force_ned_N=None, current_ned_m_s=None
         )
         leg = Logged(
-            plant=SimpleNamespace(vehicle=vehicle),
+            simulated=SimpleNamespace(vehicle=vehicle),
             leg=SimpleNamespace(id=name),
             log_end_s=float(flown.t_s[-1]),
             states=CubicSpline(flown.t_s, chi),

@@ -80,13 +80,6 @@ def placed_gain(
     return out
 
 
-def observer_eigenvalues(A: ArrayLike, L: ArrayLike) -> Array:
-    """Eigenvalues (t, 18) of A_Z - L C_Z (5.6)."""
-    a = np.asarray(A, dtype=np.float64)
-    a_z, _ = augmented(a, np.zeros((*a.shape[:-1], 1)))
-    return np.asarray(np.linalg.eigvals(a_z - np.asarray(L) @ C_Z))
-
-
 def feed_forward_gain(B: ArrayLike) -> Array:
     """k_d (..., m, 6) = B^+ E: the inputs that cancel the disturbance best in the sense
     of least squares.

@@ -138,15 +138,6 @@ def residual_force(
     )
 
 
-def inverse_dynamics(
-    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike, control: Control
-) -> Array:
-    """tau_bar (..., 6) of (4.4) alone: the viscous force that gives `nu_dot`; the
-    inverse of `forward_dynamics`.
-    """
-    return residual_force(vehicle, eta, nu, nu_dot, control).tau_bar
-
-
 def forward_dynamics(
     vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, control: Control, viscous_force: ArrayLike
 ) -> Array:

@@ -146,16 +146,6 @@ def restoring_terms(model: SimplifiedModel, eta: ArrayLike) -> Array:
     return force
 
 
-def propulsion(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, nu_dot: ArrayLike) -> Array:
-    """The left sides X_prop ... N_prop of (26) that this motion needs, (..., 6) each ->
-    (..., 6) [N, N m].
-    """
-    inertia = np.asarray(nu_dot, dtype=np.float64) @ model.mass_matrix
-    return np.asarray(
-        inertia + coriolis_terms(model, nu) - damping_force(model, nu) + restoring_terms(model, eta)
-    )
-
-
 def acceleration(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, tau: ArrayLike) -> Array:
     """nu_dot (..., 6) of (18) and (26) under propulsion `tau` (..., 6) [N, N m]: the
     inverse of `propulsion`.

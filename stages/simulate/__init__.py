@@ -70,12 +70,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     if "bench" in twin["plan"]:
         return _bench(vehicle, twin, inputs.apparatus)
     plan = plan_from_document(twin["plan"], vehicle, file="the plan")
-    plant, notes = truth_force(twin["truth"], plan, vehicle)
+    simulated, notes = truth_force(twin["truth"], plan, vehicle)
     seed, words = (
         int(twin["seed"]),
         f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}",
     )
-    flown = {leg.id: fly_leg(plan, leg, plant, seed=seed) for leg in plan.legs}
+    flown = {leg.id: fly_leg(plan, leg, simulated, seed=seed) for leg in plan.legs}
     reached = {name: leg for name, leg in flown.items() if leg.reached}
     if not reached:
         reasons = "; ".join(f"{name}: {leg.flight.stop}" for name, leg in flown.items())
@@ -89,9 +89,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
-    if isinstance(plant.truth, IdentifiedModel):
+    if isinstance(simulated.truth, IdentifiedModel):
         document["coefficients"] = {
-            axis: dict(terms) for axis, terms in plant.truth.coefficients.items()
+            axis: dict(terms) for axis, terms in simulated.truth.coefficients.items()
         }
     return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
 

@@ -22,9 +22,9 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.simplified import DERIVATIVES, LINEAR, QUADRATIC
 from auvid.hydro.dynamics.simulation.bench_motion import (
+    BenchMotion,
     PhysicalPendulum,
     Quadrifilar,
-    Trajectory,
     drive,
     free_decay,
     swing,
@@ -35,7 +35,7 @@ from auvid.hydro.dynamics.simulation.sensor_models import (
     pressure_depth,
     velocity_log,
 )
-from auvid.hydro.dynamics.simulation.simulation import Motion, constant_inputs
+from auvid.hydro.dynamics.simulation.simulation import Motion, constant_actuation
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
 from auvid.stages.base import Document
 from auvid.stages.columns import GYRO, POSE, VELOCITY, named
@@ -55,7 +55,7 @@ class FlownExperiment:
     """
 
     experiment: Experiment
-    trajectory: Trajectory
+    trajectory: BenchMotion
     truth: Mapping[str, float]
     changes_s: Array | None = None
     pulses_us: Array | None = None
@@ -264,7 +264,7 @@ def _record_tank(
     return Recorded(name, streams, unit.biases, text)
 
 
-def _free(t_s: Array, trajectory: Trajectory) -> Motion:
+def _free(t_s: Array, trajectory: BenchMotion) -> Motion:
     state, rate = trajectory(t_s)
     return _motion(t_s, state[:, :6], state[:, 6:], rate[:, 6:])
 
@@ -272,7 +272,12 @@ def _free(t_s: Array, trajectory: Trajectory) -> Motion:
 def _motion(t_s: Array, eta: Array, nu: Array, nu_dot: Array) -> Motion:
     """A motion of which the sensors need pose, velocity and acceleration alone."""
     return Motion(
-        t_s, eta, nu, nu_dot, constant_inputs(0.0, np.zeros(4), knots=t_s.size), np.zeros(nu.shape)
+        t_s,
+        eta,
+        nu,
+        nu_dot,
+        constant_actuation(0.0, np.zeros(4), knots=t_s.size),
+        np.zeros(nu.shape),
     )
 
 

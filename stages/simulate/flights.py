@@ -18,12 +18,12 @@ from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import (
     Flight,
-    Limits,
     Motion,
-    Plant,
-    fly,
+    SimulatedVehicle,
+    StopLimits,
     gauss_markov,
     motion_at,
+    simulate_autopilot,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, eta_ratio
@@ -51,7 +51,7 @@ class FlownLeg:
     """
 
     leg: Leg
-    plant: Plant
+    simulated: SimulatedVehicle
     flight: Flight
     offset_s: float
     start_s: float
@@ -65,7 +65,7 @@ class FlownLeg:
 
     def motion(self, t_s: Array) -> Motion:
         """The motion at times (n,) from the start of the log."""
-        return motion_at(self.plant, self.flight, t_s + self.offset_s)
+        return motion_at(self.simulated, self.flight, t_s + self.offset_s)
 
 
 def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
@@ -75,7 +75,7 @@ def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(leg.encode()), stream])
 
 
-def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
+def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> FlownLeg:
     """Settle at the leg's propeller speed, fly the leg, and go on for the margin of the
     log.
 
@@ -83,7 +83,7 @@ def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
     of the settling. Raises `DataError` where the truth needs a level speed that the
     vehicle's table does not have.
     """
-    vehicle = plant.vehicle
+    vehicle = simulated.vehicle
     assert vehicle.propeller is not None
     ticks = round((plan.settle_s + leg.duration_s + plan.margin_s) / plan.tick_s) + 1
     t_s = np.arange(ticks, dtype=np.float64) * plan.tick_s - plan.settle_s
@@ -108,40 +108,48 @@ def fly_leg(plan: Plan, leg: Leg, plant: Plant, *, seed: int) -> FlownLeg:
         plan.fin_limit_rad,
         plan.fin_rate_rad_s,
     )
-    start = plant.start(
+    start = simulated.start(
         [0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0], [cruise, 0.0, 0.0, 0.0, 0.0, 0.0], leg.rev_s
     )
-    flight = fly(
-        plant,
+    flight = simulate_autopilot(
+        simulated,
         pilot,
         start,
         propeller_rev_s=np.full(ticks, leg.rev_s),
         force=force,
         tick_s=plan.tick_s,
         steps_per_tick=plan.steps_per_tick,
-        limits=Limits(deepest_m=float(depth.max()) + DEEPER_M),
+        limits=StopLimits(deepest_m=float(depth.max()) + DEEPER_M),
     )
     offset = plan.settle_s - plan.margin_s
     last = float(flight.t_s[-1]) - offset
     return FlownLeg(
-        leg, plant, flight, offset, plan.margin_s, min(plan.margin_s + leg.duration_s, last), last
+        leg,
+        simulated,
+        flight,
+        offset,
+        plan.margin_s,
+        min(plan.margin_s + leg.duration_s, last),
+        last,
     )
 
 
-def truth_force(truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle) -> tuple[Plant, list[str]]:
-    """The plant of a truth (part `truth` of schema `twin`), and sentences about it.
+def truth_force(
+    truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle
+) -> tuple[SimulatedVehicle, list[str]]:
+    """The simulated of a truth (part `truth` of schema `twin`), and sentences about it.
 
     Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown
     model.
     """
     name, kind = str(truth["name"]), truth["kind"]
     if kind == "physics":
-        return Plant(vehicle, physical_viscous(vehicle), plan.viscous_lag_s), []
+        return SimulatedVehicle(vehicle, physical_viscous(vehicle), plan.viscous_lag_s), []
     if kind == "refit":
         model, notes = refit(name, plan, vehicle)
-        return Plant(vehicle, model, plan.viscous_lag_s), notes
+        return SimulatedVehicle(vehicle, model, plan.viscous_lag_s), notes
     coefficients = checked_coefficients(truth.get("coefficients") or {}, file=truth["source"])
-    return Plant(vehicle, IdentifiedModel(name, coefficients), plan.viscous_lag_s), []
+    return SimulatedVehicle(vehicle, IdentifiedModel(name, coefficients), plan.viscous_lag_s), []
 
 
 def checked_coefficients(
@@ -188,10 +196,10 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
     """
     assert vehicle.propeller is not None
     model = model_named(name)
-    plant = Plant(vehicle, physical_viscous(vehicle))
+    simulated = SimulatedVehicle(vehicle, physical_viscous(vehicle))
     factor = TriangularFactor.empty(model.distinct_terms)
     for leg in plan.legs:
-        flight = fly_leg(_steady(plan), leg, plant, seed=0).flight
+        flight = fly_leg(_steady(plan), leg, simulated, seed=0).flight
         if flight.stop is not None:
             raise DataError(f"the physical truth cannot fly leg '{leg.id}': {flight.stop}")
         nu = flight.state[:: plan.steps_per_tick, 6:12]
@@ -199,7 +207,7 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
         nu = nu + SPREAD * random_of(0, leg.id, SCATTER).standard_normal(nu.shape)
         ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)
         factor = factor.update(
-            basis_rows(nu.T, ratio, model.distinct_terms), plant.viscous_force(nu, ratio)
+            basis_rows(nu.T, ratio, model.distinct_terms), simulated.viscous_force(nu, ratio)
         )
     coefficients, errors = {}, []
     for axis, terms in model.terms.items():

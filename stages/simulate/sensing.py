@@ -49,7 +49,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
 
     Clocks tick in whole milliseconds, which every log format can hold.
     """
-    vehicle, leg = flown.plant.vehicle, flown.leg.id
+    vehicle, leg = flown.simulated.vehicle, flown.leg.id
     times = {
         stream: sample_times(flown.log_end_s, stream, rate)
         for stream, rate in plan.rates_hz.items()
@@ -83,7 +83,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
     depth = pressure_depth(
         motion["depth"], vehicle.depth_sensor, random_of(seed, leg, DEPTH), noise_m=plan.depth_sd_m
     )
-    control = motion["actuators"].inputs
+    control = motion["actuators"].actuation
     streams = {
         "imu": {"time_us": times["imu"], **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},
         "attitude": {"time_us": times["imu"], **named(POSE[3:], wrapped(unit))},
@@ -118,18 +118,18 @@ def sample_times(log_end_s: float, stream: str, rate_hz: float) -> Times:
 def truth_table(flown: FlownLeg, plan: Plan) -> pa.Table:
     """Schema `truth`: the true motion of the log at the ticks of the autopilot."""
     first = round(flown.offset_s / plan.tick_s)
-    ticks = np.arange(first, len(flown.flight.inputs.propeller_rev_s))
+    ticks = np.arange(first, len(flown.flight.actuation.propeller_rev_s))
     t_s = np.asarray(ticks * plan.tick_s - flown.offset_s, dtype=np.float64)
     motion = flown.motion(t_s)
-    unsteady = motion.inputs.force
+    unsteady = motion.actuation.force
     columns = {
         "time_us": BOOT_US + np.rint(t_s * 1e6).astype(np.int64),
         "t_s": t_s,
         **named(POSE, motion.eta),
         **named(VELOCITY, motion.nu),
         **named(ACCELERATION, motion.nu_dot),
-        "propeller_rev_s": motion.inputs.propeller_rev_s,
-        **named(FINS, motion.inputs.fins_rad),
+        "propeller_rev_s": motion.actuation.propeller_rev_s,
+        **named(FINS, motion.actuation.fins_rad),
     }
     for name, force in (
         ("viscous", motion.viscous),

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
-from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
+from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import model_named
@@ -36,6 +36,7 @@ from tests.support.campaign_runs import (
     run_campaign,
     write_twin,
 )
+from tests.support.dynamics_oracles import inverse_dynamics
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,6 @@ from hypothesis.extra.numpy import arrays
 from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.mechanics.kinematics import (
-    body_velocity,
     eta_dot,
     euler_rate_matrix,
     euler_rate_matrix_inverse,
@@ -16,8 +15,9 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
     skew,
 )
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
-from auvid.hydro.dynamics.mechanics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
 from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio
+from tests.support.dynamics_oracles import body_velocity, coriolis
 
 ANGLE = st.floats(-3.1, 3.1)
 PITCH = st.floats(-1.5, 1.5)

@@ -19,15 +19,6 @@ then exact to rounding.
 """
 
 
-def equal_volume_semi_axes(length: float, diameter: float, volume: float) -> tuple[float, float]:
-    """Semi-axes (a, b) [m] of the spheroid with the aspect ratio length / diameter and
-    the volume [m^3] of the hull (Table B.3).
-    """
-    ratio = length / diameter
-    b = (3.0 * volume / (4.0 * math.pi * ratio)) ** (1.0 / 3.0)
-    return ratio * b, b
-
-
 def spheroid_added_mass(
     a: float, b: float, *, fluid_mass: float | None = None, water_density: float = 1000.0
 ) -> Array:

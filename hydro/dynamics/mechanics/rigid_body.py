@@ -1,19 +1,24 @@
-"""Rigid body inertia and Coriolis forces: McCarter 2014 (2.17)-(2.24)."""
+"""Rigid-body inertia and Coriolis forces. Equations of McCarter 2014."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, cross, matrix_product
+from auvid.hydro.arrays import Array, matrix_product
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 
 
 def rigid_body_matrix(mass: ArrayLike, r_G: ArrayLike, inertia: ArrayLike) -> Array:
-    """M_RB (2.20), (..., 6, 6), from mass (...) [kg], centre of gravity r_G (..., 3)
-    [m] and inertia I_0 (3, 3) about the body origin.
+    """Return M_RB (2.20), (..., 6, 6).
 
-    The off-diagonals of I_0 [kg m^2] are minus the products of inertia (2.18).
+    M_RB = [[m I, -m S(r_G)], [m S(r_G), I_0]]
+
+    Mass (...) [kg], centre of gravity r_G (..., 3) [m], inertia I_0 (3, 3) [kg m^2]
+    about the body origin, its off-diagonals minus the products of inertia (2.18).
+
+    >>> rigid_body_matrix(2.0, [0.0, 0.0, 0.1], np.eye(3))[0, [0, 4]].tolist()
+    [2.0, 0.2]
     """
     mass, arm = np.asarray(mass, dtype=np.float64), np.asarray(r_G, dtype=np.float64)
     moment = mass[..., None] * arm
@@ -26,34 +31,37 @@ def rigid_body_matrix(mass: ArrayLike, r_G: ArrayLike, inertia: ArrayLike) -> Ar
     return matrix
 
 
-def coriolis(M: ArrayLike, nu: ArrayLike) -> Array:
-    """C(nu) of a symmetric inertia matrix M (6, 6), (2.23): (..., 6) -> (..., 6, 6).
-    Skew-symmetric, so nu' C nu = 0.
+def coriolis_components(nu: tuple[Array, ...], momentum: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Return X to N of C(nu) nu (2.23) from the components of nu and of M nu.
 
-    M = M_RB gives C_RB; M = M_A (McCarter's convention, <= 0) gives C_A. (2.24) is
-    another matrix with the same product C nu.
+    With M nu = [a; b]: force omega x a, moment v x a + omega x b. Arrays of one shape,
+    or numbers in the compiled loop.
     """
-    linear, angular = _momentum(M, nu)
-    matrix = np.zeros((*linear.shape[:-1], 6, 6))
-    upper = -skew(linear)
-    matrix[..., :3, 3:] = upper
-    matrix[..., 3:, :3] = upper
-    matrix[..., 3:, 3:] = -skew(angular)
-    return matrix
-
-
-def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
-    """The product C(nu) nu of (2.23) without forming C: M (..., 6, 6), nu (..., 6) ->
-    (..., 6) [N, N m].
-    """
-    nu = np.asarray(nu, dtype=np.float64)
-    linear, angular = _momentum(M, nu)
-    velocity, rate = nu[..., :3], nu[..., 3:]
-    return np.concatenate(
-        [cross(rate, linear), cross(velocity, linear) + cross(rate, angular)], axis=-1
+    u, v, w, p, q, r = nu
+    a1, a2, a3, b1, b2, b3 = momentum
+    return (
+        q * a3 - r * a2,
+        r * a1 - p * a3,
+        p * a2 - q * a1,
+        v * a3 - w * a2 + (q * b3 - r * b2),
+        w * a1 - u * a3 + (r * b1 - p * b3),
+        u * a2 - v * a1 + (p * b2 - q * b1),
     )
 
 
-def _momentum(M: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
+def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
+    """Return C(nu) nu (2.23): M (..., 6, 6) symmetric, nu (..., 6) -> (..., 6) [N, N m].
+
+    C(nu) = [[0, -S(a)], [-S(a), -S(b)]], [a; b] = M nu, so that nu' C nu = 0. M = M_RB
+    gives C_RB nu; M = M_A (McCarter's convention, <= 0) gives C_A nu. (2.24) is another
+    matrix with the same product.
+
+    >>> coriolis_force(np.diag([2.0, 3.0, 3.0, 1.0, 1.0, 1.0]), [1, 1, 0, 0, 0, 0])[5]
+    np.float64(1.0)
+    """
+    nu = np.asarray(nu, dtype=np.float64)
     momentum = matrix_product(M, nu)
-    return momentum[..., :3], momentum[..., 3:]
+    return np.stack(
+        coriolis_components(tuple(np.moveaxis(nu, -1, 0)), tuple(np.moveaxis(momentum, -1, 0))),
+        axis=-1,
+    )

@@ -24,7 +24,7 @@ Rate = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class BenchMotion:
     """A motion: `state` and `rate` (n, k) at times (n,) [s] from its start; before 0 it
     stands as it starts.
     """
@@ -37,7 +37,7 @@ class Trajectory:
 
 def drive(
     model: SimplifiedModel, start: Array, changes_s: Array, tau: Array, end_s: float
-) -> Trajectory:
+) -> BenchMotion:
     """The simplified model from rest under propulsion tau (m, 6) [N, N m], each row
     held from `changes_s` (m,) on, the first from 0.
 
@@ -65,7 +65,7 @@ def drive(
         rates[t_s < 0.0] = 0.0
         return states, rates
 
-    return Trajectory(at)
+    return BenchMotion(at)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class PhysicalPendulum:
         return np.stack([speed, moment / self.inertia], axis=-1)
 
 
-def free_decay(pendulum: PhysicalPendulum, angle_rad: float, end_s: float) -> Trajectory:
+def free_decay(pendulum: PhysicalPendulum, angle_rad: float, end_s: float) -> BenchMotion:
     """Release at rest from an angle at 0 s: state [theta, theta_dot] (n, 2). Raises
     `DataError` where nothing restores it.
     """
@@ -144,12 +144,12 @@ class Quadrifilar:
         return np.stack([speed, moment / (self.inertia + self.mass * first**2)], axis=-1)
 
 
-def swing(tray: Quadrifilar, angle_rad: float, end_s: float) -> Trajectory:
+def swing(tray: Quadrifilar, angle_rad: float, end_s: float) -> BenchMotion:
     """Release at rest from an angle at 0 s: state [psi, psi_dot] (n, 2)."""
     return _released(tray.rate, angle_rad, end_s)
 
 
-def _released(rate: Rate, angle: float, end_s: float) -> Trajectory:
+def _released(rate: Rate, angle: float, end_s: float) -> BenchMotion:
     path = _follow(rate, np.array([angle, 0.0]), 0.0, end_s)
 
     def at(t_s: Array) -> tuple[Array, Array]:
@@ -158,7 +158,7 @@ def _released(rate: Rate, angle: float, end_s: float) -> Trajectory:
         rates[t_s < 0.0] = 0.0
         return states, rates
 
-    return Trajectory(at)
+    return BenchMotion(at)
 
 
 def _follow(

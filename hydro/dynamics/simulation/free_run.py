@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
+from auvid.hydro.dynamics.simulation.runge_kutta import runge_kutta_4
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import (
     basis,
@@ -98,21 +99,21 @@ def free_runs(
     diverged = np.full(x.shape[:2], np.nan)
     last = len(t) - 1
 
-    def rate(now: Array, low: Index, share: float) -> Array:
-        high = np.minimum(low + 1, last)
-        ratio_level = None if level is None else _between(level, low, high, share)
-        return state_derivative(
-            vehicle, now, _control_at(control, low, high, share), lambda nu: force(nu, ratio_level)
-        )
-
     with np.errstate(all="ignore"):
         for count in range(int(after[-1])):
             low = np.minimum(first + count, last)
-            k1 = rate(x, low, 0.0)
-            k2 = rate(x + 0.5 * step * k1, low, 0.5)
-            k3 = rate(x + 0.5 * step * k2, low, 0.5)
-            k4 = rate(x + step * k3, low, 1.0)
-            x = x + step / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+            def derivative(now: Array, share: float, low: Index = low) -> Array:
+                high = np.minimum(low + 1, last)
+                speed = None if level is None else _between(level, low, high, share)
+                return state_derivative(
+                    vehicle,
+                    now,
+                    _control_at(control, low, high, share),
+                    lambda nu: force(nu, speed),
+                )
+
+            x = runge_kutta_4(derivative, x, step)
             gone = ~(
                 np.all(np.abs(x[..., 6:9]) < SPEED_LIMIT, axis=-1)
                 & np.all(np.abs(x[..., 9:]) < RATE_LIMIT, axis=-1)

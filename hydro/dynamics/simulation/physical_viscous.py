@@ -6,8 +6,7 @@ the body lifts at small angles, fins and a tail mast lift and stall softly, the 
 friction that falls with the Reynolds number, and small asymmetries push at all times.
 Ideal-fluid parts (added mass, the Munk moment) stay in M_A and C_A; the deflection of
 the fins stays in tau_delta. The rows of `strips` and `surfaces` are constants times
-velocities, so that the compiled loop of hydro/dynamics/compiled.py reads the same
-tables.
+velocities, so that the compiled loop (compiled.py) reads the same tables.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.arrays import Array, cross, read_only
+from auvid.hydro.arrays import Array, read_only
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 SPEED_FLOOR = 1e-6
@@ -82,52 +81,81 @@ class PhysicalViscous:
     asymmetry: Array
 
     def force(self, nu: ArrayLike, level_speed: ArrayLike | None = None) -> Array:
-        """tau_nu: nu (..., 6) -> (..., 6) [N, N m]. The level speed has no influence;
-        it is there for models with a propulsion ratio.
+        """Return tau_nu: nu (..., 6) -> (..., 6) [N, N m].
+
+        The level speed has no influence; models with a propulsion ratio need it.
         """
-        nu = np.asarray(nu, dtype=np.float64)
-        u, v, w = nu[..., 0], nu[..., 1], nu[..., 2]
-        tau = self.asymmetry * (u * np.abs(u))[..., None]
-        tau[..., 0] -= self.axial[0] * u * np.abs(u) ** (1.0 - self.axial[1])
-        _add_cross_flow(tau, self.strips, nu)
-        k, x, induced = self.body
-        side, down = v + x * nu[..., 5], w - x * nu[..., 4]
-        lift_y, lift_z = -k * np.abs(u) * side, -k * np.abs(u) * down
-        speed = np.sqrt(u * u + v * v + w * w + SPEED_FLOOR)
-        tau[..., 0] -= induced * (side * side + down * down) * u / speed
-        tau[..., 1] += lift_y
-        tau[..., 2] += lift_z
-        tau[..., 4] -= x * lift_z
-        tau[..., 5] += x * lift_y
+        motion = np.moveaxis(np.asarray(nu, dtype=np.float64), -1, 0)
+        tau = np.stack(body_components(self.body, self.axial, self.asymmetry, *motion), axis=-1)
+        strips = strip_components(*self.strips.T, *(item[..., None] for item in motion[1:]))
+        tau[..., STRIP_AXES] += np.stack(strips, axis=-1).sum(axis=-2)
         for row in self.surfaces:
-            _add_surface(tau, row, nu)
+            tau += np.stack(surface_components(row, *motion), axis=-1)
         return np.asarray(tau)
 
 
-def _add_cross_flow(tau: Array, strips: Array, nu: Array) -> None:
-    x, area = strips.T
-    side = nu[..., 1, None] + x * nu[..., 5, None]
-    down = nu[..., 2, None] - x * nu[..., 4, None]
+# The three laws below take arrays of one shape, or numbers in the compiled loop.
+
+STRIP_AXES = (1, 2, 4, 5)
+
+
+def strip_components(
+    x: Array, area: Array, v: Array, w: Array, p: Array, q: Array, r: Array
+) -> tuple[Array, ...]:
+    """Return Y, Z, M, N of the cross-flow drag on a strip at `x`.
+
+    Y = -1/2 rho C_d d dx sqrt(side^2 + down^2) side, side = v + x r, down = w - x q;
+    Z likewise with down; M = -x Z, N = x Y.
+    """
+    side, down = v + x * r, w - x * q
     drag = -area * np.sqrt(side * side + down * down)
-    tau[..., 1] += (drag * side).sum(axis=-1)
-    tau[..., 2] += (drag * down).sum(axis=-1)
-    tau[..., 4] -= (x * drag * down).sum(axis=-1)
-    tau[..., 5] += (x * drag * side).sum(axis=-1)
+    return drag * side, drag * down, -x * drag * down, x * drag * side
 
 
-def _add_surface(tau: Array, row: Array, nu: Array) -> None:
-    centre, normal = row[:3], row[3:6]
-    local = nu[..., :3] + cross(nu[..., 3:], centre)
-    ahead, across = local[..., 0], local @ normal
-    sine2 = across**2 / (ahead**2 + across**2 + SPEED_FLOOR)
-    attached = 1.0 / (1.0 + (sine2 * row[8]) ** 2)
+def surface_components(
+    row: Array, u: Array, v: Array, w: Array, p: Array, q: Array, r: Array
+) -> tuple[Array, ...]:
+    """Return X to N of a lifting surface with the constants of `LiftingSurface.row`."""
+    sx, sy, sz, nx, ny, nz = row[0], row[1], row[2], row[3], row[4], row[5]
+    # Flow at the centre: along x, and along the normal.
+    ahead = u + (q * sz - r * sy)
+    across = ahead * nx + (v + (r * sx - p * sz)) * ny + (w + (p * sy - q * sx)) * nz
+    # sin^2 of the angle of attack decides how much of the flow is attached.
+    sine2 = across * across / (ahead * ahead + across * across + SPEED_FLOOR)
+    stalled = sine2 * row[8]
+    attached = 1.0 / (1.0 + stalled * stalled)
     push = -across * (
         row[6] * attached * np.abs(ahead) + row[7] * (1.0 - attached) * np.abs(across)
     )
-    force = push[..., None] * normal
-    force[..., 0] -= (row[9] + row[10] * sine2) * ahead * np.abs(ahead)
-    tau[..., :3] += force
-    tau[..., 3:] += cross(centre, force)
+    fx = push * nx - (row[9] + row[10] * sine2) * ahead * np.abs(ahead)
+    fy, fz = push * ny, push * nz
+    return fx, fy, fz, sy * fz - sz * fy, sz * fx - sx * fz, sx * fy - sy * fx
+
+
+def body_components(
+    body: Array, axial: Array, asymmetry: Array,
+    u: Array, v: Array, w: Array, p: Array, q: Array, r: Array,
+) -> tuple[Array, ...]:  # fmt: skip
+    """Return X to N of hull friction, body lift with its drag, and asymmetry.
+
+    X = -c_a u|u|^(1-power) - induced (side^2 + down^2) u / U; Y = -k |u| side, Z = -k
+    |u| down at `x`; asymmetry per u|u|. side = v + x r, down = w - x q.
+    """
+    along, x = np.abs(u), body[1]
+    forward = u * along
+    side, down = v + x * r, w - x * q
+    lift_y, lift_z = -body[0] * along * side, -body[0] * along * down
+    speed = np.sqrt(u * u + v * v + w * w + SPEED_FLOOR)
+    friction = axial[0] * u * along ** (1.0 - axial[1])
+    induced = body[2] * (side * side + down * down) * u / speed
+    return (
+        asymmetry[0] * forward - friction - induced,
+        asymmetry[1] * forward + lift_y,
+        asymmetry[2] * forward + lift_z,
+        asymmetry[3] * forward,
+        asymmetry[4] * forward - x * lift_z,
+        asymmetry[5] * forward + x * lift_y,
+    )
 
 
 HULL_FULLNESS = 0.84

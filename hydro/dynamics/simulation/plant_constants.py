@@ -1,6 +1,4 @@
-"""Every constant of a vehicle with a viscous truth as arrays, for the compiled loop of
-hydro/dynamics/compiled.py.
-"""
+"""Constants of a vehicle with a viscous truth as arrays, for the compiled loop."""
 
 from __future__ import annotations
 
@@ -16,24 +14,24 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, MODULI, PROPULSION
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 FACTORS = (*VELOCITIES, *MODULI, "V", "Vv", "Vw", PROPULSION, "one")
-_ONE = FACTORS.index("one")
+"""What the terms of a viscous model are products of, in the order of the loop."""
+
+
 WIDTH = 8
-"""Numbers that the compiled loop holds in one register: 512 bits of float64, or so many
-registers of a smaller machine.
-"""
+"""Strips, surfaces and terms are a multiple of this, so that they fill registers."""
 
 
 class Tables(NamedTuple):
-    """Constants of a plant.
+    """Constants of a plant; what the vehicle does not have is zero or empty.
 
-    All arrays are flat. `restoring`: W - B, and r_G W - r_B B. `fins` (6, 2, 4):
-    dimensional coefficients of delta and of delta^2 at u = 1 m/s. `propeller` (7,): (1
-    - w_f) / D, rho D^4 times K_T, rho D^5 times K_Q. `factors` (terms, 3) and
-    `coefficients` (6, terms): xi and K of a viscous model. `strips` (2, strips) and
-    `surfaces` (11, surfaces): those of `PhysicalViscous` with a column each. Terms,
-    strips and surfaces are filled up to whole registers with what has no effect;
-    `counts` are those that mean something. `physical`: which of the two acts; `body`,
-    `axial`, `asymmetry`: as there. `lag_s`: time constant of the viscous force, or 0.
+    All arrays are flat. `restoring` (4,): W - B, and r_G W - r_B B. `fins` (6, 8) and
+    `propeller` (2, 3): coefficients of `fin_terms` and `propeller_terms`;
+    `inflow_per_u`: (1 - w_f) / D. `factors` (terms, 3): places in FACTORS;
+    `coefficients` (6, terms): K of a viscous model. `strips` (2, s), `surfaces` (11,
+    k), `body`, `axial`, `asymmetry`: those of `PhysicalViscous`, a column each, in force
+    where `physical` is true. `lag_s`: time constant of the viscous force, or 0. Terms,
+    strips and surfaces are filled up to multiples of WIDTH with what has no effect;
+    `counts` are their numbers.
     """
 
     mass: Array
@@ -41,6 +39,7 @@ class Tables(NamedTuple):
     restoring: Array
     fins: Array
     propeller: Array
+    inflow_per_u: float
     factors: NDArray[np.int64]
     coefficients: Array
     strips: Array
@@ -61,71 +60,47 @@ def plant_tables(
     lag_s: float,
     minimum_speed: float,
 ) -> Tables:
-    """The tables of a vehicle with this viscous truth; what the vehicle does not have
-    is zero.
-    """
-    fins = np.zeros((6, 2, 4))
-    if vehicle.fins is not None:
-        scale = (
-            0.5
-            * vehicle.water_density
-            * vehicle.fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
-        )
-        fins[:, 0], fins[:, 1] = (
-            scale[:, None] * vehicle.fins.linear,
-            scale[:, None] * vehicle.fins.quadratic,
-        )
-    propeller = np.zeros(7)
-    if vehicle.propeller is not None:
-        drive, rho = vehicle.propeller, vehicle.water_density
-        propeller[0] = (1.0 - drive.wake_fraction) / drive.diameter_m
-        propeller[1:4], propeller[4:] = (
-            rho * drive.diameter_m**4 * drive.thrust,
-            rho * drive.diameter_m**5 * drive.torque,
-        )
-    terms, matrix = (
-        (truth.terms, truth.matrix)
-        if isinstance(truth, IdentifiedModel)
-        else ((), np.zeros((6, 0)))
-    )
+    """Return the tables of a vehicle with this viscous truth."""
+    fins, propeller = vehicle.fins, vehicle.propeller
+    model = truth if isinstance(truth, IdentifiedModel) else IdentifiedModel("none", {})
     physical = truth if isinstance(truth, PhysicalViscous) else _NO_PHYSICS
+    factors = [
+        [FACTORS.index(factor) for factor in (*BASIS_TERMS[term].factors, "one", "one")[:3]]
+        for term in model.terms
+    ]
+    factors += [[0, 0, 0]] * (-len(factors) % WIDTH)
+    strips, surfaces = _padded(physical.strips.T), _padded(physical.surfaces.T)
+    rho, moment = (
+        vehicle.water_density,
+        vehicle.r_G * vehicle.weight - vehicle.r_B * vehicle.buoyancy,
+    )
+    # Flatten makes one type of array of all, so that the loop is compiled once.
     return Tables(
         mass=vehicle.mass_matrix.flatten(),
         inverse=vehicle.mass_matrix_inverse.flatten(),
-        restoring=np.concatenate(
-            [
-                [vehicle.weight - vehicle.buoyancy],
-                vehicle.r_G * vehicle.weight - vehicle.r_B * vehicle.buoyancy,
-            ]
-        ),
-        fins=fins.ravel(),
-        propeller=propeller,
-        factors=np.array(
-            [_factor_row(term) for term in terms] + [[_ONE] * 3] * (-len(terms) % WIDTH),
-            dtype=np.int64,
-        ).ravel(),
-        coefficients=_columns(matrix.T),
-        strips=_columns(physical.strips),
-        surfaces=_columns(physical.surfaces),
-        counts=(len(terms), len(physical.strips), len(physical.surfaces)),
+        restoring=np.array([vehicle.weight - vehicle.buoyancy, *moment]),
+        fins=np.zeros(48) if fins is None else fins.coefficients(rho).flatten(),
+        propeller=np.zeros(6) if propeller is None else propeller.coefficients(rho).flatten(),
+        inflow_per_u=0.0 if propeller is None else propeller.inflow_per_u,
+        factors=np.array(factors, dtype=np.int64).flatten(),
+        coefficients=_padded(model.matrix).flatten(),
+        strips=strips.flatten(),
+        surfaces=surfaces.flatten(),
+        counts=(len(factors), strips.shape[1], surfaces.shape[1]),
         physical=isinstance(truth, PhysicalViscous),
-        body=np.array(physical.body),
-        axial=np.array(physical.axial),
-        asymmetry=np.array(physical.asymmetry),
+        body=physical.body.flatten(),
+        axial=physical.axial.flatten(),
+        asymmetry=physical.asymmetry.flatten(),
         lag_s=float(lag_s),
         minimum_speed=float(minimum_speed),
     )
 
 
+def _padded(columns: Array) -> Array:
+    """Return a table with columns of zeros added up to a multiple of WIDTH."""
+    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % WIDTH)))
+
+
 _NO_PHYSICS = PhysicalViscous(
     np.zeros((0, 2)), np.zeros((0, 11)), np.zeros(3), np.zeros(2), np.zeros(6)
 )
-
-
-def _columns(rows: Array) -> Array:
-    return np.pad(rows, ((0, -len(rows) % WIDTH), (0, 0))).T.flatten()
-
-
-def _factor_row(term: str) -> list[int]:
-    found = [FACTORS.index(factor) for factor in BASIS_TERMS[term].factors]
-    return found + [_ONE] * (3 - len(found))

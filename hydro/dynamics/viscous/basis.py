@@ -172,16 +172,37 @@ def basis(
     return rows.T.reshape(*batch, rows.shape[0])
 
 
+def cross_flow_speed(v: Array, w: Array) -> Array:
+    """Return V = sqrt(v^2 + w^2) of (C.5); arrays, or numbers in the compiled loop."""
+    return np.hypot(v, w)
+
+
+def signed_speed(cross_speed: Array, velocity: Array) -> Array:
+    """Return V_v = V sign(v), or V_w, of (C.5); arrays, or numbers in the loop."""
+    return cross_speed * np.sign(velocity)
+
+
+def propulsion_ratio(level_speed: Array, u: Array, v: Array, w: Array, floor: float) -> Array:
+    """Return eta = u_c(n) / U (C.12), U = sqrt(u^2 + v^2 + w^2) not below `floor`.
+
+    Arrays of one shape, or numbers in the compiled loop.
+    """
+    return level_speed / np.maximum(np.sqrt(u * u + v * v + w * w), floor)
+
+
 def eta_ratio(level_speed: ArrayLike, nu: ArrayLike, minimum_speed: float = 0.05) -> Array:
-    """eta = u_c(n) / U (C.12): u_c (...) [m/s], nu (..., 6) -> (...), U = |[u v w]|.
+    """Return eta = u_c(n) / U (C.12): u_c (...) [m/s], nu (..., 6) -> (...).
 
     U is bounded below by `minimum_speed` [m/s]: eta grows without bound at rest, where
     terms like p^2 (eta - 1) would too. Below that speed the terms are therefore smaller
     than (C.6) has them; nan speeds stay nan.
+
+    >>> eta_ratio(1.5, [0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
+    array(1.5)
     """
-    velocity = np.asarray(nu, dtype=np.float64)[..., :3]
-    speed = np.sqrt(np.sum(velocity**2, axis=-1))
-    return np.asarray(np.asarray(level_speed, dtype=np.float64) / np.maximum(speed, minimum_speed))
+    u, v, w = np.moveaxis(np.asarray(nu, dtype=np.float64)[..., :3], -1, 0)
+    level = np.asarray(level_speed, dtype=np.float64)
+    return np.asarray(propulsion_ratio(level, u, v, w, minimum_speed))
 
 
 def _lookup(name: str) -> BasisTerm:
@@ -206,8 +227,8 @@ def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
             # Not through `factor`: two functions that hold each other keep their arrays
             # until the garbage collector runs.
             if "V" not in rows:
-                rows["V"] = np.hypot(rows["v"], rows["w"])
-            return rows["V"] if name == "V" else np.asarray(rows["V"] * np.sign(rows[name[1]]))
+                rows["V"] = cross_flow_speed(rows["v"], rows["w"])
+            return rows["V"] if name == "V" else signed_speed(rows["V"], rows[name[1]])
         if ratio is None:
             raise DataError(
                 "a basis term needs the propulsion ratio u_c(n)/U, but there is no propeller speed",

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,21 +48,6 @@ class ViscousModel:
     def distinct_terms(self) -> tuple[str, ...]:
         """Every term that occurs in some axis, once, in the order of Appendix C."""
         return _ordered({term for terms in self.terms.values() for term in terms})
-
-
-class VehicleModel(Protocol):
-    """A viscous model with numbers.
-
-    tau_nu = regressor(nu, eta_ratio) times coefficients, axis by axis.
-    """
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def coefficients(self) -> Coefficients: ...
-
-    def regressor(self, nu: ArrayLike, eta_ratio: ArrayLike | None = None) -> Array: ...
 
 
 def _ordered(terms: Iterable[str]) -> tuple[str, ...]:
@@ -217,28 +201,9 @@ def coefficient_matrix(coefficients: Coefficients, terms: tuple[str, ...]) -> Ar
     ).reshape(6, len(terms))
 
 
-def model_force(
-    model_terms: Mapping[str, tuple[str, ...]],
-    coefficients: Coefficients,
-    nu: ArrayLike,
-    eta_ratio: ArrayLike | None = None,
-) -> Array:
-    """tau_nu = K xi(nu) (3.12): nu (..., 6), eta_ratio (...) -> (..., 6) [N, N m].
-
-    Only the coefficients of `model_terms` count; a missing coefficient is 0. Raises
-    `DataError` when a term needs the missing eta_ratio.
-    """
-    chosen = {
-        axis: {term: coefficients.get(axis, {}).get(term, 0.0) for term in terms}
-        for axis, terms in model_terms.items()
-    }
-    terms = _ordered({term for axis in chosen.values() for term in axis})
-    return np.asarray(basis(nu, eta_ratio, terms) @ coefficient_matrix(chosen, terms).T)
-
-
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A `VehicleModel`: a named set of coefficients (published or identified)."""
+    """A named set of coefficients (published or identified)."""
 
     name: str
     coefficients: Coefficients

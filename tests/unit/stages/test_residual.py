@@ -15,10 +15,11 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
-from auvid.hydro.dynamics.equations_of_motion import Control, inverse_dynamics
+from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import residual
 from auvid.stages.columns import forces
+from tests.support.dynamics_oracles import inverse_dynamics
 from tests.support.motions import (
     FINS,
     Motion,

@@ -12,7 +12,7 @@ from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
-from auvid.hydro.dynamics.simulation.simulation import Flight, Plant, fly
+from auvid.hydro.dynamics.simulation.simulation import Flight, SimulatedVehicle, simulate_autopilot
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
@@ -34,7 +34,7 @@ def flown(yaw_deg: float, deeper_m: float, seconds: float = 40.0) -> Flight:
         LIMIT,
         RATE,
     )
-    plant = Plant(VT690, physical_viscous(VT690))
+    plant = SimulatedVehicle(VT690, physical_viscous(VT690))
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.7, 0.0, 0.0, 0.0, 0.0, 0.0])
     inputs = {
         "propeller_rev_s": np.full(ticks, 2133 / 60),
@@ -42,7 +42,7 @@ def flown(yaw_deg: float, deeper_m: float, seconds: float = 40.0) -> Flight:
         "tick_s": TICK,
         "steps_per_tick": 2,
     }
-    return fly(plant, pilot, start, **inputs)  # type: ignore[arg-type]
+    return simulate_autopilot(plant, pilot, start, **inputs)  # type: ignore[arg-type]
 
 
 def test_elevator_gives_pitch_and_rudder_yaw() -> None:
@@ -87,7 +87,7 @@ def test_fins_stay_within_their_limits() -> None:
     """A step of 120 degrees asks for more than the fins have: they stay within
     deflection and rate.
     """
-    fins = flown(120.0, 0.0, seconds=25.0).inputs.fins_rad
+    fins = flown(120.0, 0.0, seconds=25.0).actuation.fins_rad
     assert np.abs(fins).max() == pytest.approx(LIMIT, rel=1e-3)
     assert np.abs(np.diff(fins, axis=0)).max() <= RATE * TICK * (1.0 + 1e-12)
 

@@ -14,7 +14,6 @@ from auvid.hydro.control.observer import (
     disturbance_target,
     feed_forward_gain,
     kalman_gain,
-    observer_eigenvalues,
     placed_gain,
 )
 from auvid.hydro.control.riccati import (
@@ -27,6 +26,7 @@ from auvid.hydro.control.riccati import (
     stability_margins,
     uncontrollable_states,
 )
+from tests.support.dynamics_oracles import observer_eigenvalues
 
 RANDOM = np.random.default_rng(3)
 A = RANDOM.normal(size=(12, 12))

@@ -19,14 +19,13 @@ from auvid.hydro.dynamics.equations_of_motion import (
     Control,
     actuator_force,
     forward_dynamics,
-    inverse_dynamics,
     residual_force,
     state_derivative,
 )
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.dynamics.mechanics.rigid_body import coriolis
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from tests.support.dynamics_oracles import coriolis, inverse_dynamics
 
 ROOT = Path(__file__).parents[4]
 VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))

@@ -17,13 +17,13 @@ from auvid.hydro.dynamics.simplified import (
     acceleration,
     coriolis_terms,
     damping_force,
-    propulsion,
     restoring_terms,
     simplified_of,
     state_rate,
 )
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
+from tests.support.dynamics_oracles import propulsion
 
 THAUS = vehicle_from_document(
     yaml.safe_load((SHIPPED_VEHICLES / "thaus.yaml").read_text(encoding="utf-8"))

@@ -19,7 +19,7 @@ from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.sensor_models import specific_force
-from auvid.hydro.dynamics.simulation.simulation import Plant
+from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.signals.bias import inertial_acceleration
 from auvid.pipeline.campaigns.twin import load_twin
@@ -88,7 +88,7 @@ def logs() -> dict[str, simulate.Outputs]:
 def recorded() -> Any:
     plan = plan_from_document(PLAN, VT690)
     return record(
-        fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=3),
+        fly_leg(plan, plan.legs[0], SimulatedVehicle(VT690, physical_viscous(VT690)), seed=3),
         plan,
         seed=3,
         text="twin",
@@ -232,7 +232,7 @@ def test_accelerometer_is_what_identification_takes_it_for() -> None:
     the body origin, to 1e-12 m/s^2.
     """
     plan = plan_from_document(PLAN, VT690)
-    flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=0)
+    flown = fly_leg(plan, plan.legs[0], SimulatedVehicle(VT690, physical_viscous(VT690)), seed=0)
     motion, arm = flown.motion(np.linspace(2.0, 8.0, 100)), np.array([0.3, -0.1, 0.05])
     omega, v = motion.nu[:, 3:], motion.nu[:, :3]
     found = inertial_acceleration(
@@ -253,7 +253,7 @@ def test_noise_has_the_deviations_of_the_plan(recorded: Any) -> None:
     rad/s within 10 %.
     """
     plan = plan_from_document(PLAN, VT690)
-    flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=3)
+    flown = fly_leg(plan, plan.legs[0], SimulatedVehicle(VT690, physical_viscous(VT690)), seed=3)
     gyro = np.column_stack([recorded.streams["imu"][f"gyro_{axis}_rad_s"] for axis in "xyz"])
     error = gyro - flown.motion((recorded.streams["imu"]["time_us"] - 10_000_000) / 1e6).nu[:, 3:]
     assert np.allclose(error.std(axis=0), 0.002, rtol=0.1)
@@ -267,7 +267,7 @@ def test_dvl_sees_its_arm_and_mounting_error() -> None:
         "sensors": {"dvl": {"arm_error_m": [0.5, 0.0, 0.1], "mounting_error_deg": [0.0, 0.0, 3.0]}}
     }
     plan = plan_from_document(exact, VT690)
-    flown = fly_leg(plan, plan.legs[0], Plant(VT690, physical_viscous(VT690)), seed=0)
+    flown = fly_leg(plan, plan.legs[0], SimulatedVehicle(VT690, physical_viscous(VT690)), seed=0)
     streams = record(flown, plan, seed=0, text="").streams
     motion = flown.motion((streams["velocity"]["time_us"] - 10_000_000) / 1e6)
     turn = rotation_body_to_ned(np.radians([0.0, 0.0, 3.0]))

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from auvid.hydro.dynamics.actuators.fins import fin_force
-from auvid.hydro.dynamics.actuators.propeller import advance_ratio, level_speed, propeller_force
+from auvid.hydro.dynamics.actuators.propeller import level_speed, propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import (
     thrust_from_pwm,
     thruster_force,
@@ -16,6 +16,7 @@ from auvid.hydro.dynamics.actuators.thrusters import (
 )
 from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from tests.support.dynamics_oracles import advance_ratio
 
 ROOT = Path(__file__).parents[5]
 VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.hydro.dynamics.mechanics.added_mass import equal_volume_semi_axes, spheroid_added_mass
+from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.mechanics.kinematics import (
-    body_velocity,
     eta_dot,
     euler_rate_matrix,
     rotation_body_to_ned,
     skew,
 )
-from auvid.hydro.dynamics.mechanics.rigid_body import coriolis, coriolis_force, rigid_body_matrix
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
+from tests.support.dynamics_oracles import body_velocity, coriolis, equal_volume_semi_axes
 
 ROUNDING = 1e-12
 """Relative; a few hundred operations in double precision."""

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous, physical_viscous
-from auvid.hydro.dynamics.simulation.simulation import Plant, constant_inputs
+from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle, constant_actuation
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
@@ -105,10 +105,10 @@ def test_open_loop_is_stable_at_every_speed_of_the_campaign() -> None:
     """Eigenvalues of the linearised motion at steady running: none to the right but the
     free directions (x, y, z, psi).
     """
-    plant = Plant(VT690, FORCE)
+    plant = SimulatedVehicle(VT690, FORCE)
     for rev_s, u in ((30.0, 1.48), (43.3, 2.19)):
         trim = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [u, 0.0, 0.0, 0.0, 0.0, 0.0])
-        inputs = constant_inputs(np.full(22, rev_s), np.zeros((22, 4)), knots=1)
+        inputs = constant_actuation(np.full(22, rev_s), np.zeros((22, 4)), knots=1)
         points = np.repeat(trim[None], 22, axis=0)
         for index, state in enumerate((1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2)):
             points[2 * index, state] += 1e-5
@@ -119,7 +119,7 @@ def test_open_loop_is_stable_at_every_speed_of_the_campaign() -> None:
             fins_rad=inputs.fins_rad[:, 0],
             force=inputs.force[:, 0],
         )
-        rates = plant.rate(points, here)
+        rates = plant.derivative(points, here)
         fast = [3, 4, 6, 7, 8, 9, 10, 11]
         columns = {
             state: (rates[2 * i] - rates[2 * i + 1]) / 2e-5

@@ -16,29 +16,29 @@ from scipy.optimize import brentq
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
-from auvid.hydro.dynamics.equations_of_motion import inverse_dynamics
-from auvid.hydro.dynamics.simulation.compiled import rate, room_for
+from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, derivative
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous, physical_viscous
 from auvid.hydro.dynamics.simulation.plant_constants import FACTORS
 from auvid.hydro.dynamics.simulation.simulation import (
-    Inputs,
-    Limits,
-    Plant,
-    constant_inputs,
-    fly,
+    Actuation,
+    SimulatedVehicle,
+    StopLimits,
+    constant_actuation,
     gauss_markov,
     integrate_open_loop,
     motion_at,
+    simulate_autopilot,
 )
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from tests.support.dynamics_oracles import integrate_numpy, inverse_dynamics
 
 ROOT = Path(__file__).parents[5]
 VT690 = vehicle_from_document(
     yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
 )
-PHYSICS = Plant(VT690, physical_viscous(VT690))
+PHYSICS = SimulatedVehicle(VT690, physical_viscous(VT690))
 DAMPING = {
     "Y": {"v": -200.0},
     "Z": {"w": -200.0},
@@ -68,9 +68,9 @@ def published(name: str) -> IdentifiedModel:
     return IdentifiedModel(name, coefficients)
 
 
-def plants() -> dict[str, Plant]:
+def plants() -> dict[str, SimulatedVehicle]:
     return {"physics": PHYSICS, "lag": replace(PHYSICS, lag_s=0.3)} | {
-        name: Plant(VT690, published(name)) for name in MODELS
+        name: SimulatedVehicle(VT690, published(name)) for name in MODELS
     }
 
 
@@ -91,17 +91,16 @@ def test_compiled_right_hand_side_is_that_of_numpy(name: str) -> None:
         random.normal(size=(20, 4)) * 0.3,
         random.normal(size=(20, 6)),
     )
-    expected = plant.rate(x, Inputs(n, fins, force))
+    expected = plant.derivative(x, Actuation(n, fins, force))
     level = plant.level_speed(n)
     out = np.empty((20, plant.states))
     for i in range(20):
-        rate(
+        derivative(
             x[i],
             np.concatenate([[n[i], level[i]], fins[i], force[i]]),
             plant.tables,
             out[i],
-            np.empty(room_for(plant.tables)),
-            0.0,
+            np.empty(FACTOR_COUNT + plant.tables.counts[0]),
         )
     assert np.max(np.abs(out - expected)) < 1e-12 * np.max(np.abs(expected))
 
@@ -112,60 +111,50 @@ def test_every_factor_of_the_basis_is_known_to_the_compiled_loop() -> None:
 
 def test_batch_of_vehicles_under_moving_inputs_agrees_with_numpy() -> None:
     random = np.random.default_rng(2)
-    inputs = Inputs(
+    inputs = Actuation(
         random.uniform(30.0, 43.0, (5, 4, 6)),
         random.normal(size=(5, 4, 6, 4)) * 0.1,
         random.normal(size=(5, 4, 6, 6)),
     )
     x = random_states(20).reshape(5, 4, 12)
     fast = integrate_open_loop(PHYSICS, x, inputs, step_s=0.01, steps_per_knot=2)
-    slow = integrate_open_loop(PHYSICS, x, inputs, step_s=0.01, steps_per_knot=2, compiled=False)
+    slow = integrate_numpy(PHYSICS, x, inputs, step_s=0.01, steps_per_knot=2)
     assert fast.shape == (5, 4, 11, 12)
     assert np.allclose(fast, slow, rtol=0.0, atol=1e-12)
-    part = Inputs(inputs.propeller_rev_s[3], inputs.fins_rad[3], inputs.force[3])
+    part = Actuation(inputs.propeller_rev_s[3], inputs.fins_rad[3], inputs.force[3])
     assert np.array_equal(
         integrate_open_loop(PHYSICS, x[3], part, step_s=0.01, steps_per_knot=2), fast[3]
     )
-    alone = Inputs(inputs.propeller_rev_s[1, 2], inputs.fins_rad[1, 2], inputs.force[1, 2])
-    assert np.allclose(
-        integrate_open_loop(PHYSICS, x[1, 2], alone, step_s=0.01, steps_per_knot=2),
-        fast[1, 2],
-        rtol=0.0,
-        atol=1e-12,
+    single = Actuation(inputs.propeller_rev_s[1, 2], inputs.fins_rad[1, 2], inputs.force[1, 2])
+    assert np.array_equal(
+        integrate_open_loop(PHYSICS, x[1, 2], single, step_s=0.01, steps_per_knot=2), fast[1, 2]
     )
 
 
 @pytest.mark.parametrize("name", ["lag", *MODELS])
 def test_batch_under_every_truth_agrees_with_one_vehicle_at_a_time(name: str) -> None:
-    """Eleven vehicles, so that a register of eight is full and the next is not; to
-    1e-12 of the largest state.
-    """
+    """To the last bit: a vehicle does not know how many others there are."""
     plant, random = plants()[name], np.random.default_rng(4)
     x = 0.1 * random_states(11, plant.states)
     x[:, 6] = 1.5
-    inputs = Inputs(
+    inputs = Actuation(
         np.linspace(30.0, 43.0, 11)[:, None] + np.zeros(5),
         random.normal(size=(11, 5, 4)) * 0.1,
         random.normal(size=(11, 5, 6)),
     )
     together = integrate_open_loop(plant, x, inputs, step_s=0.01)
     for i in range(11):
-        own = Inputs(inputs.propeller_rev_s[i], inputs.fins_rad[i], inputs.force[i])
-        assert np.allclose(
-            integrate_open_loop(plant, x[i], own, step_s=0.01),
-            together[i],
-            rtol=0.0,
-            atol=1e-12 * np.max(np.abs(together)),
-        )
+        own = Actuation(inputs.propeller_rev_s[i], inputs.fins_rad[i], inputs.force[i])
+        assert np.array_equal(integrate_open_loop(plant, x[i], own, step_s=0.01), together[i])
 
 
 def test_angles_of_many_turns_keep_their_sine_and_cosine() -> None:
     """Position after one step at headings up to 1e5 rad: numpy's to 1e-12 m."""
     x = random_states(16)
     x[:, 3:6] = np.random.default_rng(6).uniform(-1e5, 1e5, (16, 3))
-    inputs = constant_inputs(np.full(16, 35.0), np.zeros((16, 4)), knots=2)
+    inputs = constant_actuation(np.full(16, 35.0), np.zeros((16, 4)), knots=2)
     fast = integrate_open_loop(PHYSICS, x, inputs, step_s=0.001)
-    slow = integrate_open_loop(PHYSICS, x, inputs, step_s=0.001, compiled=False)
+    slow = integrate_numpy(PHYSICS, x, inputs, step_s=0.001, steps_per_knot=1)
     assert np.allclose(
         fast[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
         slow[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
@@ -180,10 +169,12 @@ def test_sixty_seconds_agree_with_dop853() -> None:
     """
     fins = np.array([0.02, -0.02, 0.05, -0.05])
     start = PHYSICS.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
-    ours = integrate_open_loop(PHYSICS, start, constant_inputs(35.0, fins, knots=6001), step_s=0.01)
-    held = Inputs(np.array(35.0), fins, np.zeros(6))
+    ours = integrate_open_loop(
+        PHYSICS, start, constant_actuation(35.0, fins, knots=6001), step_s=0.01
+    )
+    held = Actuation(np.array(35.0), fins, np.zeros(6))
     theirs = solve_ivp(
-        lambda _, x: PHYSICS.rate(x, held),
+        lambda _, x: PHYSICS.derivative(x, held),
         (0.0, 60.0),
         start,
         method="DOP853",
@@ -198,7 +189,10 @@ def test_error_falls_with_the_fourth_power_of_the_step() -> None:
 
     def end(steps: int) -> np.ndarray:
         return integrate_open_loop(
-            PHYSICS, start, constant_inputs(35.0, np.zeros(4), knots=steps + 1), step_s=0.8 / steps
+            PHYSICS,
+            start,
+            constant_actuation(35.0, np.zeros(4), knots=steps + 1),
+            step_s=0.8 / steps,
         )[-1]
 
     exact = end(640)
@@ -215,7 +209,7 @@ def test_energy_is_kept_in_still_water_without_drag() -> None:
     free = replace(
         VT690, mass_kg=VT690.displaced_mass_kg, r_G=np.zeros(3), inertia=np.diag([0.3, 10.0, 10.0])
     )
-    plant = Plant(
+    plant = SimulatedVehicle(
         free,
         PhysicalViscous(np.zeros((0, 2)), np.zeros((0, 11)), np.zeros(3), np.zeros(2), np.zeros(6)),
     )
@@ -224,7 +218,7 @@ def test_energy_is_kept_in_still_water_without_drag() -> None:
     states = integrate_open_loop(
         replace(plant, vehicle=idle),
         start,
-        constant_inputs(0.0, np.zeros(4), knots=2501),
+        constant_actuation(0.0, np.zeros(4), knots=2501),
         step_s=0.002,
     )
     nu = states[:, 6:]
@@ -261,7 +255,7 @@ def test_motion_satisfies_the_equation_of_motion() -> None:
     """Residual force of the interpolated motion less the true force: 1e-9 N."""
     ticks = 101
     force = np.random.default_rng(3).normal(size=(ticks, 6))
-    flight = fly(
+    flight = simulate_autopilot(
         PHYSICS,
         lambda tick, state, fins: np.full(4, 0.1 * np.sin(0.1 * tick)),
         random_states(1)[0] + np.eye(12)[2] * 5.0,
@@ -271,16 +265,16 @@ def test_motion_satisfies_the_equation_of_motion() -> None:
         steps_per_tick=2,
     )
     motion = motion_at(PHYSICS, flight, np.linspace(0.0, 2.0, 333))
-    bar = inverse_dynamics(VT690, motion.eta, motion.nu, motion.nu_dot, motion.inputs.control)
-    assert np.max(np.abs(bar - motion.viscous - motion.inputs.force)) < 1e-9
+    bar = inverse_dynamics(VT690, motion.eta, motion.nu, motion.nu_dot, motion.actuation.control)
+    assert np.max(np.abs(bar - motion.viscous - motion.actuation.force)) < 1e-9
     assert np.max(np.abs(motion_at(PHYSICS, flight, flight.t_s).nu - flight.state[:, 6:12])) < 1e-14
 
 
 def test_interpolated_states_agree_with_a_finer_simulation() -> None:
     start = random_states(1)[0] + np.eye(12)[2] * 5.0
     common = {"propeller_rev_s": np.full(51, 35.0), "force": np.zeros((51, 6)), "tick_s": 0.02}
-    coarse = fly(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=2, **common)  # type: ignore[arg-type]
-    fine = fly(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=20, **common)  # type: ignore[arg-type]
+    coarse = simulate_autopilot(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=2, **common)  # type: ignore[arg-type]
+    fine = simulate_autopilot(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=20, **common)  # type: ignore[arg-type]
     between = motion_at(PHYSICS, coarse, fine.t_s)
     assert (
         np.max(np.abs(np.hstack([between.eta, between.nu]) - fine.state)) < 2e-6
@@ -291,8 +285,8 @@ def test_lagged_force_follows_with_its_time_constant() -> None:
     plant = replace(PHYSICS, lag_s=0.5)
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert np.array_equal(start[12:], PHYSICS.viscous_force(start[6:12], 0.0))
-    behind = plant.rate(
-        start + np.r_[np.zeros(12), np.ones(6)], Inputs(np.array(35.0), np.zeros(4), np.zeros(6))
+    behind = plant.derivative(
+        start + np.r_[np.zeros(12), np.ones(6)], Actuation(np.array(35.0), np.zeros(4), np.zeros(6))
     )
     assert np.allclose(behind[12:], -1.0 / 0.5)
 
@@ -301,9 +295,9 @@ def test_unstable_truth_stops_with_time_state_and_reason() -> None:
     """A driving force along u: the flight ends where the speed leaves its limit, and
     what was flown before is kept.
     """
-    plant = Plant(VT690, IdentifiedModel("runaway", {"X": {"u": 40.0}} | DAMPING))
+    plant = SimulatedVehicle(VT690, IdentifiedModel("runaway", {"X": {"u": 40.0}} | DAMPING))
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    flight = fly(
+    flight = simulate_autopilot(
         plant,
         lambda *_: np.zeros(4),
         start,
@@ -317,7 +311,7 @@ def test_unstable_truth_stops_with_time_state_and_reason() -> None:
     assert 0.5 < flight.stop.time_s < 10.0
     assert np.isfinite(flight.state).all()
     assert np.linalg.norm(flight.state[-1, 6:9]) <= 8.0
-    assert len(flight.inputs.propeller_rev_s) == (len(flight.t_s) - 1) // 2 + 1
+    assert len(flight.actuation.propeller_rev_s) == (len(flight.t_s) - 1) // 2 + 1
     assert "u 7." in str(flight.stop)
 
 
@@ -329,16 +323,18 @@ def test_a_vehicle_that_comes_up_is_stopped_at_the_surface() -> None:
         "tick_s": 0.02,
         "steps_per_tick": 2,
     }
-    flight = fly(PHYSICS, lambda *_: np.zeros(4), start, limits=Limits(), **common)  # type: ignore[arg-type]
+    flight = simulate_autopilot(
+        PHYSICS, lambda *_: np.zeros(4), start, limits=StopLimits(), **common
+    )  # type: ignore[arg-type]
     assert flight.stop is not None
     assert "depth" in flight.stop.reason
 
 
 def test_motion_that_grows_without_bound_leaves_nan_in_a_batch() -> None:
-    plant = Plant(VT690, IdentifiedModel("explosion", {"X": {"u*u": 500.0}} | DAMPING))
+    plant = SimulatedVehicle(VT690, IdentifiedModel("explosion", {"X": {"u*u": 500.0}} | DAMPING))
     start = np.array([plant.start(np.zeros(6), [u, 0.0, 0.0, 0.0, 0.0, 0.0]) for u in (0.0, 3.0)])
     states = integrate_open_loop(
-        plant, start, constant_inputs(np.zeros(2), np.zeros((2, 4)), knots=101), step_s=0.02
+        plant, start, constant_actuation(np.zeros(2), np.zeros((2, 4)), knots=101), step_s=0.02
     )
     assert np.isfinite(states[0]).all()
     assert np.isnan(states[1, -1]).all()
@@ -346,7 +342,7 @@ def test_motion_that_grows_without_bound_leaves_nan_in_a_batch() -> None:
 
 def test_a_model_with_propulsion_ratio_needs_the_table_of_level_speeds() -> None:
     with pytest.raises(DataError, match="level speeds"):
-        Plant(VT690, published("gertler_hagen")).level_speed(80.0)
+        SimulatedVehicle(VT690, published("gertler_hagen")).level_speed(80.0)
     assert PHYSICS.level_speed(80.0) == 0.0
 
 

@@ -22,10 +22,10 @@ from auvid.hydro.dynamics.viscous.models import (
     MODELS,
     IdentifiedModel,
     ViscousModel,
-    model_force,
     model_named,
     without_propeller_terms,
 )
+from tests.support.dynamics_oracles import model_force
 
 ROOT = Path(__file__).parents[5]
 TABLES = ROOT / "tests/data/vt690"
