@@ -24,6 +24,14 @@ def read_only(values: ArrayLike) -> Array:
     return array
 
 
+def components(vectors: Array) -> tuple[Array, ...]:
+    """Return the components of vectors (..., n) as n arrays (...).
+
+    On small arrays several times faster than `np.moveaxis`.
+    """
+    return tuple(vectors[..., i] for i in range(vectors.shape[-1]))
+
+
 def cross(a: Array, b: Array) -> Array:
     """Return a x b of arrays (..., 3) that broadcast.
 

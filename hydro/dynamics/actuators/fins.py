@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, components
 
 FIN_NAMES = ("s", "p", "b", "t")
 
@@ -60,7 +60,7 @@ def fin_force(
     np.float64(450.0)
     """
     u = np.asarray(nu, dtype=np.float64)[..., 0]
-    angles = np.moveaxis(np.asarray(deflection_rad, dtype=np.float64), -1, 0)
+    angles = components(np.asarray(deflection_rad, dtype=np.float64))
     terms = np.stack(fin_terms(u, *angles), axis=-1)
     return np.asarray(terms @ fins.coefficients(water_density).T)
 

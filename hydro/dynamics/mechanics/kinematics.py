@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, stack_matrix
+from auvid.hydro.arrays import Array, components, stack_matrix
 
 SINGULAR_COSINE = 1e-6
 """Pitch within 1e-6 rad of 90 degrees: below this |cos(theta)| Euler rates are nan."""
@@ -64,18 +64,9 @@ def rotation_body_to_ned(attitude: ArrayLike) -> Array:
     >>> rotation_body_to_ned([0.0, 0.0, np.pi / 2.0]).round(12)[:2, 0].tolist()
     [0.0, 1.0]
     """
-    sines, cosines = _sines_and_cosines(attitude)
-    return _matrix(
-        rotation_entries(
-            sines[..., 0],
-            cosines[..., 0],
-            sines[..., 1],
-            cosines[..., 1],
-            sines[..., 2],
-            cosines[..., 2],
-        ),
-        sines.shape[:-1],
-    )
+    angles = np.asarray(attitude, dtype=np.float64)
+    (sf, st, sp), (cf, ct, cp) = components(np.sin(angles)), components(np.cos(angles))
+    return _matrix(rotation_entries(sf, cf, st, ct, sp, cp), angles.shape[:-1])
 
 
 def euler_rate_matrix(attitude: ArrayLike) -> Array:
@@ -87,10 +78,10 @@ def euler_rate_matrix(attitude: ArrayLike) -> Array:
     >>> euler_rate_matrix([0.0, np.pi / 4.0, 0.0]).round(12)[0].tolist()
     [1.0, 0.0, 1.0]
     """
-    sines, cosines = _sines_and_cosines(attitude)
-    ct = np.where(np.abs(cosines[..., 1]) < SINGULAR_COSINE, np.nan, cosines[..., 1])
-    entries = euler_rate_entries(sines[..., 0], cosines[..., 0], sines[..., 1], ct)
-    return _matrix(entries, sines.shape[:-1])
+    angles = np.asarray(attitude, dtype=np.float64)
+    (sf, st, _), (cf, ct, _) = components(np.sin(angles)), components(np.cos(angles))
+    ct = np.where(np.abs(ct) < SINGULAR_COSINE, np.nan, ct)
+    return _matrix(euler_rate_entries(sf, cf, st, ct), angles.shape[:-1])
 
 
 def euler_rate_matrix_inverse(attitude: ArrayLike) -> Array:
@@ -100,10 +91,10 @@ def euler_rate_matrix_inverse(attitude: ArrayLike) -> Array:
      [0, -sin(phi), cos(theta) cos(phi)]], defined at every attitude. With P_v' it gives
     nu from the pose's derivative (2.15).
     """
-    sines, cosines = _sines_and_cosines(attitude)
-    sf, cf, ct = sines[..., 0], cosines[..., 0], cosines[..., 1]
-    rows = ((1.0, 0.0, -sines[..., 1]), (0.0, cf, ct * sf), (0.0, -sf, ct * cf))
-    return _matrix(rows, sines.shape[:-1])
+    angles = np.asarray(attitude, dtype=np.float64)
+    (sf, st, _), (cf, ct, _) = components(np.sin(angles)), components(np.cos(angles))
+    rows = ((1.0, 0.0, -st), (0.0, cf, ct * sf), (0.0, -sf, ct * cf))
+    return _matrix(rows, angles.shape[:-1])
 
 
 def eta_dot(eta: ArrayLike, nu: ArrayLike) -> Array:
@@ -119,11 +110,6 @@ def eta_dot(eta: ArrayLike, nu: ArrayLike) -> Array:
     upper = np.einsum("...ij,...j->...i", rotation_body_to_ned(attitude), nu[..., :3])
     lower = np.einsum("...ij,...j->...i", euler_rate_matrix(attitude), nu[..., 3:])
     return np.concatenate([upper, lower], axis=-1)
-
-
-def _sines_and_cosines(attitude: ArrayLike) -> tuple[Array, Array]:
-    angles = np.asarray(attitude, dtype=np.float64)
-    return np.sin(angles), np.cos(angles)
 
 
 def _matrix(rows: Rows, shape: tuple[int, ...]) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, components
 
 
 def restoring_components(
@@ -45,20 +45,11 @@ def restoring_force(
     array([ 10., -10.])
     """
     attitude = np.asarray(eta, dtype=np.float64)[..., 3:]
-    sines, cosines = np.sin(attitude), np.cos(attitude)
+    (sf, st, _), (cf, ct, _) = components(np.sin(attitude)), components(np.cos(attitude))
     heavy, lift = np.asarray(weight, dtype=np.float64), np.asarray(buoyancy, dtype=np.float64)
     moment = (
         np.asarray(r_G, dtype=np.float64) * heavy[..., None]
         - np.asarray(r_B, dtype=np.float64) * lift[..., None]
     )
-    components = restoring_components(
-        sines[..., 0],
-        cosines[..., 0],
-        sines[..., 1],
-        cosines[..., 1],
-        heavy - lift,
-        moment[..., 0],
-        moment[..., 1],
-        moment[..., 2],
-    )
-    return np.stack(components, axis=-1)
+    tau = restoring_components(sf, cf, st, ct, heavy - lift, *components(moment))
+    return np.stack(tau, axis=-1)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.arrays import Array, read_only
+from auvid.hydro.arrays import Array, components, read_only
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 SPEED_FLOOR = 1e-6
@@ -85,7 +85,7 @@ class PhysicalViscous:
 
         The level speed has no influence; models with a propulsion ratio need it.
         """
-        motion = np.moveaxis(np.asarray(nu, dtype=np.float64), -1, 0)
+        motion = components(np.asarray(nu, dtype=np.float64))
         tau = np.stack(body_components(self.body, self.axial, self.asymmetry, *motion), axis=-1)
         strips = strip_components(*self.strips.T, *(item[..., None] for item in motion[1:]))
         tau[..., STRIP_AXES] += np.stack(strips, axis=-1).sum(axis=-2)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
-from auvid.hydro.arrays import VELOCITIES, Array, Index
+from auvid.hydro.arrays import VELOCITIES, Array, Index, components
 
 MODULI = tuple(f"|{name}|" for name in VELOCITIES)
 PROPULSION = "eta-1"
@@ -200,7 +200,7 @@ def eta_ratio(level_speed: ArrayLike, nu: ArrayLike, minimum_speed: float = 0.05
     >>> eta_ratio(1.5, [0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
     array(1.5)
     """
-    u, v, w = np.moveaxis(np.asarray(nu, dtype=np.float64)[..., :3], -1, 0)
+    u, v, w = components(np.asarray(nu, dtype=np.float64)[..., :3])
     level = np.asarray(level_speed, dtype=np.float64)
     return np.asarray(propulsion_ratio(level, u, v, w, minimum_speed))
 
