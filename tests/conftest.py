@@ -13,6 +13,7 @@ import auvid.pipeline  # isort: skip
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,3 +61,9 @@ def short_workspace(session_folder: Path) -> Path:
     return campaign_runs.made_once(
         session_folder / "short_workspace", campaign_runs.make_short_example
     )
+
+
+@pytest.fixture(scope="session")
+def shared(session_folder: Path) -> Callable[[str, Callable[[], Any]], Any]:
+    """What a function gives, by name: computed once a session, each worker has a copy."""
+    return lambda name, make: campaign_runs.computed_once(session_folder / name, make)

@@ -87,6 +87,7 @@ def block(words: str) -> str:
     return next(text for text in BLOCKS if words in text)
 
 
+@pytest.mark.release
 def test_bench_of_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     manifest, apparatus = block("kind: bench"), block("radius_ceiling")
     campaign = tmp_path / "campaigns" / "mybench"

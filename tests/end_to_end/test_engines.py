@@ -1,5 +1,5 @@
 """The example of a new workspace in one process, in several, through DVC, and mixed: all
-leave the same artefacts.
+leave the same artefacts. What only a release needs: the whole chain, and long mixtures.
 """
 
 from __future__ import annotations
@@ -60,12 +60,6 @@ def hashes(workspace: Path, *stages: str) -> dict[str, str]:
     }
 
 
-def new_workspace(folder: Path) -> Path:
-    """Write a workspace with the example; return it."""
-    campaign_runs.auvid("new", str(folder), folder=folder.parent)
-    return folder
-
-
 def test_report_and_tables_are_there(example_workspace: Path) -> None:
     names = set(hashes(example_workspace))
     assert {
@@ -79,24 +73,44 @@ def test_report_and_tables_are_there(example_workspace: Path) -> None:
     assert printed.strip().endswith("report_html.html")
 
 
-def test_processes_give_the_same_artefacts(example_workspace: Path, tmp_path: Path) -> None:
+def test_processes_give_the_same_artefacts(
+    short_template: Path, short_workspace: Path, tmp_path: Path
+) -> None:
     """As a program: workers start anew from it."""
-    folder = new_workspace(tmp_path / "workspace")
+    folder = copy_workspace(short_template, tmp_path / "workspace")
     processes = ("--engine", "processes", "--jobs", "2")
     call("auvid", "run", "example", "--until", SHORT_CHAIN[-1], *processes, folder=folder)
-    assert hashes(folder) == hashes(example_workspace, *SHORT_CHAIN)
+    assert hashes(folder) == hashes(short_workspace, *SHORT_CHAIN)
 
 
-def test_dvc_and_auvid_mix_in_any_order(example_workspace: Path, tmp_path: Path) -> None:
-    folder = new_workspace(tmp_path / "workspace")
-    campaign_runs.auvid("run", "example", "--until", "resample", folder=folder)
-    (folder / ".dvc" / "config.local").write_text("[core]\n    no_scm = true\n")
-    call("dvc", "repro", "residual@example", folder=folder)
-    assert hashes(folder) == hashes(example_workspace, *SHORT_CHAIN)
-    printed = campaign_runs.auvid("run", "example", "--until", "residual", folder=folder)
+def mix(workspace: Path, first: str, then: str) -> None:
+    """Run up to a stage by auvid, then to another by DVC, which keeps what there is and
+    leaves nothing to do.
+    """
+    campaign_runs.auvid("run", "example", "--until", first, folder=workspace)
+    (workspace / ".dvc" / "config.local").write_text("[core]\n    no_scm = true\n")
+    call("dvc", "repro", f"{then}@example", folder=workspace)
+    printed = campaign_runs.auvid("run", "example", "--until", then, folder=workspace)
     assert printed.startswith("nothing to do")
 
-    other = new_workspace(tmp_path / "other")
+
+def test_dvc_goes_on_where_auvid_stopped(
+    short_template: Path, short_workspace: Path, tmp_path: Path
+) -> None:
+    folder = copy_workspace(short_template, tmp_path / "workspace")
+    mix(folder, "ingest", "resample")
+    assert hashes(folder) == hashes(short_workspace, "ingest", "resample")
+
+
+@pytest.mark.release
+def test_dvc_and_auvid_mix_in_any_order(
+    short_template: Path, short_workspace: Path, tmp_path: Path
+) -> None:
+    folder = copy_workspace(short_template, tmp_path / "workspace")
+    mix(folder, "resample", "residual")
+    assert hashes(folder) == hashes(short_workspace, *SHORT_CHAIN)
+
+    other = copy_workspace(short_template, tmp_path / "other")
     for workspace in (folder, other):
         params = workspace / "params.yaml"
         params.write_text(params.read_text().replace("edge_s: null", "edge_s: 0.6"))
@@ -105,7 +119,7 @@ def test_dvc_and_auvid_mix_in_any_order(example_workspace: Path, tmp_path: Path)
         campaign_runs.auvid("run", "example", "--until", "residual", folder=workspace)
     changed = hashes(folder)
     assert changed == hashes(other)
-    assert changed != hashes(example_workspace, *SHORT_CHAIN)
+    assert changed != hashes(short_workspace, *SHORT_CHAIN)
 
 
 @pytest.mark.release
@@ -120,7 +134,8 @@ def test_whole_chain_is_the_same_by_processes_and_by_dvc(
     )
     assert hashes(folder) == before
 
-    folder = new_workspace(tmp_path / "dvc")
+    folder = tmp_path / "dvc"
+    campaign_runs.auvid("new", str(folder), folder=tmp_path)
     call("auvid", "run", "example", "--until", "resample", folder=folder)
     call("make", "campaign", "NAME=example", folder=folder)
     assert hashes(folder) == before

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from tests.support.campaign_runs import (
+    NO_FREE_RUN,
     ROOT,
     copy_workspace,
     run_campaign,
@@ -123,7 +125,7 @@ def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path:
     Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7
     leaves room on both sides.
     """
-    write_workspace(tmp_path, NAME)
+    write_workspace(tmp_path, NAME, NO_FREE_RUN)
     program_text = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
     wide = subprocess.run(
         [sys.executable, "-c", program_text], capture_output=True, text=True, check=True
@@ -165,11 +167,8 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
     """
     copy_workspace(workspace, tmp_path)
     monkeypatch.chdir(tmp_path)
-    manifest = tmp_path / "campaigns" / NAME / "campaign.yaml"
-    manifest.write_text(
-        manifest.read_text(encoding="utf-8").replace("cutoff_hz: 1.0", "cutoff_hz: 1.03"),
-        encoding="utf-8",
-    )
+    shutil.rmtree(tmp_path / "campaigns")
+    write_workspace(tmp_path, NAME, {"fuse": {"cutoff_hz": 1.03}, **NO_FREE_RUN})
     with pytest.raises(
         DataError, match=rf"the results of stage fuse are not up to date\. auvid run {NAME}"
     ):

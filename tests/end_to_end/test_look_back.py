@@ -20,9 +20,9 @@ def auvid(*words: str) -> Result:
 
 
 def test_second_run_is_remembered_and_equals_the_variant_of_the_first(
-    example_workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    short_workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = copy_workspace(example_workspace, tmp_path / "work")
+    folder = copy_workspace(short_workspace, tmp_path / "work")
     monkeypatch.chdir(folder)
     manifest = folder / "campaigns" / "example" / "campaign.yaml"
     manifest.write_text(manifest.read_text().replace("cutoff_hz: 2.0", "cutoff_hz: 1.0"))

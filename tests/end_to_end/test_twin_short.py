@@ -30,9 +30,11 @@ from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns
 from auvid.stages.simulate.flights import refit
 from auvid.stages.simulate.plans import plan_from_document
 from tests.support.campaign_runs import (
+    NO_FREE_RUN,
     TWIN,
     TWIN_PLANS,
     copy_workspace,
+    made_once,
     run_campaign,
     write_twin,
 )
@@ -54,13 +56,15 @@ def plan(name: str, **change: object) -> dict[str, Any]:
     return {**document, **change}
 
 
-@pytest.fixture(scope="module")
-def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="session")
+def noisy(session_folder: Path) -> Path:
     """Workspace of a flight with the default sensors, run up to validation: read-only."""
-    folder = tmp_path_factory.mktemp("noisy")
-    write_twin(folder, plan("short", settle_s=10), {})
-    run_campaign(folder, TWIN, "validate")
-    return folder
+
+    def make(folder: Path) -> None:
+        write_twin(folder, plan("short", settle_s=10), NO_FREE_RUN)
+        run_campaign(folder, TWIN, "validate")
+
+    return made_once(session_folder / "noisy_twin", make)
 
 
 def force_error(runs: Path) -> tuple[float, float]:
@@ -140,7 +144,7 @@ def test_run_of_a_twin_says_how_far_it_is_from_the_truth(
     document["legs"] = document["legs"][:1]
     stages: dict[str, dict[str, object]] = {
         "fuse": {"method": "smoother"},
-        "validate": {"free_run": False},
+        **NO_FREE_RUN,
     }
     monkeypatch.chdir(tmp_path)
     runs = tmp_path / "runs" / TWIN

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -361,6 +360,8 @@ def gauss_markov(
     discretisation; `sd` (k,).
     """
     scale = np.atleast_1d(np.asarray(sd, dtype=np.float64))
+    from scipy.signal import lfilter  # a second to import, and most commands do not simulate
+
     a = float(np.exp(-step_s / correlation_s)) if correlation_s > 0.0 else 0.0
     white = random.standard_normal((samples, scale.size))
     white[1:] *= np.sqrt(1.0 - a * a)

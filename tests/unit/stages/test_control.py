@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +85,10 @@ def figure(outputs: control.Outputs, name: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def hauv() -> control.Outputs:
-    return run(HAUV, short_hauv())
+def hauv(
+    shared: Callable[[str, Callable[[], control.Outputs]], control.Outputs],
+) -> control.Outputs:
+    return shared("control_of_short_hauv", lambda: run(HAUV, short_hauv()))
 
 
 def test_cases_of_the_campaigns_agree_with_their_schema() -> None:

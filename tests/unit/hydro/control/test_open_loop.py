@@ -39,8 +39,11 @@ HOLD_AS_SIMULATED = {
 
 
 @pytest.fixture(scope="module")
-def flown():
-    return {name: fly_open_loop(SIMULATED, case) for name, case in BY_NAME.items()}
+def flown(shared):
+    return shared(
+        "open_loop_flown",
+        lambda: {name: fly_open_loop(SIMULATED, case) for name, case in BY_NAME.items()},
+    )
 
 
 def test_every_case_of_the_section_is_there():
