@@ -30,6 +30,7 @@ help:
 	@echo "make circle               fly the H-AUV in closed loop, identify it from the logs, redesign the controller, fly again"
 	@echo "make fuzz                 damage logs of every format in every way (long); READER=tlog: of one"
 	@echo "make lint                 ruff and mypy"
+	@echo "make format               write all code in the one format"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
 	@echo "make declarations         write params.yaml, dvc.yaml and docs/equations.md from the code"

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from textwrap import fill
 from types import MappingProxyType
 from typing import Any
 
@@ -17,15 +18,14 @@ import yaml
 SEVERITIES = ("error", "warning", "note")
 INTRODUCTION = """# What `auvid check` finds
 
-Every finding of the health page: what it means, the threshold beyond which it is reported and \
-why it lies there, and what to do about it.
-An *error* means that the chain would refuse the log or use wrong data, a *warning* that results \
-depend on it, a *note* is good to know.
-`auvid check` exits with 0 if it found no error and no loss, with 3 if it did, and with 1 if a \
-log could not be read at all.
+Every finding of the health page: what it means, the threshold beyond which it is
+reported and why it lies there, and what to do about it. An *error* means that the chain
+would refuse the log or use wrong data, a *warning* that results depend on it, a *note*
+is good to know. `auvid check` exits with 0 if it found no error and no loss, with 3 if
+it did, and with 1 if a log could not be read at all.
 
-This page is made from `data_schemas/formats/checks.yaml`: `python -m auvid.data_schemas.checks > \
-docs/checks.md`.
+This page is made from `data_schemas/formats/checks.yaml`:
+`python -m auvid.data_schemas.checks > docs/checks.md`.
 """
 
 
@@ -69,11 +69,9 @@ def documentation() -> str:
                     if check.threshold is None
                     else f"Threshold: {check.threshold:g}{_unit(check.unit)}. "
                 )
-                parts.append(
-                    f"\n### `{check.id}`:"
-                    f" {check.title}\n\n{check.means}\n\n{limit}{check.reason}\n\n*Remedy:*"
-                    f" {check.remedy}\n"
-                )
+                parts.append(f"\n### `{check.id}`: {check.title}\n")
+                for words in (check.means, limit + check.reason, f"*Remedy:* {check.remedy}"):
+                    parts.append(f"\n{fill(words, 88, break_on_hyphens=False)}\n")
     return "".join(parts)
 
 

@@ -58,6 +58,21 @@ CampaignName = Annotated[
 ]
 
 
+EngineName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="serial|processes", help="Where items run; results are the same. [default: serial]"
+    ),
+]
+JobCount = Annotated[
+    int | None, typer.Option(metavar="N", help="How many processes. [default: one per core]")
+]
+Force = Annotated[bool, typer.Option("--force", help="Run again what is up to date.")]
+Screenshot = Annotated[
+    Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")
+]
+
+
 @app.command(epilog="Example: auvid run bluerov2_dvl --until fuse")
 def run(
     campaign: CampaignName,
@@ -72,18 +87,9 @@ def run(
         bool,
         typer.Option("--strict", help="Exit with 3 if a log was damaged or samples were rejected."),
     ] = False,
-    engine: Annotated[
-        str | None,
-        typer.Option(
-            metavar="serial|processes",
-            help="Where items run; results are the same. [default: serial]",
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="How many processes. [default: one per core]"),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
+    engine: EngineName = None,
+    jobs: JobCount = None,
+    force: Force = False,
 ) -> None:
     """Run a campaign: only what is stale runs.
 
@@ -183,9 +189,7 @@ def inspect(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write the recording and open nothing.")
     ] = None,
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")
-    ] = None,
+    screenshot: Screenshot = None,
     web: Annotated[
         bool, typer.Option("--web", help="Serve it to a browser on this machine.")
     ] = False,
@@ -238,9 +242,7 @@ def diff(
             help="Write the recording: both runs overlaid, and their difference.",
         ),
     ] = None,
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Write a picture of how it opens.")
-    ] = None,
+    screenshot: Screenshot = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all changes as JSON.")] = False,
     relative: Annotated[
         float,
@@ -273,11 +275,17 @@ def history(
         int | None, typer.Option("--run", metavar="N", help="Show this run in full.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print all runs as JSON.")] = False,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write a row per run, a column per parameter and figure."
+        ),
+    ] = None,
 ) -> None:
     """List the earlier runs of a campaign: changes and the best model."""
     from auvid.pipeline.commands.history import history_page
 
-    history_page.show(campaign, number=number, as_json=as_json)
+    history_page.show(campaign, number=number, as_json=as_json, csv=csv)
 
 
 @app.command(
@@ -390,15 +398,9 @@ def simulate(
 @app.command(epilog="Example: auvid reproduce vt690_twin")
 def reproduce(
     campaign: CampaignName,
-    engine: Annotated[
-        str | None,
-        typer.Option(metavar="serial|processes", help="Where items run. [default: serial]"),
-    ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="How many processes. [default: one per core]"),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Run again what is up to date.")] = False,
+    engine: EngineName = None,
+    jobs: JobCount = None,
+    force: Force = False,
     open_it: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> None:
     """Compare published tables with those of a twin, on a page.

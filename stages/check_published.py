@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,9 @@ from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, rai
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
 from auvid.stages.base import Collection, Document, Stage, every, port
+from auvid.stages.number_format import as_printed, percent
 from auvid.stages.presentation import Block, figure, remark, section, table, text
+from auvid.stages.reference_check import ReferenceCheck, Tolerance, check_rows, count_met
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    """None: what is asked stands beside the printed values."""
+    """None: what is required stands beside the printed values."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +76,14 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
             bounded = [row for row in required if row["bound"] and row["our_error"] is not None]
             worst = max(bounded, key=lambda row: abs(row["our_error"]), default=None)
             note = (
-                ""
+                None
                 if worst is None
-                else f"largest error {100.0 * abs(worst['our_error']):.2g} % ({worst['quantity']})"
+                else f"largest error {percent(abs(worst['our_error']), 2)} ({worst['quantity']})"
             )
             verdict = "met" if met == len(required) else "missed"
             title = f"{entry['id']}: bounds met of {len(required)}"
             figures.append(
-                figure(title, float(met), "1", verdict=verdict, note=note or None, headline=True)
+                figure(title, float(met), "1", verdict=verdict, note=note, headline=True)
             )
     return {"title": str(published["title"]), "rows": figures} if figures else None
 
@@ -91,62 +93,82 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
 
     Met: error, value and verdict are all as required; None where nothing is required.
     """
-    figure = figures[row["ours"]] if "ours" in row else None
-    ours = _ours(row, figure)
-    truth = row.get("truth", row.get("corrected", row["printed"]))
-    error = _relative(ours, truth)
-    bound, required_verdict = row.get("most_relative_error"), str(row.get("verdict") or "")
-    verdict = str((figure or {}).get("verdict") or "")
-    least, most = _number(row.get("least")), _number(row.get("most"))
-    results: list[bool] = []
-    if bound is not None:
-        results.append(error is not None and abs(error) <= bound)
-    if least is not None or most is not None:
-        results.append(
-            ours is not None and (least is None or ours >= least) and (most is None or ours <= most)
-        )
-    if required_verdict:
-        results.append(verdict == required_verdict)
-    spread = None if figure is None else figure.get("standard_error")
-    return {
+    figure = figures.get(row.get("ours", ""), {})
+    factor, value = float(row.get("factor", 1.0)), figure.get("value")
+    spread = figure.get("standard_error")
+    values = {
+        "printed": row["printed"],
+        "corrected": row.get("corrected"),
+        "truth": row.get("truth", row.get("corrected", row["printed"])),
+        "ours": None if value is None else float(row.get("offset", 0.0)) + factor * value,
+        "standard_error": None if spread is None else abs(factor) * spread,
+        "bound": row.get("most_relative_error"),
+        "least": row.get("least"),
+        "most": row.get("most"),
+    }
+    entry = {
         "table": name,
         "quantity": str(row["quantity"]),
         "unit": str(row["unit"]),
-        "printed": _number(row["printed"]),
-        "corrected": _number(row.get("corrected")),
-        "truth": _number(truth),
-        "ours": ours,
-        "standard_error": (
-            None if spread is None else abs(float(row.get("factor", 1.0))) * float(spread)
-        ),
-        "printed_error": _relative(_number(row["printed"]), truth),
-        "our_error": error,
-        "bound": _number(bound),
-        "least": least,
-        "most": most,
-        "verdict": verdict,
-        "asked_verdict": required_verdict,
-        "met": all(results) if results else None,
+        **{key: None if value is None else float(value) for key, value in values.items()},
+        "verdict": str(figure.get("verdict") or ""),
+        "required_verdict": str(row.get("verdict") or ""),
         "source": str(row.get("ours", "")),
         "note": str(row.get("note", "")),
     }
+    check = check_of(entry)
+    printed = ReferenceCheck("", entry["printed"], reference=entry["truth"])
+    return {
+        **entry,
+        "printed_error": printed.relative_change,
+        "our_error": check.relative_change,
+        "met": check.met,
+    }
 
 
-def _ours(row: Document, figure: Document | None) -> float | None:
-    if figure is None or figure["value"] is None:
-        return None
-    return float(row.get("offset", 0.0)) + float(row.get("factor", 1.0)) * float(figure["value"])
+def check_of(row: Mapping[str, Any]) -> ReferenceCheck:
+    """Return the check of a row of schema `comparison`."""
+    return ReferenceCheck(
+        row["quantity"],
+        row["ours"],
+        row["unit"],
+        reference=row["truth"],
+        tolerance=None if row["bound"] is None else Tolerance(relative=row["bound"]),
+        low=row["least"],
+        high=row["most"],
+        status=row["verdict"],
+        required_status=row["required_verdict"] or None,
+    )
 
 
-def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+def printed_rows(
+    rows: Sequence[Mapping[str, Any]], *more: str
+) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of one printed table beside ours, on page and terminal.
+
+    `more`: further columns. Those that are empty in every row are left out, and the
+    value to be found where it is the printed one.
+    """
+    same = all(row["printed"] == row["truth"] for row in rows)
+    labelled = []
+    for row in rows:
+        printed, corrected, truth, ours = (as_printed(row[name], empty="") for name in VALUES)
+        errors = [_percent(row[name]) for name in ("printed_error", "our_error")]
+        if same:
+            truth = errors[0] = ""
+        labels = (row["quantity"], row["unit"], printed, corrected, truth, ours, *errors)
+        labelled.append(((*labels, *(row[name] for name in more)), check_of(row)))
+    heads = ("quantity", "unit", "printed", "corrected", "to be found", "ours")
+    return check_rows(
+        (*heads, "printed error", "our error", *more), labelled, ("required", "verdict")
+    )
 
 
-def _relative(value: float | None, truth: float | None) -> float | None:
-    """(value - truth) / |truth|; None where one is not known, or the truth is 0."""
-    if value is None or truth is None or truth == 0.0:
-        return None
-    return (value - truth) / abs(truth)
+VALUES = ("printed", "corrected", "truth", "ours")
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{as_printed(100.0 * share, places=2, sign='+')} %"
 
 
 BOUNDS = ("most_relative_error", "least", "most", "verdict")
@@ -181,147 +203,42 @@ def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[Pi
 
 
 def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    required = [row for row in rows if row["met"] is not None]
-    missed = [row for row in required if not row["met"]]
+    checks = [check_of(row) for row in rows]
+    missed = [
+        f"{row['table']}, {check.quantity}: {check.shortfall}"
+        for row, check in zip(rows, checks, strict=True)
+        if check.met is False
+    ]
     blocks: list[Block] = [
         text(
             f"Printed: {published['source']}. Errors are relative to what is to be found: the print"
             " unless a column says otherwise."
         )
     ]
-    if required:
-        met = len(required) - len(missed)
-        words = f"{met} of {len(required)} bounds on the printed tables are met."
+    if any(check.met is not None for check in checks):
+        words = f"{count_met(checks)} bounds on the printed tables are met."
         blocks.append(remark(words, "warning" if missed else "finding"))
-    blocks += [
-        remark(f"{row['table']}, {row['quantity']}: {_why(row)}", "warning") for row in missed
-    ]
+    blocks += [remark(words, "warning") for words in missed]
     for entry in published["tables"]:
-        own = [row for row in rows if row["table"] == entry["id"]]
         notes = [
             str(entry.get("note", "")),
             f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else "",
         ]
-        heads, cells = _without_empty([_cells(row) for row in own])
-        blocks.append(
-            table(
-                f"{entry['id']}: {entry['title']}", heads, cells, note=" ".join(filter(None, notes))
-            )
-        )
+        own = printed_rows([row for row in rows if row["table"] == entry["id"]], "note")
+        title = f"{entry['id']}: {entry['title']}"
+        blocks.append(table(title, *own, note=" ".join(filter(None, notes))))
     errata = published.get("errata") or ()
     if errata:
-        erratum_heads = (
-            "erratum",
-            "where",
-            "printed",
-            "corrected or recomputed",
-            "confidence",
-            "shown",
-        )
+        heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         keys = ("id", "where", "printed", "corrected", "confidence", "shown")
-        blocks.append(
-            table(
-                "Errata of the source",
-                erratum_heads,
-                [[entry.get(key, "") for key in keys] for entry in errata],
-            )
-        )
+        cells = [[entry.get(key, "") for key in keys] for entry in errata]
+        blocks.append(table("Errata of the source", heads, cells))
     return section(
         "Printed tables beside ours",
         blocks,
         order=2,
         look_for="Every bound is met; an erratum explains where the print cannot be.",
     )
-
-
-HEADS: tuple[str | tuple[str, str], ...] = (
-    "quantity",
-    "unit",
-    "printed",
-    "corrected",
-    "to be found",
-    "ours",
-    ("printed error", "%"),
-    ("our error", "%"),
-    ("asked", "%"),
-    "at least",
-    "at most",
-    "verdict",
-    "met",
-    "note",
-)
-
-
-def _cells(row: Mapping[str, Any]) -> list[Any]:
-    percent = [_percent(row[key]) for key in ("printed_error", "our_error", "bound")]
-    met = "" if row["met"] is None else "yes" if row["met"] else "no"
-    values = [_as_printed(row[key]) for key in ("printed", "corrected", "truth", "ours")]
-    limits = ["" if row[key] is None else f"{row[key]:g}" for key in ("least", "most")]
-    return [
-        row["quantity"],
-        row["unit"],
-        *values,
-        *percent,
-        *limits,
-        row["verdict"] if row["asked_verdict"] else "",
-        met,
-        row["note"],
-    ]
-
-
-def _as_printed(value: float | None) -> str:
-    """Return four decimals, as the theses print; tiny values by their size.
-
-    Text, so that the page does not round it again.
-    """
-    if value is None:
-        return ""
-    return f"{value:.4f}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.2e}"
-
-
-def _percent(share: float | None) -> str:
-    """Return two decimals of a percent, as the theses print; tiny values by size."""
-    if share is None:
-        return ""
-    return f"{100.0 * share:.2f}" if share == 0.0 or abs(share) >= 1e-4 else f"{100.0 * share:.0e}"
-
-
-def _without_empty(rows: list[list[Any]]) -> tuple[list[str | tuple[str, str]], list[list[Any]]]:
-    """Return heads and cells of the columns that are not empty.
-
-    Also dropped: the required value where it is the printed one.
-    """
-    kept = [
-        index for index in range(len(HEADS)) if any(row[index] not in (None, "") for row in rows)
-    ]
-    names = [head if isinstance(head, str) else head[0] for head in HEADS]
-    printed, truth, off = (
-        names.index(name) for name in ("printed", "to be found", "printed error")
-    )
-    if all(row[printed] == row[truth] for row in rows):
-        kept = [index for index in kept if index not in (truth, off)]
-    return [HEADS[index] for index in kept], [[row[index] for index in kept] for row in rows]
-
-
-def _why(row: Mapping[str, Any]) -> str:
-    if row["ours"] is None and any(row[key] is not None for key in ("bound", "least", "most")):
-        return f"no value was found ({row['verdict'] or 'no verdict'})"
-    if (
-        row["bound"] is not None
-        and row["our_error"] is not None
-        and abs(row["our_error"]) > row["bound"]
-    ):
-        return (
-            f"off by {100.0 * abs(row['our_error']):.3g} %, asked at most"
-            f" {100.0 * row['bound']:.3g} %"
-        )
-    for key, words, outside in (
-        ("least", "at least", float.__lt__),
-        ("most", "at most", float.__gt__),
-    ):
-        if row[key] is not None and outside(row["ours"], row[key]):
-            return f"{row['ours']:.4g} {row['unit']}, asked {words} {row[key]:g}"
-    return f"the verdict is '{row['verdict']}', asked '{row['asked_verdict']}'"
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
+
+from auvid.hydro.constants import NORMAL_95
+from auvid.stages.number_format import as_printed, estimate, percent, significant, with_unit
 
 ROUNDING = 1e-12
 """A number that is off by exactly its tolerance, as binary numbers have it, is met."""
-CHECK_COLUMNS = ("required", "measured", "verdict", "reason")
-"""Heads of `ReferenceCheck.cells`, on pages and on the terminal."""
+JUDGED = ("quantity", "measured", "unit", "required", "verdict", "reason")
+MOVED = (
+    "quantity",
+    "reference",
+    "measured",
+    "unit",
+    "change",
+    "tolerance",
+    "times tolerance",
+    "standard errors",
+    "status",
+)
+"""Columns of `check_rows` for bounds, and for what a reference was left by."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +58,11 @@ class ReferenceCheck:
     tolerance: Tolerance | None = None
     low: float | None = None
     high: float | None = None
+    standard_error: float | None = None
+    reference_error: float | None = None
     status: str = ""
-    required_status: str = ""
-    by_construction: bool = False
-    accepted_reason: str = field(default="")
+    required_status: str | None = None
+    accepted_reason: str = ""
 
     @property
     def allowed(self) -> float | None:
@@ -64,9 +79,26 @@ class ReferenceCheck:
         return self.value - self.reference
 
     @property
-    def times_tolerance(self) -> float:
-        """The distance from the reference in tolerances; infinite where undefined."""
-        return abs(self.change) / self.allowed if self.allowed and self.change else math.inf
+    def relative_change(self) -> float | None:
+        """The change as a share of the reference's size; None where that is zero."""
+        return (
+            self.change / abs(self.reference)
+            if self.change is not None and self.reference
+            else None
+        )
+
+    @property
+    def times_tolerance(self) -> float | None:
+        """The distance from the reference in tolerances; None without any."""
+        return abs(self.change) / self.allowed if self.allowed and self.change is not None else None
+
+    @property
+    def standard_errors(self) -> float | None:
+        """The change in standard errors, as if the two estimates were independent."""
+        if self.change is None or self.standard_error is None or self.reference_error is None:
+            return None
+        spread = math.hypot(self.standard_error, self.reference_error)
+        return abs(self.change) / spread if spread > 0 else None
 
     @property
     def met(self) -> bool | None:
@@ -76,17 +108,13 @@ class ReferenceCheck:
 
     @property
     def verdict(self) -> str:
-        """One of: met, missed, by construction, not judged."""
-        if self.met is None:
-            return "not judged"
-        if not self.met:
-            return "missed"
-        return "by construction" if self.by_construction else "met"
+        """One of: met, missed, not judged."""
+        return {None: "not judged", True: "met", False: "missed"}[self.met]
 
     @property
     def failed(self) -> bool:
         """Whether it is missed without an accepted reason."""
-        return self.verdict == "missed" and not self.accepted_reason
+        return self.met is False and not self.accepted_reason
 
     @property
     def required(self) -> str:
@@ -99,8 +127,8 @@ class ReferenceCheck:
         if self.value is None:
             return "no value"
         if self.least is None or self.least == self.value:
-            return f"{self.value:.3g}"
-        return f"{self.least:.3g} to {self.value:.3g}"
+            return significant(self.value)
+        return f"{significant(self.least)} to {significant(self.value)}"
 
     @property
     def shortfall(self) -> str:
@@ -112,32 +140,44 @@ class ReferenceCheck:
         )
 
     @property
-    def cells(self) -> tuple[str, str, str, str]:
-        """Text under `CHECK_COLUMNS`."""
-        reason = self.accepted_reason if self.verdict == "missed" else ""
-        return self.required, self.measured, self.verdict, reason
+    def cells(self) -> dict[str, str]:
+        """Text by column, on pages and on the terminal."""
+        change = "" if self.change is None else significant(self.change, sign="+")
+        if self.relative_change is not None:
+            change += f" ({percent(self.relative_change, sign='+')})"
+        return {
+            "quantity": self.quantity,
+            "reference": _interval(self.reference, self.reference_error),
+            "measured": (
+                _interval(self.value, self.standard_error) if self.tolerance else self.measured
+            ),
+            "unit": "" if self.unit == "1" else self.unit,
+            "change": change,
+            "tolerance": significant(self.allowed, empty=""),
+            "times tolerance": as_printed(self.times_tolerance, places=1, empty=""),
+            "standard errors": as_printed(self.standard_errors, places=1, empty=""),
+            "status": " -> ".join(dict.fromkeys((self.required_status or "", self.status))),
+            "required": self.required,
+            "verdict": "" if self.met is None else self.verdict,
+            "reason": self.accepted_reason if self.met is False else "",
+        }
 
     @property
     def document(self) -> dict[str, Any]:
         """The check as JSON."""
         return {
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "value": self.value,
-            "least": self.least,
-            "reference": self.reference,
-            "allowed_difference": self.allowed,
-            "low": self.low,
-            "high": self.high,
+            **asdict(self),
+            "allowed": self.allowed,
+            "change": self.change,
+            "times_tolerance": self.times_tolerance,
+            "standard_errors": self.standard_errors,
             "verdict": self.verdict,
-            "accepted_reason": self.accepted_reason,
         }
 
     def _parts(self) -> Iterator[tuple[bool, str, str]]:
         """Return each requirement: whether it is met, the number, and its text."""
         if self.tolerance is not None:
             yield self._is_near(), *self._distance()
-        unit = "" if self.unit == "1" else f" {self.unit}"
         if self.low is not None or self.high is not None:
             least = self.value if self.least is None else self.least
             inside = (
@@ -152,8 +192,8 @@ class ReferenceCheck:
                 words = f"at least {self.low:g}"
             else:
                 words = f"{self.low:g} to {self.high:g}"
-            yield inside, f"{self.measured}{unit}", words
-        if self.required_status:
+            yield inside, with_unit(self.measured, self.unit), words
+        if self.required_status is not None:
             same = self.status == self.required_status
             yield same, f"the verdict is '{self.status}'", f"'{self.required_status}'"
 
@@ -170,12 +210,48 @@ class ReferenceCheck:
             distance = f"no value ({self.status or 'no verdict'})"
         elif self.change is None:
             distance = "no reference"
-        elif tolerance.relative and self.reference:
-            distance = f"off by {100 * abs(self.change / self.reference):.3g} %"
+        elif tolerance.relative and self.relative_change is not None:
+            distance = f"off by {percent(abs(self.relative_change))}"
         else:
-            distance = f"off by {abs(self.change):.3g} {self.unit}"
+            distance = f"off by {with_unit(significant(abs(self.change)), self.unit)}"
         limits = [
-            *([f"{100 * tolerance.relative:.3g} %"] if tolerance.relative else []),
-            *([f"{tolerance.absolute:.3g} {self.unit}"] if tolerance.absolute else []),
+            *([percent(tolerance.relative)] if tolerance.relative else []),
+            *(
+                [with_unit(significant(tolerance.absolute), self.unit)]
+                if tolerance.absolute
+                else []
+            ),
         ]
         return distance, f"within {' or '.join(limits) or '0'}"
+
+
+def _interval(value: float | None, error: float | None) -> str:
+    """Return a number to six digits, or as its 95 % interval has it."""
+    if error is None:
+        return significant(value, 6, empty="undefined")
+    return estimate(value, NORMAL_95 * error, empty="undefined")
+
+
+def check_rows(
+    labels: Sequence[str],
+    checks: Sequence[tuple[Sequence[object], ReferenceCheck]],
+    columns: Sequence[str],
+) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of checks, each after its labels, on page and terminal.
+
+    Columns that are empty in every row are left out.
+    """
+    rows = [
+        [*map(str, of), *(cells[name] for name in columns)]
+        for of, check in checks
+        for cells in [check.cells]
+    ]
+    used = [index for index in range(len(labels) + len(columns)) if any(row[index] for row in rows)]
+    heads = [*labels, *columns]
+    return [heads[index] for index in used], [[row[index] for index in used] for row in rows]
+
+
+def count_met(checks: Sequence[ReferenceCheck]) -> str:
+    """Return how many of the bounds that are judged are met: `11 of 12`."""
+    judged = [check.met for check in checks if check.met is not None]
+    return f"{sum(judged)} of {len(judged)}"

@@ -53,7 +53,7 @@ class LogEntry(Model):
 
 
 class LegEntry(Model):
-    """Legs."""
+    """A stretch of a log, for training or validation."""
 
     id: str
     """Short name."""

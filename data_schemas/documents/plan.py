@@ -110,7 +110,7 @@ class DepthStepsEntry(Model):
 
 
 class FlownLegEntry(Model):
-    """Legs."""
+    """A leg that a twin flies: one log."""
 
     id: str
     """Short name of leg and log."""
@@ -124,26 +124,12 @@ class FlownLegEntry(Model):
     """Fit or judge."""
 
 
-class PixhawkEntry(Model):
+class PixhawkEntry(AhrsEntry):
     """Autopilot on pole or tray, at rates and noise of its own.
 
     A figure that is not given is exact.
     """
 
-    rate_hz: Annotated[float, Range(1, 1000)] | None = None
-    """Rate; default 50."""
-    attitude_sd_deg: Annotated[float, Range(0)] | None = None
-    """Standard deviation of the attitude error."""
-    attitude_correlation_s: Annotated[float, Range(0)] | None = None
-    """Correlation time of the attitude error; default 5."""
-    gyro_sd_rad_s: Annotated[float, Range(0)] | None = None
-    """Noise of the gyro per sample."""
-    gyro_bias_sd_rad_s: Annotated[float, Range(0)] | None = None
-    """Standard deviation of the gyro bias between logs."""
-    accel_sd_m_s2: Annotated[float, Range(0)] | None = None
-    """Noise of the accelerometer per sample."""
-    accel_bias_sd_m_s2: Annotated[float, Range(0)] | None = None
-    """Standard deviation of the accelerometer bias between logs."""
     arm_m: Annotated[float, Range(0)] | None = None
     """How far below the pivot it sits on the pole; default 1."""
     mounting_deg: list[float] | None = None
@@ -151,7 +137,7 @@ class PixhawkEntry(Model):
 
 
 class CommandStepsEntry(Model):
-    """Commands."""
+    """Commands of one channel of a tank run."""
 
     times_s: list[Annotated[float, Range(0)]]
     """Seconds from the start of the leg."""
@@ -159,17 +145,11 @@ class CommandStepsEntry(Model):
     """Command from then on."""
 
 
-class TankRunEntry(Model):
-    """Tank."""
+class ExperimentEntry(Model):
+    """An experiment of a bench campaign: one log and one leg."""
 
     id: str
     """Short name of leg and log."""
-    channel: Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
-    """What is identified from it."""
-    truth: str
-    """Name of its truth."""
-    commands: dict[str, CommandStepsEntry]
-    """Channel -> steps; pitch is driven through surge and heave."""
     duration_s: Annotated[float, Range(1, 3600)]
     """Length of the leg."""
     use: Literal["training", "validation"] | None = None
@@ -178,11 +158,20 @@ class TankRunEntry(Model):
     """Factor on the noise of its sensors; 0 is exact; default 1."""
 
 
-class DecayFlightEntry(Model):
-    """Decays."""
+class TankRunEntry(ExperimentEntry):
+    """A run in which one channel is driven from rest."""
 
-    id: str
-    """Short name of leg and log."""
+    channel: Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
+    """What is identified from it."""
+    truth: str
+    """Name of its truth."""
+    commands: dict[str, CommandStepsEntry]
+    """Channel -> steps; pitch is driven through surge and heave."""
+
+
+class DecayFlightEntry(ExperimentEntry):
+    """A free decay of the pendulum in water of the apparatus."""
+
     decay: str
     """Id of the decay in the apparatus."""
     truth: str
@@ -191,19 +180,11 @@ class DecayFlightEntry(Model):
     """
     angle_deg: Annotated[float, Range(-90, 90)]
     """Angle at the release."""
-    duration_s: Annotated[float, Range(1, 3600)]
-    """Length of the leg."""
-    use: Literal["training", "validation"] | None = None
-    """Fit or judge; default training."""
-    noise: Annotated[float, Range(0)] | None = None
-    """Factor on the noise of its sensors; 0 is exact; default 1."""
 
 
-class SwingFlightEntry(Model):
-    """Swings."""
+class SwingFlightEntry(ExperimentEntry):
+    """A swing of the quadrifilar pendulum of the apparatus."""
 
-    id: str
-    """Short name of leg and log."""
     swing: str
     """Id of the swing in the apparatus."""
     inertia_kg_m2: Annotated[float, Range(0)]
@@ -212,12 +193,6 @@ class SwingFlightEntry(Model):
     """Moment of the air per rad/s; default 0."""
     angle_deg: Annotated[float, Range(-60, 60)]
     """Angle at the release."""
-    duration_s: Annotated[float, Range(1, 3600)]
-    """Length of the leg."""
-    use: Literal["training", "validation"] | None = None
-    """Fit or judge; default training."""
-    noise: Annotated[float, Range(0)] | None = None
-    """Factor on the noise of its sensors; 0 is exact; default 1."""
 
 
 class BenchEntry(Model):

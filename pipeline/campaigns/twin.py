@@ -82,7 +82,7 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
         return {
             "kind": "physics",
             "name": PHYSICS,
-            "source": "flow physics, hydro/dynamics/physical_viscous.py",
+            "source": "flow physics, hydro/dynamics/simulation/physical_viscous.py",
         }
     published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]

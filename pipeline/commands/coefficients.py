@@ -17,6 +17,7 @@ from auvid.pipeline.campaigns.twin import read_coefficients
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.pipeline.terminal import table
+from auvid.stages.number_format import significant
 
 KINDS = {
     "added_mass": "Added mass, tau_A = M_A nu_dot (M_A <= 0)",
@@ -144,7 +145,7 @@ def _print(document: Mapping[str, Any]) -> None:
             [
                 (
                     row["name"],
-                    f"{row['value']:.5g}",
+                    significant(row["value"], 5),
                     row["unit"],
                     f"{row['published']:g} ({row['published_source']})"
                     if "published" in row
@@ -160,14 +161,21 @@ def _print(document: Mapping[str, Any]) -> None:
         )
     print("\nViscous model (drag and lift together), by axis and basis term")
     for axis, terms in document["viscous_model"].items():
-        values = (f"{BASIS_TERMS[term].name} {value:.5g}" for term, value in terms.items())
+        values = (
+            f"{BASIS_TERMS[term].name} {significant(value, 5)}" for term, value in terms.items()
+        )
         print(f"  {axis}  " + ", ".join(values))
     if document["model"]:
         print()
         table(
             ("axis", "term", "strip theory", "published"),
             [
-                (row["axis"], row["term"], f"{row['strip_theory']:.5g}", f"{row['published']:.5g}")
+                (
+                    row["axis"],
+                    row["term"],
+                    significant(row["strip_theory"], 5),
+                    significant(row["published"], 5),
+                )
                 for row in document["model"]["terms"]
             ],
             title=f"Compared with the published model {document['model']['name']}",

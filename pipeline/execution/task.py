@@ -75,17 +75,19 @@ def _run(task: Task) -> Record:
             _check_unchanged(task)  # half a file gives strange faults
             raise
     _check_unchanged(task)
-    contents = {port.name: _contents(port, getattr(results, port.name)) for port in task.outputs}
+    written: list[Path] = []
+    try:
+        outputs = {port.name: _write(task, port, results, written) for port in task.outputs}
+    except BaseException:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise
     return Record(
         key=task.key,
         code=task.code,
         params=as_document(task.params),
         inputs={name: source.fingerprint for name, source in task.sources.items()},
-        outputs={
-            name: hashes
-            for port in task.outputs
-            if (hashes := _write(port, contents[name := port.name], task)) is not None
-        },
+        outputs={name: hashes for name, hashes in outputs.items() if hashes is not None},
         packages=package_versions(),
         warnings=dict(
             sorted(Counter(f"{item.category.__name__}: {item.message}" for item in caught).items())
@@ -99,29 +101,23 @@ def _check_unchanged(task: Task) -> None:
             source.check_unchanged()
 
 
-def _contents(port: Port, result: Any) -> dict[str | None, bytes]:
-    """Return the bytes of a port's artefacts by key, None for a single one.
+def _write(task: Task, port: Port, results: Any, written: list[Path]) -> Hashes | None:
+    """Write the artefacts of a port as they come, and return their hashes.
 
-    All are made and checked before the first is written.
+    Those of many items are made, checked and written one at a time; their paths are
+    added to `written`.
     """
-    where = f"output '{port.name}'"
-    if result is None:
-        return {}
+    result, where = getattr(results, port.name), f"output '{port.name}'"
+
+    def put(artefact: Any, key: str | None, name: str) -> str:
+        content = encode(artefact, port.schema, file=name)
+        written.append(task.folder / port.path(task.item, key))
+        write_atomically(written[-1], content)
+        return hash_bytes(content)
+
     if not port.many:
-        return {None: encode(result, port.schema, file=where)}
-    if any("/" in key or key.startswith(".") or not key for key in result):
-        raise ValueError(f"{where} has keys that cannot be file names: {list(result)}")
-    return {
-        key: encode(artefact, port.schema, file=f"{where} of '{key}'")
-        for key, artefact in result.items()
-    }
-
-
-def _write(port: Port, contents: Mapping[str | None, bytes], task: Task) -> Hashes | None:
-    hashes: dict[str, str] = {}
-    for key, content in contents.items():
-        write_atomically(task.folder / port.path(task.item, key), content)
-        hashes[key or ""] = hash_bytes(content)
-    if port.many:
-        return hashes
-    return hashes.get("")
+        return None if result is None else put(result, None, where)
+    keys = list(result or ())
+    if any("/" in key or key.startswith(".") or not key for key in keys):
+        raise ValueError(f"{where} has keys that cannot be file names: {keys}")
+    return {key: put(result[key], key, f"{where} of '{key}'") for key in keys}

@@ -18,7 +18,7 @@ from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.check_truth.bounds import TruthBounds, checks
+from auvid.stages.check_truth.bounds import FIGURES, checks
 from auvid.stages.check_truth.errors import Errors, Sums
 from auvid.stages.check_truth.presentation import comparison_plots, trust_section, trust_views
 from auvid.stages.columns import AXIS_UNITS, POSE, VELOCITY, clock, force_columns, forces, named
@@ -112,20 +112,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if segment["use"] == "validation" or not judged:
             plots += comparison_plots(segment, clock(fused), estimate[:, 4:], true[:, 4:])
     truth_errors: Errors = errors.found()
-    bounds = TruthBounds(
-        params.force_error,
-        params.velocity_error_m_s,
-        params.gyro_bias_rad_s,
-        params.accel_bias_m_s2,
+    check_results = checks(
+        {name: getattr(params, name) for name in FIGURES},
         params.ratio,
+        truth_errors,
+        inputs.error_table.to_pylist(),
     )
-    check_results = checks(bounds, truth_errors, inputs.error_table.to_pylist())
-    names = ("figure", "unit", "bound", "value", "met")
     return Outputs(
         truth_errors=make_table("truth_errors", truth_errors.columns()),
         trust_checks=make_table(
             "trust_checks",
-            {name: [getattr(item, name) for item in check_results] for name in names},
+            {
+                "figure": [check.quantity for check in check_results],
+                "unit": [check.unit for check in check_results],
+                "bound": [check.high for check in check_results],
+                "value": [check.value for check in check_results],
+                "met": [check.met for check in check_results],
+            },
         ),
         true_motion=moved,
         section=trust_section(

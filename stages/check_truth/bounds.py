@@ -3,26 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.stages.check_truth.errors import Errors
-
-
-@dataclass(frozen=True)
-class TruthBounds:
-    """Largest RMS errors allowed over all legs, and J/J0 on validation by model.
-
-    None sets no bound.
-    """
-
-    force_error: float | None
-    velocity_error_m_s: float | None
-    gyro_bias_rad_s: float | None
-    accel_bias_m_s2: float | None
-    ratio: Mapping[str, float]
-
+from auvid.stages.reference_check import ReferenceCheck
 
 FIGURES = {
     "force_error": ("RMS error of the residual force, six axes", "force, all axes", "N, N m"),
@@ -33,35 +18,22 @@ FIGURES = {
 """Bound -> what it holds in words, the quantity of `Errors`, unit."""
 
 
-@dataclass(frozen=True)
-class BoundCheck:
-    """A bound beside what was measured."""
-
-    figure: str
-    unit: str
-    bound: float
-    value: float
-
-    @property
-    def met(self) -> bool:
-        """Whether the value is within the bound."""
-        return self.value <= self.bound
-
-
 def checks(
-    bounds: TruthBounds, errors: Errors, error_rows: Sequence[Mapping[str, Any]]
-) -> list[BoundCheck]:
-    """Check all bounds that are set.
+    limits: Mapping[str, float | None],
+    ratio: Mapping[str, float],
+    errors: Errors,
+    error_rows: Sequence[Mapping[str, Any]],
+) -> list[ReferenceCheck]:
+    """Check all bounds that are set: on errors (by `FIGURES`), and on J/J0 by model.
 
     Raises `CampaignError` for one on what was not measured.
     """
-    return [*_errors(bounds, errors), *_ratios(bounds, error_rows)]
+    return [*_errors(limits, errors), *_ratios(ratio, error_rows)]
 
 
-def _errors(bounds: TruthBounds, errors: Errors) -> Iterator[BoundCheck]:
+def _errors(limits: Mapping[str, float | None], errors: Errors) -> Iterator[ReferenceCheck]:
     for name, (words, quantity, unit) in FIGURES.items():
-        bound = getattr(bounds, name)
-        if bound is None:
+        if limits[name] is None:
             continue
         value = errors.total(quantity)
         if value is None:
@@ -71,26 +43,28 @@ def _errors(bounds: TruthBounds, errors: Errors) -> Iterator[BoundCheck]:
                 field=f"stages.check_truth.{name}",
                 remedy=remedy,
             )
-        yield BoundCheck(words, unit, bound, value)
+        yield ReferenceCheck(words, value, unit, high=limits[name])
 
 
-def _ratios(bounds: TruthBounds, rows: Sequence[Mapping[str, Any]]) -> Iterator[BoundCheck]:
+def _ratios(
+    ratio: Mapping[str, float], rows: Sequence[Mapping[str, Any]]
+) -> Iterator[ReferenceCheck]:
     known = {
         row["model"]: row["ratio"]
         for row in rows
         if row["use"] == "validation" and row["axis"] == row["leg"] == "all"
     }
-    for model, bound in bounds.ratio.items():
+    for model, bound in ratio.items():
         field = f"stages.check_truth.ratio.{model}"
         if isinstance(bound, bool) or not isinstance(bound, int | float) or not bound > 0:
             raise CampaignError(
                 "a bound of J/J0 must be a positive number", field=field, value=bound
             )
-        if model not in known or known[model] is None:
+        if known.get(model) is None:
             raise CampaignError(
                 "no such model was judged on validation legs",
                 field=field,
                 allowed=sorted(known),
                 remedy=nearest(model, known),
             )
-        yield BoundCheck(f"J/J0 of {model}, validation", "1", float(bound), float(known[model]))
+        yield ReferenceCheck(f"J/J0 of {model}, validation", float(known[model]), high=float(bound))

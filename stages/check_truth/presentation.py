@@ -7,29 +7,25 @@ from typing import Any
 
 from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
-from auvid.stages.check_truth.bounds import BoundCheck
 from auvid.stages.check_truth.errors import Errors
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns
 from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
+from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows
 
 MODEL = "model "
 
 
 def trust_section(
     errors: Errors,
-    check_results: Sequence[BoundCheck],
+    check_results: Sequence[ReferenceCheck],
     plots: Sequence[Block],
     titles: Mapping[str, str],
 ) -> dict[str, Any]:
     """Bounds, error tables and plots; `titles`: model -> name as printed."""
-    missed = [item for item in check_results if not item.met]
+    missed = [check for check in check_results if not check.met]
     blocks: list[Block] = [
-        remark(
-            f"Against the truth of the twin: {item.figure} is {item.value:.3g}, the bound is"
-            f" {item.bound:.3g} {item.unit}.",
-            "warning",
-        )
-        for item in missed
+        remark(f"Against the truth of the twin: {check.quantity}: {check.shortfall}.", "warning")
+        for check in missed
     ]
     if check_results and not missed:
         blocks.append(
@@ -40,13 +36,8 @@ def trust_section(
             text("This campaign sets no bounds (stage check_truth); errors are listed as they are.")
         )
     else:
-        rows = [
-            [item.figure, item.value, item.bound, item.unit, "met" if item.met else "missed"]
-            for item in check_results
-        ]
-        blocks.append(
-            table("Bounds of this campaign", ["figure", "measured", "at most", "unit", ""], rows)
-        )
+        rows = check_rows((), [((), check) for check in check_results], JUDGED)
+        blocks.append(table("Bounds of this campaign", *rows))
     blocks += [*_states(errors), *_models(errors, titles), *plots]
     words = "The truth lies under the estimate; what is left is the error of sensors and method."
     return section("Estimate against truth", blocks, order=12, look_for=words)

@@ -23,6 +23,15 @@ import jinja2
 from markupsafe import Markup
 
 from auvid.stages.base import Document
+from auvid.stages.number_format import (
+    is_numeric,
+    number,
+    printed_number,
+    printed_unit,
+    symbols,
+    term,
+    visible,
+)
 from auvid.stages.page.colours import (
     AXIS_INKS,
     COMPONENTS,
@@ -37,15 +46,6 @@ from auvid.stages.page.colours import (
 )
 from auvid.stages.page.equations import mathml
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
-from auvid.stages.page.number_format import (
-    is_numeric,
-    number,
-    printed_number,
-    printed_unit,
-    symbols,
-    term,
-    visible,
-)
 from auvid.stages.page.svg_plots import lay_out
 
 VERDICTS = {

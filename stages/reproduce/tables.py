@@ -11,7 +11,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, table, text
-from auvid.stages.reference_check import CHECK_COLUMNS
+from auvid.stages.reference_check import JUDGED, check_rows
 from auvid.stages.reproduce.content import ReproductionContent
 from auvid.stages.reproduce.measures import TURN_TERMS, VariantMeasures
 
@@ -156,18 +156,13 @@ def print_errors(content: ReproductionContent) -> Iterator[Block]:
 
 
 def check_table(content: ReproductionContent) -> Block:
-    rows = [
-        [
-            item.plan,
-            f"{content.label(item.variant)} {item.variant}",
-            item.check.quantity,
-            *item.check.cells,
-        ]
+    checks = [
+        ((item.plan, f"{content.label(item.variant)} {item.variant}"), item.check)
         for item in content.checks
     ]
     note = "A bound that is missed without an accepted reason makes the command fail."
-    heads = ["plan", "variant", "quantity", *CHECK_COLUMNS]
-    return table("Required and measured", heads, rows, note=note)
+    rows = check_rows(("plan", "variant"), checks, JUDGED)
+    return table("Required and measured", *rows, note=note)
 
 
 def force_tables(content: ReproductionContent) -> Iterator[Block]:

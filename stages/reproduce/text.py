@@ -18,6 +18,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.stages.page.first_screen import Fact, Summary
 from auvid.stages.presentation import Block, equation, remark, section, text
+from auvid.stages.reference_check import count_met
 from auvid.stages.reproduce.content import ReproductionContent
 from auvid.stages.reproduce.tables import (
     check_table,
@@ -162,11 +163,11 @@ def _facts(content: ReproductionContent) -> tuple[Fact, ...]:
     first, published = content.compared("published")
     second, corrected = content.compared("corrected")
     checks = [item.check for item in content.checks]
-    accepted = sum(check.verdict == "missed" and not check.failed for check in checks)
+    accepted = sum(check.met is False and not check.failed for check in checks)
     return (
         Fact(
             "bounds met",
-            f"{sum(bool(check.met) for check in checks)} of {len(checks)}",
+            count_met(checks),
             f"{accepted} more are missed for an accepted reason" if accepted else "none is missed",
         ),
         Fact(
@@ -191,7 +192,7 @@ def _accepted_misses(content: ReproductionContent) -> list[str]:
     """Return a sentence per accepted reason on the bounds that it excuses."""
     missed: dict[str, dict[str, None]] = {}
     for item in content.checks:
-        if item.check.verdict == "missed" and item.check.accepted_reason:
+        if item.check.met is False and item.check.accepted_reason:
             where = f"{content.label(item.variant)} on plan {item.plan}"
             missed.setdefault(item.check.accepted_reason, {})[where] = None
     return [f"Bounds missed by {', '.join(where)}: {reason}." for reason, where in missed.items()]

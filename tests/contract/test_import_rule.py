@@ -21,6 +21,7 @@ SHARED_IN_STAGES = {
     "columns",
     "truth_lookup",
     "reference_check",
+    "number_format",
     "page",
 }
 """Modules of stages/ that are no stage: the interface, and what stages share."""

@@ -74,7 +74,7 @@ def test_printed_values_are_found_and_a_missed_bound_fails(
     assert status == 0, printed
     assert "Table 14" in printed
     assert "bounds: " in printed
-    assert "MISSED" not in printed
+    assert "missed" not in printed
     run = comparison.open_comparison("small")
     assert run is not None
     rows = comparison_rows(run)
@@ -88,7 +88,7 @@ def test_printed_values_are_found_and_a_missed_bound_fails(
     save(campaign / "published.yaml", published)
     status, printed = reproduce()
     assert status == 1
-    assert "MISSED" in printed
+    assert "missed" in printed
     assert f"bounds: {len(bounded) - 1} of {len(bounded)} met" in printed
 
 

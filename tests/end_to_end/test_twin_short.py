@@ -148,7 +148,7 @@ def test_run_of_a_twin_says_how_far_it_is_from_the_truth(
     }
     monkeypatch.chdir(tmp_path)
     runs = tmp_path / "runs" / TWIN
-    for bound, status, words in ((0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "MISSED")):
+    for bound, status, words in ((0.9, 0, "bounds: 1 of 1 met"), (1e-6, 1, "missed")):
         write_twin(tmp_path, document, stages | {"check_truth": {"force_error": bound}})
         done = CliRunner().invoke(cli.app, ["run", TWIN])
         assert done.exit_code == status, done.output

@@ -16,6 +16,7 @@ from auvid.pipeline.commands.check.clock_alignment import ClockAlignment
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.terminal import plain, plain_lines, show, table
 from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
+from auvid.stages.number_format import fixed, percent, significant
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
@@ -54,9 +55,9 @@ def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
                 name,
                 item["source"],
                 item["rows"],
-                "" if item["rate_hz"] is None else f"{item['rate_hz']:.3g}",
-                "" if item["jitter_s"] is None else f"{round(item['jitter_s'] * 1e3, 3):.3g}",
-                "" if item["rate_hz"] is None else f"{item['longest_gap_s']:.3g}",
+                significant(item["rate_hz"], empty=""),
+                "" if item["jitter_s"] is None else significant(round(item["jitter_s"] * 1e3, 3)),
+                "" if item["rate_hz"] is None else significant(item["longest_gap_s"]),
                 *([item["rejected"] or ""] if rejected else []),
                 ", ".join([*item["others"], *(f"({source})" for source in item["refused"])]),
             )
@@ -107,7 +108,7 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
         )
     parts: list[Any] = [("motion RMS: ", "dim")]
     for axis, item in health["excitation"].items():
-        value = "-" if item["rms"] is None else f"{item['rms']:.3g}"
+        value = significant(item["rms"])
         parts += [
             f"{axis} ",
             (value, "green" if item["excited"] else "yellow" if item["rms"] is not None else "dim"),
@@ -134,8 +135,8 @@ def _print_legs(legs: Sequence[Mapping[str, Any]]) -> None:
         (
             leg["id"],
             leg["use"] or "",
-            *(f"{leg[key]:.1f}" for key in ("start_s", "end_s", "covered_s")),
-            "" if leg["active_share"] is None else f"{100 * leg['active_share']:.0f} %",
+            *(fixed(leg[key], 1) for key in ("start_s", "end_s", "covered_s")),
+            percent(leg["active_share"], 2, empty=""),
             ", ".join(leg["excited"]) if leg["inside"] else "outside the log",
         )
         for leg in legs

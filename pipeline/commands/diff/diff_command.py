@@ -5,26 +5,25 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES
-from auvid.hydro.constants import NORMAL_95
 from auvid.pipeline.commands.diff.diff_operands import RunData, common, read_operand
 from auvid.pipeline.commands.inspect.inspect_command import check_suffix, photograph
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.terminal import path_from_here, plain, table
+from auvid.stages.number_format import fixed, significant
+from auvid.stages.reference_check import MOVED, ReferenceCheck, Tolerance, check_rows
 from auvid.stages.report.difference.signals import (
-    FigureChange,
     Pair,
     SignalChange,
     coefficient_changes,
-    differs,
     pairs,
     signal_changes,
 )
@@ -32,22 +31,8 @@ from auvid.stages.report.recording.text import table_lines
 
 MAX_ROWS = 20
 RELATIVE = 1e-6
-ROUNDING = 1e-9
-"""Differences below this share of the largest signal of the same kind and unit are
-rounding: a roll of 1e-16 rad is none.
-"""
-ERROR_COLUMNS = ("use", "model", "axis", "figure", "first", "second", "change")
-FIGURE_COLUMNS = ("of", "name", "first", "second", "std errors", "verdict", "unit")
-SIGNAL_COLUMNS = (
-    "segment",
-    "kind",
-    "signal",
-    "RMS",
-    "RMS of difference",
-    "largest",
-    "at s",
-    "unit",
-)
+SIGNAL_LABELS = ("segment", "kind", "RMS", "largest difference", "at s")
+SIGNAL_COLUMNS = ("quantity", "measured", "unit")
 
 
 @dataclass(frozen=True)
@@ -56,7 +41,7 @@ class Difference:
 
     names: tuple[str, str]
     departures: list[Departure]
-    figures: list[FigureChange]
+    figures: list[tuple[tuple[str], ReferenceCheck]]
     signals: list[SignalChange]
     unmatched: list[str]
     compared: Mapping[str, int]
@@ -80,60 +65,35 @@ class Difference:
             "second": self.names[1],
             "equal": self.equal,
             "compared": dict(self.compared),
-            "error_tables": [
-                {**asdict(item), "axis": item.axis, "figure": item.figure}
-                for item in self.departures
-            ],
-            "figures": [{**asdict(item), "sigmas": item.sigmas} for item in self.figures],
-            "signals": [asdict(item) for item in self.signals],
+            "error_tables": [item.document for item in self.departures],
+            "figures": [{"of": of, **check.document} for (of,), check in self.figures],
+            "signals": [item.document for item in self.signals],
             "no_partner": self.unmatched,
         }
 
     @property
-    def tables(self) -> list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]:
+    def tables(self) -> list[tuple[str, list[str], list[list[str]]]]:
         """Title, columns and rows of every table, the largest change first."""
-        errors = [
-            (
-                item.use,
-                str(item.model),
-                item.axis,
-                item.figure,
-                _number(item.old),
-                _number(item.new),
-                _percent(item.old, item.new),
-            )
-            for item in self.departures
-            if item.kind == "changed"
-        ]
-        figures = [
-            (
-                item.of,
-                item.name,
-                _interval(item.old, item.old_error),
-                _interval(item.new, item.new_error),
-                _number(item.sigmas, ".1f"),
-                " -> ".join(dict.fromkeys((str(item.old_verdict), str(item.new_verdict)))),
-                item.unit,
-            )
-            for item in self.figures
-        ]
         signals = [
             (
-                item.segment,
-                item.kind,
-                item.name,
-                f"{item.rms:.4g}",
-                f"{item.rms_difference:.3g}",
-                f"{item.largest:.3g}",
-                f"{item.at_s:.2f}",
-                item.unit,
+                (
+                    item.segment,
+                    item.kind,
+                    significant(item.rms),
+                    significant(item.largest),
+                    fixed(item.at_s, 2),
+                ),
+                item.check,
             )
             for item in self.signals
         ]
         return [
-            ("error tables", ERROR_COLUMNS, errors),
-            ("coefficients and figures", FIGURE_COLUMNS, figures),
-            ("signals", SIGNAL_COLUMNS, signals),
+            ("error tables", *golden.departure_rows(self.departures)),
+            ("coefficients and figures", *check_rows(("of",), self.figures, MOVED)),
+            (
+                "signals: RMS of the difference",
+                *check_rows(SIGNAL_LABELS, signals, SIGNAL_COLUMNS),
+            ),
         ]
 
 
@@ -189,32 +149,17 @@ def difference(
     relative: float,
 ) -> Difference:
     """Return all changes between two runs, the largest first."""
-    figures, only_in_one = coefficient_changes(one.side, two.side)
-    signals = list(signal_changes(list(signal_pairs)))
+    figures, only_in_one = coefficient_changes(one.side, two.side, relative)
+    signals = signal_changes(list(signal_pairs), relative)
     old, new = (_tables_of_model(item) for item in (one, two))
     departures = golden.compare(old, new, _tolerances(one, two, old, new))[1] if old and new else []
     if bool(old) != bool(new):
         only_in_one = [*only_in_one, f"error tables only in {(one if old else two).side.name}"]
-    moved = [
-        item
-        for item in figures
-        if differs(item.old, item.new, relative) or item.old_verdict != item.new_verdict
-    ]
-    sizes: dict[tuple[str, str, str], float] = {}
-    for item in signals:
-        key = (item.segment, item.kind, item.unit)
-        sizes[key] = max(sizes.get(key, 0.0), item.rms, item.rms_difference)
-    changed = [
-        item
-        for item in signals
-        if item.rms_difference
-        > max(relative * item.rms, ROUNDING * sizes[item.segment, item.kind, item.unit])
-    ]
     return Difference(
         names=(one.side.name, two.side.name),
         departures=departures,
-        figures=sorted(moved, key=lambda item: -(math.inf if item.sigmas is None else item.sigmas)),
-        signals=sorted(changed, key=lambda item: -item.rms_difference / max(item.rms, 1e-300)),
+        figures=sorted((item for item in figures if not item[1].met), key=_by_standard_errors),
+        signals=sorted((item for item in signals if not item.check.met), key=_by_share),
         unmatched=[*unmatched, *only_in_one],
         compared={
             "cells": sum(len(row) for rows in old.values() for row in rows.values()),
@@ -222,6 +167,14 @@ def difference(
             "signals": len(signals),
         },
     )
+
+
+def _by_standard_errors(item: tuple[object, ReferenceCheck]) -> float:
+    return -math.inf if item[1].standard_errors is None else -item[1].standard_errors
+
+
+def _by_share(item: SignalChange) -> float:
+    return -(item.check.value or 0.0) / max(item.rms, 1e-300)
 
 
 def _tables_of_model(data: RunData) -> Tables:
@@ -235,9 +188,7 @@ def _tables_of_model(data: RunData) -> Tables:
     return {use: {"model": rows[model]} for use, rows in data.tables.items() if model in rows}
 
 
-def _tolerances(
-    one: RunData, two: RunData, old: Tables, new: Tables
-) -> dict[str, golden.Tolerance]:
+def _tolerances(one: RunData, two: RunData, old: Tables, new: Tables) -> dict[str, Tolerance]:
     """Return those of the golden folder, if one operand is one; else the default ones."""
     for item in (one, two):
         if item.tolerances is not None and (item.tolerances / golden.TOLERANCES).is_file():
@@ -256,7 +207,7 @@ def print_difference(changed: Difference) -> None:
     cells = [
         f"{item.use}{f', {item.model}' if item.model else ''}"
         for item in changed.departures
-        if item.kind != "changed"
+        if item.check is None
     ]
     for line in (*_first_rows(changed.unmatched), *cells):
         print(f"no partner: {plain(line)}")
@@ -283,16 +234,3 @@ def _markdown(changed: Difference) -> str:
 def _first_rows(lines: Sequence[str]) -> list[str]:
     more = [f"and {len(lines) - MAX_ROWS} more"] if len(lines) > MAX_ROWS else []
     return [*lines[:MAX_ROWS], *more]
-
-
-def _number(value: float | None, form: str = ".6g") -> str:
-    return "-" if value is None else f"{value:{form}}"
-
-
-def _interval(value: float | None, error: float | None) -> str:
-    half = "" if value is None or error is None else f" ± {NORMAL_95 * error:.2g}"
-    return _number(value, ".5g") + half
-
-
-def _percent(old: float | None, new: float | None) -> str:
-    return "" if not old or new is None else f"{100 * (new / old - 1):+.3g} %"

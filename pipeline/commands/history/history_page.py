@@ -16,8 +16,9 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.terminal import plain, table
+from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages import report
+from auvid.stages.number_format import fixed, significant, with_unit
 from auvid.stages.presentation import Block, section, text
 from auvid.stages.presentation import table as table_block
 
@@ -25,11 +26,14 @@ COMPARED = "compared.html"
 ORDER = 2
 
 
-def show(campaign: str, *, number: int | None, as_json: bool) -> None:
-    """Print the list of runs, or one in full."""
+def show(campaign: str, *, number: int | None, as_json: bool, csv: Path | None = None) -> None:
+    """Print the list of runs, or one in full; or write them as a table."""
     run = open_run(campaign)
     entries = read(run.folder) if number is None else [entry_of(run, number)]
-    if as_json:
+    if csv is not None:
+        write_atomically(csv, to_csv(entries))
+        print(f"written: {path_from_here(csv.resolve())}")
+    elif as_json:
         print(json.dumps([asdict(entry) for entry in entries], indent=1, ensure_ascii=False))
     elif number is not None:
         _print_entry(entries[0])
@@ -39,6 +43,17 @@ def show(campaign: str, *, number: int | None, as_json: bool) -> None:
         _print_list(entries)
 
 
+def to_csv(entries: Sequence[Entry]) -> bytes:
+    """Return a row per run and a column per parameter and figure, empty where a run has none.
+
+    Columns are dotted paths: `parameters.fuse.cutoff_hz`.
+    """
+    import pandas as pd
+
+    table = pd.json_normalize([asdict(entry) for entry in entries])
+    return table.to_csv(index=False).encode()
+
+
 def _print_list(entries: Sequence[Entry]) -> None:
     models = any(best(entry) for entry in entries)
     columns = ("best model", "training", "validation") if models else ("figures determined",)
@@ -46,7 +61,7 @@ def _print_list(entries: Sequence[Entry]) -> None:
     for before, entry in zip((None, *entries), entries, strict=False):
         model, determined = best(entry), judged(entry)
         if model is not None:
-            figures: tuple[str, ...] = (model[0], *map(_ratio, model[1:]))
+            figures: tuple[str, ...] = (model[0], *(fixed(ratio, 3) for ratio in model[1:]))
         elif models:
             figures = ("", "", "")
         elif determined[1]:
@@ -67,10 +82,9 @@ def _print_entry(entry: Entry) -> None:
         print(f"\n{use}")
         print(golden.to_csv(models).decode(), end="")
     for name, item in entry.figures.items():
-        value = "not determined" if item["value"] is None else f"{item['value']:.6g}"
-        unit = "" if item["unit"] == "1" else f" {item['unit']}"
+        value = significant(item["value"], 6, empty="not determined")
         verdict = f" ({item['verdict']})" if item["verdict"] else ""
-        print(plain(f"{name}: {value}{unit}{verdict}"))
+        print(plain(f"{name}: {with_unit(value, item['unit'])}{verdict}"))
 
 
 def _figure_row(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Any]:
@@ -81,10 +95,6 @@ def _figure_row(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> li
         else None
     )
     return [name, old["value"], new["value"], change, new["unit"]]
-
-
-def _ratio(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
 
 
 def write_compared(run: Run, number: int | None) -> Path:

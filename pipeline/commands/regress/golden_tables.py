@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.store.atomic_files import readable
+from auvid.stages.reference_check import MOVED, ReferenceCheck, Tolerance, check_rows
 
 USES = ("training", "validation")
 COUNTS = ("n_bar", "rank")
@@ -25,6 +26,8 @@ FIXED = ("model", *COUNTS, "J", "J0", "ratio")
 NEVER_EMPTY = (*COUNTS, "J", "J0")
 TOLERANCES = "tolerances.yaml"
 ALL = "all"
+PRINTED_NAMES = {"n_bar": "n-bar", "ratio": "J/J0"}
+"""Columns under other words in the thesis; those of an axis are J/J0."""
 
 Row = Mapping[str, float | None]
 """One model: column (those of `FIXED` but model, then the axes) -> figure, None where
@@ -35,55 +38,41 @@ Tables = Mapping[str, Mapping[str, Row]]
 
 
 @dataclass(frozen=True)
-class Tolerance:
-    """How far the cells of a column may move, in the unit of the column."""
-
-    unit: str
-    reason: str
-    relative: float = 0.0
-    absolute: float = 0.0
-
-    def allowed(self, old: float) -> float:
-        return max(self.relative * abs(old), self.absolute)
-
-
-@dataclass(frozen=True)
 class Departure:
-    """A cell that left its tolerance, or what is `missing` from the run or `new` in it:
-    a use, a model (column None) or a column.
+    """A cell that left its tolerance, or what only one side has: then without a check.
+
+    That is a use (model None), a model (column None) or a column, `missing` from the
+    run or `new` in it.
     """
 
     kind: str
     use: str
     model: str | None = None
     column: str | None = None
-    old: float | None = None
-    new: float | None = None
-    allowed: float = 0.0
-    unit: str = ""
+    check: ReferenceCheck | None = None
 
     @property
     def size(self) -> float:
-        """The change in tolerances; infinite where there is no tolerance to measure it
-        by.
-        """
-        if self.kind != "changed" or self.old is None or self.new is None or self.allowed == 0:
-            return math.inf
-        return abs(self.new - self.old) / self.allowed
+        """The change in tolerances; infinite where there is none to measure it by."""
+        times = self.check.times_tolerance if self.check else None
+        return math.inf if times is None else times
 
     @property
     def axis(self) -> str:
+        """The axis of the column."""
         return ALL if self.column in (None, *FIXED) else str(self.column)
 
     @property
-    def figure(self) -> str:
-        """What the column holds, in the words of the thesis."""
-        names = {"n_bar": "n-bar", "ratio": "J/J0"}
-        return (
-            ""
-            if self.column is None
-            else names.get(self.column, self.column if self.column in FIXED else "J/J0")
-        )
+    def document(self) -> dict[str, Any]:
+        """The departure as JSON."""
+        place = {"kind": self.kind, "use": self.use, "model": self.model, "column": self.column}
+        return {**place, "axis": self.axis, **(self.check.document if self.check else {})}
+
+
+def departure_rows(departures: Sequence[Departure]) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of the cells that left their tolerance."""
+    checks = [((item.use, item.model, item.axis), item.check) for item in departures if item.check]
+    return check_rows(("use", "model", "axis"), checks, MOVED)
 
 
 def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str, float | None]]]:
@@ -284,20 +273,20 @@ def columns_of(*tables: Tables) -> list[str]:
 def compare(
     old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]
 ) -> tuple[int, list[Departure]]:
-    """How many cells hold, and what does not: the largest departure in tolerances
-    first, and before all what is missing or new.
+    """Return how many cells hold, and what does not.
+
+    First what is missing or new, then the largest departure in tolerances.
     """
-    found = list(_compare(old, new, tolerances))
+    places = list(_compare(old, new, tolerances))
     departed = sorted(
-        (item for item in found if item is not None),
+        (item for item in places if item.check is None or not item.check.met),
         key=lambda item: (-item.size, item.kind == "changed"),
     )
-    return sum(item is None for item in found), departed
+    return len(places) - len(departed), departed
 
 
-def _compare(
-    old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]
-) -> Iterator[Departure | None]:
+def _compare(old: Tables, new: Tables, tolerances: Mapping[str, Tolerance]) -> Iterator[Departure]:
+    """Yield every cell that both have, and what only one has."""
     for use in dict.fromkeys((*old, *new)):
         if use not in old or use not in new:
             yield Departure(_only(use in old), use)
@@ -311,32 +300,16 @@ def _compare(
                 if column not in before[model] or column not in now[model]:
                     yield Departure(_only(column in before[model]), use, model, column)
                 else:
-                    yield _cell(
-                        use,
-                        model,
-                        column,
-                        before[model][column],
+                    tolerance = tolerances[column]
+                    check = ReferenceCheck(
+                        PRINTED_NAMES.get(column, column if column in FIXED else "J/J0"),
                         now[model][column],
-                        tolerances[column],
+                        tolerance.unit,
+                        reference=before[model][column],
+                        tolerance=tolerance,
                     )
+                    yield Departure("changed", use, model, column, check)
 
 
 def _only(in_baseline: bool) -> str:
     return "missing" if in_baseline else "new"
-
-
-def _cell(
-    use: str, model: str, column: str, old: float | None, new: float | None, tolerance: Tolerance
-) -> Departure | None:
-    if old is None or new is None:
-        return (
-            None
-            if old is new
-            else Departure("changed", use, model, column, old, new, unit=tolerance.unit)
-        )
-    allowed = tolerance.allowed(old)
-    if abs(new - old) <= allowed + 1e-12 * abs(
-        old
-    ):  # a departure of exactly the tolerance, in binary, holds
-        return None
-    return Departure("changed", use, model, column, old, new, allowed, tolerance.unit)

@@ -5,11 +5,10 @@ with a line in the changelog.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,9 @@ from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import WHOLE, select
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
-from auvid.pipeline.terminal import path_from_here
+from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
+from auvid.stages.reference_check import Tolerance
 
 DEFAULT_TOLERANCES = "default_tolerances.yaml"
 
@@ -103,99 +103,48 @@ def check(setting: Setting, *, as_json: bool) -> bool:
         setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables)
     )
     held, departures = golden.compare(old, setting.tables, tolerances)
-    where = path_from_here(setting.folder.resolve())
     if as_json:
         print(json.dumps(_document(setting, held, departures), indent=1, ensure_ascii=False))
-    elif not departures:
-        print(f"{setting.campaign}: all {held} cells hold ({where})")
     else:
-        print("\n".join(_lines(setting, held, departures, where)))
+        _print(setting, held, departures)
     return not departures
 
 
 def _document(setting: Setting, held: int, departures: Sequence[Departure]) -> dict[str, Any]:
-    found = []
-    for item in departures:
-        size = item.size if math.isfinite(item.size) else None
-        found.append({**asdict(item), "axis": item.axis, "figure": item.figure, "tolerances": size})
     return {
         "campaign": setting.campaign,
         "baseline": str(setting.folder),
         "holds": not departures,
         "held": held,
-        "departures": found,
+        "departures": [item.document for item in departures],
     }
 
 
-def _lines(setting: Setting, held: int, departures: Sequence[Departure], where: str) -> list[str]:
-    cells = [item for item in departures if item.kind == "changed"]
-    lines = [_apart(item) for item in departures if item.kind != "changed"]
-    if cells:
-        rows = [
-            (
-                "use",
-                "model",
-                "axis",
-                "figure",
-                "old",
-                "new",
-                "change",
-                "tolerance",
-                "times tolerance",
-            ),
-            *map(_row, cells),
-        ]
-        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-        left = 4  # words to the left, numbers to the right
-        lines += [
-            "  ".join(
-                text.ljust(width) if place < left else text.rjust(width)
-                for place, (text, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
-        ]
-    counts = f"{len(cells)} of {len(cells) + held} cells left their tolerance"
-    apart = len(departures) - len(cells)
-    lines += [
-        "",
-        f"{setting.campaign}: {counts}"
-        + (f", {apart} missing or new" if apart else "")
-        + f" ({where})",
-    ]
-    return [
-        *lines,
-        (
-            f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what'
-            ' changed and why"'
-        ),
-    ]
+def _print(setting: Setting, held: int, departures: Sequence[Departure]) -> None:
+    where = path_from_here(setting.folder.resolve())
+    if not departures:
+        print(f"{setting.campaign}: all {held} cells hold ({where})")
+        return
+    unmatched = [item for item in departures if item.check is None]
+    for item in unmatched:
+        print(_without_partner(item))
+    heads, rows = golden.departure_rows(departures)
+    table(heads, rows)
+    counts = f"{len(rows)} of {len(rows) + held} cells left their tolerance"
+    counts += f", {len(unmatched)} missing or new" if unmatched else ""
+    print(f"\n{setting.campaign}: {counts} ({where})")
+    print(
+        f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what'
+        ' changed and why"'
+    )
 
 
-def _apart(item: Departure) -> str:
+def _without_partner(item: Departure) -> str:
     what = f"{item.use} tables" if item.model is None else f"{item.use}: model {item.model}"
     what += f": axis {item.column}" if item.column is not None else ""
     if item.kind == "missing":
         return f"{what}: in the baseline, not in the run"
     return f"{what}: in the run, not in the baseline"
-
-
-def _row(item: Departure) -> tuple[str, ...]:
-    def number(value: float | None) -> str:
-        return "undefined" if value is None else f"{value:.6g}"
-
-    change = "" if item.old is None or item.new is None else f"{item.new - item.old:+.3g}"
-    if change and item.old:
-        change += f" ({100.0 * (float(item.new or 0.0) / item.old - 1.0):+.3g} %)"
-    allowed = f"{item.allowed:.3g}" + (f" {item.unit}" if item.unit != "1" else "")
-    words = (item.use, str(item.model), item.axis, item.figure)
-    return (
-        *words,
-        number(item.old),
-        number(item.new),
-        change,
-        allowed,
-        f"{item.size:.1f}" if math.isfinite(item.size) else "-",
-    )
 
 
 def update(setting: Setting, message: str, *, as_json: bool) -> None:
@@ -272,10 +221,10 @@ def _entry(setting: Setting, old: Tables | None, words: str) -> tuple[str, str, 
     if old is None:
         stage, note = "validate", f"golden tables of {setting.campaign} made"
     else:
-        exact = {name: golden.Tolerance("", "") for name in golden.columns_of(old, setting.tables)}
+        exact = {name: Tolerance() for name in golden.columns_of(old, setting.tables)}
         _, moved = golden.compare(old, setting.tables, exact)
         stage = "residual" if any(item.column == "J0" for item in moved) else "synthesise"
-        cells = sum(item.kind == "changed" for item in moved)
+        cells = sum(item.check is not None for item in moved)
         note = f"golden tables of {setting.campaign}: {cells} cell{'s' * (cells != 1)} changed"
     return (named[1], named[2], note) if named else (stage, words, note)
 

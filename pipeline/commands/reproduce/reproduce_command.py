@@ -35,6 +35,7 @@ from auvid.pipeline.graph import WHOLE, Graph, stages_of_kind
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages import KINDS, STAGES
 from auvid.stages.base import make_params
+from auvid.stages.number_format import fixed
 from auvid.stages.reference_check import ReferenceCheck
 
 __all__ = ["Reproduced", "open_reproduction", "print_tables", "reproduce"]
@@ -176,7 +177,7 @@ def print_tables(done: Reproduced) -> None:
         terminal.table(
             ["model", "published", *variants],
             [
-                [model, *(_three_decimals(found[name]) for name in ("published", *variants))]
+                [model, *(fixed(found[name], 3) for name in ("published", *variants))]
                 for model, found in ratios.items()
             ],
             title=f"J/J0, {use}, plan {plan}",
@@ -199,7 +200,3 @@ def check_of(row: Mapping[str, Any]) -> ReferenceCheck:
         high=row["high"],
         accepted_reason=row["accepted_reason"],
     )
-
-
-def _three_decimals(value: float | None) -> str | None:
-    return None if value is None else f"{value:.3f}"

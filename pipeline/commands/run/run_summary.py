@@ -10,8 +10,10 @@ from typing import Any
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import WHOLE, AnyStage
 from auvid.pipeline.terminal import path_from_here, plain, table
+from auvid.stages.check_published import check_of
+from auvid.stages.number_format import fixed, significant
 from auvid.stages.page.campaign_sections import shared_data
-from auvid.stages.reference_check import CHECK_COLUMNS, ReferenceCheck
+from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_met
 
 RESULTS = {
     "report_html": "report",
@@ -29,12 +31,15 @@ def print_summary(run: Run) -> None:
         if lines:
             print(f"\n{title} ({len(lines)}):")
             print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
-    models = [(model, rank, *map(_ratio, ratios)) for model, rank, *ratios in error_rows(run)]
+    models = [
+        (model, rank, *(fixed(ratio, 3) for ratio in ratios))
+        for model, rank, *ratios in error_rows(run)
+    ]
     if models:
         print()
     table(("model", "rank", "training", "validation"), models, title="J/J0 (1 explains nothing)")
     errors = [
-        (quantity, "  ".join(f"{axis} {value:.2g}" for axis, value in parts), unit)
+        (quantity, "  ".join(f"{axis} {significant(value, 2)}" for axis, value in parts), unit)
         for quantity, unit, parts in truth_rows(run)
     ]
     if errors:
@@ -43,23 +48,11 @@ def print_summary(run: Run) -> None:
     table(("quantity", "by axis", "unit"), errors, title=title)
     checks = bounds(run)
     if checks:
-        print(f"\nbounds: {sum(row['met'] for row in checks)} of {len(checks)} met")
-    table(
-        ("figure", "value", "at most", ""),
-        [
-            (
-                row["figure"],
-                f"{row['value']:.3g}",
-                f"{row['bound']:.3g}",
-                "" if row["met"] else "MISSED",
-            )
-            for row in checks
-        ],
-    )
-    met = [row["met"] for row in comparison_rows(run) if row["met"] is not None]
-    if met:
+        print_checks((), [((), check) for check in checks])
+    printed = [check_of(row) for row in comparison_rows(run)]
+    if any(check.met is not None for check in printed):
         print(
-            f"\nprinted values: {sum(met)} of {len(met)} bounds met (auvid reproduce"
+            f"\nprinted values: {count_met(printed)} bounds met (auvid reproduce"
             f" {run.campaign.name} prints them)"
         )
     files = result_files(run)
@@ -69,15 +62,11 @@ def print_summary(run: Run) -> None:
         print(f"{name + ':':<16}{path_from_here(path)}")
 
 
-def _ratio(value: float | None) -> str | None:
-    return None if value is None else f"{value:.3f}"
-
-
 def bound_missed(run: Run, stages: Sequence[AnyStage]) -> bool:
     """Return whether a bound of the campaign is missed by stages that were run."""
     names = {stage.name for stage in stages}
     checked = any(port.stage.name in names for port in run.graph.producers("trust_checks"))
-    return checked and not all(row["met"] for row in bounds(run))
+    return checked and not all(check.met for check in bounds(run))
 
 
 def result_files(run: Run) -> dict[str, Path]:
@@ -119,9 +108,13 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
     return [(quantity, unit, parts) for (quantity, unit), parts in found.items()]
 
 
-def bounds(run: Run) -> list[dict[str, Any]]:
+def bounds(run: Run) -> list[ReferenceCheck]:
     """Return the bounds of a twin campaign with what was measured (`trust_checks`)."""
-    return [row for table in _of_schema(run, "trust_checks") for row in table.to_pylist()]
+    return [
+        ReferenceCheck(row["figure"], row["value"], row["unit"], high=row["bound"])
+        for table in _of_schema(run, "trust_checks")
+        for row in table.to_pylist()
+    ]
 
 
 def comparison_rows(run: Run) -> list[dict[str, Any]]:
@@ -190,20 +183,9 @@ def print_checks(
     missed_only: bool = False,
 ) -> None:
     """Print how many bounds are met, and each check after its labels."""
-    judged = [check for _, check in checks if check.met is not None]
-    print(f"\nbounds: {sum(bool(check.met) for check in judged)} of {len(judged)} met")
-    rows = []
-    for of, check in checks:
-        if not (missed_only and check.verdict != "missed"):
-            required, measured, verdict, reason = check.cells
-            verdict = "MISSED" if check.failed else verdict
-            rows.append([*of, check.quantity, required, measured, verdict, reason])
-    used = [any(row[index] for row in rows) for index in range(len(labels) + 5)]
-    heads = [*labels, "quantity", *CHECK_COLUMNS]
-    table(
-        [head for head, keep in zip(heads, used, strict=True) if keep],
-        [[cell for cell, keep in zip(row, used, strict=True) if keep] for row in rows],
-    )
+    print(f"\nbounds: {count_met([check for _, check in checks])} met")
+    printed = [item for item in checks if not (missed_only and item[1].met)]
+    table(*check_rows(labels, printed, JUDGED))
 
 
 def shortened(lines: list[str]) -> list[str]:

@@ -152,16 +152,6 @@ def limit(name: str) -> float:
     return checks()[name].limit
 
 
-def number(value: float) -> str:
-    """Return a measured value with three digits."""
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
-
-
-def percent(share: float) -> str:
-    """Return a share in percent."""
-    return f"{100.0 * share:.3g} %"
-
-
 def listed(words: Sequence[str]) -> str:
     """Join words with commas, and `and` before the last."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -19,9 +19,8 @@ from auvid.stages.ingest.health.finding import (
     finding,
     limit,
     listed,
-    number,
-    percent,
 )
+from auvid.stages.number_format import percent, significant
 
 CLOCK_NOTE = re.compile(r"clock (goes back|leaps|of the log was set)")
 LEAPS = re.compile(r"(\d+) times? in all|(\d+) time\(s\) in all")
@@ -152,7 +151,7 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
         clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
         if clock is None:
             continue
-        rate = f"{stream} ({log.source(stream)}) comes at {number(clock.rate_hz)} Hz"
+        rate = f"{stream} ({log.source(stream)}) comes at {significant(clock.rate_hz)} Hz"
         if stream == "actuators" and clock.rate_hz < limit("low_actuator_rate"):
             yield finding("low_actuator_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
         if stream in ("imu", "attitude", "velocity") and clock.rate_hz < limit("low_rate"):
@@ -160,7 +159,7 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
         if stream in STEADY and clock.relative_jitter > limit("irregular_rate"):
             text = (
                 f"The steps of {stream} ({log.source(stream)}) scatter by"
-                f" {number(clock.relative_jitter)} times their median."
+                f" {significant(clock.relative_jitter)} times their median."
             )
             yield finding("irregular_rate", text, stream=stream, value=clock.relative_jitter)
 
@@ -186,7 +185,7 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
         ):
             top = float(np.abs(rates[:, worst]).max())
             text = (
-                f"Gyro {'xyz'[worst]} stands at its extreme of {number(top)} rad/s in"
+                f"Gyro {'xyz'[worst]} stands at its extreme of {significant(top)} rad/s in"
                 f" {clipped[worst]} samples."
             )
             yield finding("gyro_saturated", text, stream="imu", value=clipped[worst])
@@ -216,8 +215,8 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
             rate = float(1.0 / np.median(np.diff(t_s)))
             text = (
                 f"{percent(share)} of the samples of {stream} ({log.source(stream)}) repeat the one"
-                f" before: written at {number(rate)} Hz, new values come at"
-                f" {number(rate * (1.0 - share))} Hz."
+                f" before: written at {significant(rate)} Hz, new values come at"
+                f" {significant(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
 
@@ -238,7 +237,7 @@ def _constant_findings(
     if still:
         level = float(np.nanmax(values[:, still[0]]))
         parts = [
-            f"{names[index]} = {number(float(np.nanmax(values[:, index])))}" for index in still
+            f"{names[index]} = {significant(float(np.nanmax(values[:, index])))}" for index in still
         ]
         yield finding(
             "constant_signal",

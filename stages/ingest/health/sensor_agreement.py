@@ -26,9 +26,9 @@ from auvid.stages.ingest.health.finding import (
     finding,
     limit,
     listed,
-    number,
 )
 from auvid.stages.ingest.streams.mapping import OtherSource
+from auvid.stages.number_format import significant
 
 SMALLEST_TURN_RAD_S = 0.03
 """Standard deviation of a body rate below which the rounding of the attitude decides
@@ -131,8 +131,8 @@ def _axes(agreement: RateAgreement) -> Iterator[Finding]:
             off = float(agreement.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
                 text = (
-                    f"Gyro {XYZ[axis]} turns {number(1.0 + off)} times as much as {RATES[axis]} of"
-                    " the attitude."
+                    f"Gyro {XYZ[axis]} turns {significant(1.0 + off)} times as much as"
+                    f" {RATES[axis]} of the attitude."
                 )
                 yield finding("gyro_scale", text, stream="imu", value=off)
     if agreeing and abs(agreement.lag_s) > limit("gyro_lag"):
@@ -281,15 +281,15 @@ def _other_depths(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding
             and _wrong_unit(relation.scale)
         ):
             text = (
-                f"{other.source} moves {number(relation.scale)} times as much as {used}: the log"
-                " declares a wrong unit for it."
+                f"{other.source} moves {significant(relation.scale)} times as much as {used}: the"
+                " log declares a wrong unit for it."
             )
             yield finding("depth_unit", text, stream="depth", value=relation.scale)
         elif moved > limit("housing_barometer") and (
             abs(relation.scale - 1.0) > limit("depth_disagrees") or relation.correlation < 0.5
         ):
             text = (
-                f"{other.source} moves {number(relation.scale)} times as much as {used}"
+                f"{other.source} moves {significant(relation.scale)} times as much as {used}"
                 f" (correlation {relation.correlation:.2f})."
             )
             yield finding("depth_disagrees", text, stream="depth", value=abs(relation.scale - 1.0))

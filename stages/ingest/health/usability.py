@@ -10,8 +10,9 @@ import numpy as np
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed, number
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
+from auvid.stages.number_format import significant
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 SHORTEST_DRIVEN_S = 20.0
@@ -80,7 +81,8 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
     ]
     if still:
         parts = [
-            f"{MOTION_WORDS[axis]} {number(item['rms'])} {item['unit']}" for axis, item in still
+            f"{MOTION_WORDS[axis]} {significant(item['rms'])} {item['unit']}"
+            for axis, item in still
         ]
         text = f"Hardly any motion in {listed(parts)} (RMS; threshold {limit('not_excited'):g})."
         yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
@@ -121,7 +123,7 @@ def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> l
             motion = "not measured"
         elif not item["excited"]:
             motion = "hardly any motion"
-        reason = "" if item["rms"] is None else f"RMS {number(item['rms'])} {item['unit']}"
+        reason = "" if item["rms"] is None else f"RMS {significant(item['rms'])} {item['unit']}"
         rows.append((f"synthesise {name}", (residual and NO_FORCE) or motion, reason))
     return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
 

@@ -16,8 +16,8 @@ from auvid.stages.ingest.health.finding import (
     finding,
     limit,
     listed,
-    percent,
 )
+from auvid.stages.number_format import percent
 
 NEUTRAL_US = 1500.0
 PWM_LIMITS_US = (1100.0, 1900.0)

@@ -9,8 +9,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from auvid.hydro.arrays import Array
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import AXIS_INKS, ROLES, Ink, ink
-from auvid.stages.page.number_format import visible
 from auvid.stages.report.difference.signals import FORCE, MODEL, Pair, Side, Signals
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,

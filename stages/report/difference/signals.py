@@ -7,9 +7,9 @@ extrapolated.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,11 +19,16 @@ from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns, rms
+from auvid.stages.reference_check import ReferenceCheck, Tolerance
 
 STATE = (*VELOCITY, "z_m", *ATTITUDE)
 UNITS = {"m_s": "m/s", "rad_s": "rad/s", "m": "m", "rad": "rad", "N": "N", "N_m": "N m"}
 SAME_CLOCK_S = 1e-6
 NAMED = 6
+ROUNDING = 1e-9
+"""Differences below this share of the largest signal of the same kind and unit are
+rounding: a roll of 1e-16 rad is none.
+"""
 FORCE, MODEL = "residual force", "model"
 
 
@@ -76,56 +81,23 @@ class Pair:
 
 @dataclass(frozen=True)
 class SignalChange:
-    """How far one signal moved.
+    """How far one signal moved: RMS of the difference, held against a bound.
 
-    RMS of the first, of the difference, and its largest magnitude with its time in s of
-    the log.
+    Also the RMS of the first, and the largest difference with its time in s of the log.
     """
 
     segment: str
     kind: str
-    name: str
-    unit: str
     rms: float
-    rms_difference: float
     largest: float
     at_s: float
-
-
-@dataclass(frozen=True)
-class FigureChange:
-    """How far a coefficient or a named figure moved.
-
-    `sigmas`: the change in standard errors of the difference, None without them.
-    """
-
-    of: str
-    name: str
-    unit: str
-    old: float | None
-    new: float | None
-    old_error: float | None
-    new_error: float | None
-    old_verdict: str
-    new_verdict: str
+    check: ReferenceCheck
 
     @property
-    def sigmas(self) -> float | None:
-        """The change in standard errors, as if the two estimates were independent."""
-        if None in (self.old, self.new, self.old_error, self.new_error):
-            return None
-        spread = math.hypot(float(self.old_error or 0), float(self.new_error or 0))
-        return abs(float(self.new or 0) - float(self.old or 0)) / spread if spread > 0 else None
-
-
-def differs(old: float | None, new: float | None, relative: float) -> bool:
-    """Return whether two figures differ by more than a share of the larger.
-
-    A figure and None always differ.
-    """
-    if old is None or new is None:
-        return old is not new
-    return abs(new - old) > relative * max(abs(old), abs(new))
+    def document(self) -> dict[str, Any]:
+        """The change as JSON."""
+        place = {"segment": self.segment, "kind": self.kind, "rms": self.rms}
+        return {**place, "largest": self.largest, "at_s": self.at_s, **self.check.document}
 
 
 def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
@@ -241,51 +213,60 @@ def _pair(segment: str, kind: str, first: Signals, second: Signals) -> Pair | No
     return Pair(segment, kind, first, second, times, moved - first.values[inside])
 
 
-def signal_changes(matched: list[Pair]) -> Iterator[SignalChange]:
-    """How far each signal of each pair moved."""
+def signal_changes(matched: list[Pair], relative: float) -> list[SignalChange]:
+    """Return how far each signal of each pair moved.
+
+    The bound is a share of the signal's RMS, or of the largest of its kind: rounding.
+    """
+    changes = []
     for pair in matched:
+        parts = []
         for place, (name, unit) in enumerate(zip(pair.first.names, pair.first.units, strict=True)):
-            apart = pair.difference[:, place]
+            apart, whole = pair.difference[:, place], pair.first.values[:, place]
             good = np.isfinite(apart)
-            if not good.any():
-                continue
-            at = int(np.nanargmax(np.abs(apart)))
-            whole = pair.first.values[:, place]
-            size = rms(whole[np.isfinite(whole)])
-            yield SignalChange(
-                pair.segment,
-                pair.kind,
-                name,
-                unit,
-                size,
-                rms(apart[good]),
-                float(abs(apart[at])),
-                float(pair.times[at]),
+            if good.any():
+                sizes = rms(whole[np.isfinite(whole)]), rms(apart[good])
+                parts.append((name, unit, *sizes, int(np.nanargmax(np.abs(apart))), place))
+        for name, unit, size, moved, at, place in parts:
+            largest = max(max(item[2:4]) for item in parts if item[1] == unit)
+            bound = max(relative * size, ROUNDING * largest)
+            changes.append(
+                SignalChange(
+                    pair.segment,
+                    pair.kind,
+                    size,
+                    float(abs(pair.difference[at, place])),
+                    float(pair.times[at]),
+                    ReferenceCheck(name, moved, unit, high=bound),
+                )
             )
+    return changes
 
 
-def coefficient_changes(first: Side, second: Side) -> tuple[list[FigureChange], list[str]]:
-    """Return the coefficients and named figures of both sides, compared.
+def coefficient_changes(
+    first: Side, second: Side, relative: float
+) -> tuple[list[tuple[tuple[str], ReferenceCheck]], list[str]]:
+    """Return the coefficients and named figures of both sides, second held against first.
 
-    Also returns sentences on those that have no partner.
+    Each after its model or stage, and met within a share of the first with the same
+    verdict. Also returns sentences on those that have no partner.
     """
     one, two = _figures(first), _figures(second)
     changes = []
     for of, name in (key for key in one if key in two):
         old, new = one[of, name], two[of, name]
-        changes.append(
-            FigureChange(
-                of,
-                name,
-                str(old.get("unit") or ""),
-                old["value"],
-                new["value"],
-                old.get("standard_error"),
-                new.get("standard_error"),
-                str(old.get("verdict") or ""),
-                str(new.get("verdict") or ""),
-            )
+        check = ReferenceCheck(
+            name,
+            new["value"],
+            str(old.get("unit") or "1"),
+            reference=old["value"],
+            tolerance=Tolerance(relative=relative),
+            standard_error=new.get("standard_error"),
+            reference_error=old.get("standard_error"),
+            status=str(new.get("verdict") or ""),
+            required_status=str(old.get("verdict") or ""),
         )
+        changes.append(((of,), check))
     return changes, [
         *_only_here([key for key in one if key not in two], first),
         *_only_here([key for key in two if key not in one], second),

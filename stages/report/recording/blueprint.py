@@ -17,8 +17,8 @@ import rerun.blueprint as rrb
 from auvid.data_schemas.errors import DataError, nearest
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import is_model
-from auvid.stages.page.number_format import visible
 from auvid.stages.report.recording.rerun_stream import TIMELINE
 
 Owned = tuple[str, Document]

@@ -10,8 +10,8 @@ import rerun as rr
 
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import ROLES, Ink, inks_of, key
-from auvid.stages.page.number_format import visible
 from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
 
 PLACE = ("x_m", "y_m", "z_m")

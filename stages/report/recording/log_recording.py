@@ -26,8 +26,8 @@ from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.base import Document
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
-from auvid.stages.page.number_format import visible
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
 from auvid.stages.report.recording.recording import line_inks
 from auvid.stages.report.recording.rerun_stream import Recording

@@ -15,8 +15,8 @@ from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.base import Document
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import ROLES
-from auvid.stages.page.number_format import visible
 from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")

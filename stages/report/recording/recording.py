@@ -21,6 +21,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import (
     AXIS_INKS,
     ROLES,
@@ -33,7 +34,6 @@ from auvid.stages.page.colours import (
     roles_of,
 )
 from auvid.stages.page.first_screen import Summary
-from auvid.stages.page.number_format import visible
 from auvid.stages.page.svg_plots import telling_range
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,

@@ -15,8 +15,8 @@ import numpy as np
 import rerun as rr
 
 from auvid.hydro.arrays import Array
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import AXIS_INKS, Ink, key
-from auvid.stages.page.number_format import visible
 
 TIMELINE = "t"
 CHUNK_ROWS = 50_000

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvid.stages.base import Document
+from auvid.stages.number_format import number, visible
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
-from auvid.stages.page.number_format import number, visible
 
 MOST_ROWS = 60
 MARKS = {"finding": "✓", "note": "·", "warning": "!"}

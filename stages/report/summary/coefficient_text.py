@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable
-
 import numpy as np
 
 from auvid.data_schemas.documents.model import Quantity, assumed_quantities
@@ -17,6 +13,15 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.base import Document
+from auvid.stages.number_format import (
+    estimate,
+    fixed,
+    places_of_error,
+    printed_unit,
+    significant,
+    true_minus,
+    with_unit,
+)
 from auvid.stages.page.first_screen import AXIS_WORDS, CoefficientLine
 
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
@@ -144,23 +149,20 @@ def _symbol(axis: str, term: str) -> str:
 
 def _unit(axis: str, term: str) -> str:
     """Unit of a coefficient as engineers print it: N s/m, N s²/m², N m s/rad."""
-    return coefficient_unit(axis, term).translate(str.maketrans("234", "²³⁴")).replace("^", "")
+    return printed_unit(coefficient_unit(axis, term))
 
 
 def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:
-    """Return an estimate with error, unit and interval as text.
+    """Return an estimate with standard error, unit and interval as text.
 
-    `X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`: the error to one figure, or two if
-    it begins with 1.
+    `X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`.
     """
-    first = math.floor(math.log10(error))
-    digits = max(0, (1 if error < 2 * 10.0**first else 0) - first)
-    words = f"{symbol} = {value:.{digits}f} ± {error:.{digits}f} {unit}"
+    words = f"{symbol} = {estimate(value, error)} {unit}"
     if interval:
-        words += (
-            f" (95 %: {value - NORMAL_95 * error:.{digits}f} to"
-            f" {value + NORMAL_95 * error:.{digits}f})"
+        low, high = (
+            fixed(value + side * NORMAL_95 * error, places_of_error(error)) for side in (-1, 1)
         )
+        words += f" (95 %: {low} to {high})"
     return true_minus(words)
 
 
@@ -196,19 +198,13 @@ def _value(quantity: Quantity) -> str:
         and value.shape[0] == value.shape[1]
         and not np.any(value - np.diag(np.diag(value)))
     ):
-        words = f" diag({_numbers(np.diag(value))})"
+        words = f" diag({', '.join(map(significant, np.diag(value)))})"
     elif value.size > LONGEST:
         return ""
     else:
-        words = f" [{_numbers(value.ravel())}]" if value.ndim else f" {value:.4g}"
-    unit = quantity.unit.replace("*", " ").replace("^2", "²").replace("^3", "³")
-    return true_minus(words if unit == "1" else f"{words} {unit}")
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:.3g}" for value in values)
-
-
-def true_minus(words: str) -> str:
-    """Hyphens before numbers as minus signs; dates and names keep theirs."""
-    return re.sub(r"(?<![\w.])-(?=\d)", "−", words)
+        words = (
+            f" [{', '.join(map(significant, value.ravel()))}]"
+            if value.ndim
+            else f" {significant(float(value), 4)}"
+        )
+    return true_minus(with_unit(words, printed_unit(quantity.unit)))

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from functools import partial
 
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.base import Document
+from auvid.stages.number_format import (
+    fixed,
+    places_of_error,
+    printed_number,
+    printed_unit,
+    significant,
+    true_minus,
+    with_unit,
+)
 from auvid.stages.page.first_screen import Fact, Figure, Level, Summary
-from auvid.stages.page.number_format import number, printed_unit
-from auvid.stages.report.summary.coefficient_text import true_minus
 from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks
 
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
@@ -211,43 +218,21 @@ def _damaged(logs: Mapping[str, Document]) -> list[str]:
 
 
 def _figure(part: str, row: Document) -> Figure:
-    value, error, low, high = (
-        row["value"],
-        row.get("standard_error"),
-        row.get("low"),
-        row.get("high"),
-    )
-    places = _places(value, error)
-    words = (
-        "not determined" if value is None else true_minus(f"{value:{places}} {_unit(row)}".rstrip())
-    )
-    interval = (
-        "" if low is None or high is None else true_minus(f"{low:{places}} to {high:{places}}")
-    )
-    narrow = bool(interval) and f"{low:{places}}" == f"{high:{places}}"
+    """Return a figure with as many digits as its standard error supports, up to six."""
+    value, error, low, high = (row.get(key) for key in ("value", "standard_error", "low", "high"))
+    text = partial(significant, digits=4)
+    if value and error:
+        text = partial(fixed, places=places_of_error(error, value))
+    words = with_unit(text(value), printed_unit(str(row["unit"])))
+    interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
+    narrow = bool(interval) and text(low) == text(high)
     if (not interval or narrow) and error is not None and value is not None:
-        interval = f"± {number(float(f'{NORMAL_95 * error:.2g}'))}"
+        interval = f"± {printed_number(significant(NORMAL_95 * error, 2))}"
     return Figure(
         part,
         str(row["quantity"]),
-        words,
-        interval,
+        "not determined" if value is None else true_minus(words),
+        true_minus(interval),
         str(row.get("verdict") or ""),
         str(row.get("note") or ""),
     )
-
-
-def _unit(row: Document) -> str:
-    """kg*m^2 as kg m²."""
-    return "" if row["unit"] in ("1", "") else printed_unit(str(row["unit"]))
-
-
-def _places(value: float | None, error: float | None) -> str:
-    """Format with as many digits as the standard error supports, three to six.
-
-    Digits are significant figures.
-    """
-    if not value or not error or not math.isfinite(error):
-        return ".4g"
-    places = 1 - math.floor(math.log10(error))
-    return f".{max(0, min(places, 5 - math.floor(math.log10(abs(value)))))}f"

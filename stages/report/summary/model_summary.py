@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import pyarrow as pa
@@ -19,9 +20,11 @@ from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
+from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
+_decimals = partial(fixed, places=2, empty="unknown")
 CLOSE = 1.05
 OVERFIT = 2.0
 
@@ -141,7 +144,7 @@ def _verdict(
             "poor",
             "Take none of these models",
             (
-                f"The best of them, {best.title}, has J/J0 = {_figure(ratio)} {where}: predicting"
+                f"The best of them, {best.title}, has J/J0 = {_decimals(ratio)} {where}: predicting"
                 " no force at all does as well."
             ),
         )
@@ -150,14 +153,15 @@ def _verdict(
             "poor",
             f"{recommended.title} fits best, but nothing judges it",
             (
-                f"The campaign has no validation leg. J/J0 = {_figure(recommended.total.training)}"
-                " is on the training legs alone and says nothing about prediction."
+                "The campaign has no validation leg."
+                f" J/J0 = {_decimals(recommended.total.training)} is on the training legs alone"
+                " and says nothing about prediction."
             ),
         )
     validation, training = recommended.total.validation, recommended.total.training
     failing = _failing(recommended)
-    words = f"On the validation legs J/J0 = {_figure(validation)}"
-    words += f" (training {_figure(training)})" if training is not None else ""
+    words = f"On the validation legs J/J0 = {_decimals(validation)}"
+    words += f" (training {_decimals(training)})" if training is not None else ""
     words += (
         f": the error is {100 * (validation or 0):.0f} % of the force itself,"
         f" with {recommended.terms} terms"
@@ -169,7 +173,7 @@ def _verdict(
     )
     if recommended is not best:
         words += (
-            f" {best.title} has a slightly smaller error ({_figure(best.total.validation)}) with"
+            f" {best.title} has a slightly smaller error ({_decimals(best.total.validation)}) with"
             f" {best.terms} terms."
         )
     if failing:
@@ -379,10 +383,6 @@ def remarks(sections: Mapping[str, Document], level: str) -> list[str]:
         for block in blocks
         if block["kind"] == "remark" and block["level"] == level
     ]
-
-
-def _figure(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2f}"
 
 
 def plural(count: int, noun: str) -> str:

@@ -112,8 +112,8 @@ def test_a_missed_limit_is_told_in_the_unit_of_the_row():
     assert outputs.section is not None
     warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"][1:]
     assert warned == [
-        "Table 4, X_udot: -13.1 kg, asked at most -13.2",
-        "Table 4, X_udot: -13.1 kg, asked at least -13",
+        "Table 4, X_udot: -13.1 kg, required at most -13.2",
+        "Table 4, X_udot: -13.1 kg, required at least -13",
     ]
 
 
@@ -156,7 +156,7 @@ def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
     ]
     assert warned == [
         "0 of 1 bounds on the printed tables are met.",
-        "Table 4, X_udot: off by 3.52 %, asked at most 3 %",
+        "Table 4, X_udot: off by 3.52 %, required within 3 %",
     ]
 
 

@@ -191,7 +191,7 @@ def test_bounds_met_and_missed() -> None:
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
     assert warned == [
-        "Against the truth of the twin: RMS error of u, v, w is 0.0173, the bound is 0.017 m/s."
+        "Against the truth of the twin: RMS error of u, v, w: 0.0173 m/s, required at most 0.017."
     ]
 
 

@@ -4,6 +4,8 @@ in the report, and as a side of a diff.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -54,6 +56,16 @@ class Stub:
 def keep(folder: Path, entry: Entry, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(history, "_entry", lambda run, number: replace(entry, number=number))
     history.add_entry(Stub(folder))  # type: ignore[arg-type]
+
+
+def test_table_has_a_row_per_run_and_a_column_per_parameter_and_figure() -> None:
+    later = replace(ENTRY, number=2, parameters={"fuse": {"edge_s": 0.5}}, error_tables={})
+    rows = list(csv.DictReader(io.StringIO(history_page.to_csv([ENTRY, later]).decode())))
+    assert [row["number"] for row in rows] == ["1", "2"]
+    assert [row["parameters.fuse.cutoff_hz"] for row in rows] == ["2.0", ""]
+    assert [row["parameters.fuse.edge_s"] for row in rows] == ["", "0.5"]
+    assert [row["error_tables.validation.coe.ratio"] for row in rows] == ["0.75", ""]
+    assert [row["figures.pendulum: I_x.value"] for row in rows] == ["0.2", "0.2"]
 
 
 def test_run_is_remembered_once_and_again_when_something_changed(

@@ -17,8 +17,8 @@ from auvid.pipeline import cli
 from auvid.pipeline.commands.regress import changelog
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
-from auvid.pipeline.commands.regress.golden_tables import Departure, Tolerance
 from auvid.pipeline.commands.regress.regress_command import Setting
+from auvid.stages.reference_check import Tolerance
 
 AXES = "XYZKMN"
 ROOT = Path(__file__).resolve().parents[4]
@@ -128,13 +128,6 @@ def test_relative_tolerance_is_half_a_per_cent_of_the_old_value(
     )
 
 
-def test_larger_of_relative_and_absolute_counts() -> None:
-    tolerance = Tolerance("1", "test", relative=0.01, absolute=0.0005)
-    assert tolerance.allowed(1.0) == 0.01
-    assert tolerance.allowed(-1.0) == 0.01
-    assert tolerance.allowed(0.01) == 0.0005
-
-
 def test_departure_is_named_with_model_axis_old_new_tolerance(
     setting: Setting, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,62 +139,14 @@ def test_departure_is_named_with_model_axis_old_new_tolerance(
     )
     assert not regress.check(against(setting, new), as_json=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == [
-        "use",
-        "model",
-        "axis",
-        "figure",
-        "old",
-        "new",
-        "change",
-        "tolerance",
-        "times",
-        "tolerance",
-    ]
-    assert lines[1].split() == [
-        "validation",
-        "linear",
-        "all",
-        "rank",
-        "36",
-        "35",
-        "-1",
-        "(-2.78",
-        "%)",
-        "0",
-        "-",
-    ]
-    assert lines[2].split() == [
-        "validation",
-        "linear",
-        "all",
-        "J",
-        "2",
-        "2.5",
-        "+0.5",
-        "(+25",
-        "%)",
-        "0.01",
-        "N",
-        "and",
-        "N",
-        "m",
-        "mixed",
-        "50.0",
-    ]
-    assert lines[3].split() == [
-        "training",
-        "fossen",
-        "K",
-        "J/J0",
-        "0.5",
-        "0.6",
-        "+0.1",
-        "(+20",
-        "%)",
-        "0.005",
-        "20.0",
-    ]
+    heads = "use model axis quantity reference measured unit change tolerance times tolerance"
+    assert lines[0].split() == heads.split()
+    rank = "validation linear all rank 36 35 -1 (-2.78 %) 0"
+    assert lines[1].split() == rank.split()
+    moved = "validation linear all J 2 2.5 N and N m mixed +0.5 (+25 %) 0.01 50.0"
+    assert lines[2].split() == moved.split()
+    ratio = "training fossen K J/J0 0.5 0.6 +0.1 (+20 %) 0.005 20.0"
+    assert lines[3].split() == ratio.split()
     assert lines[-2] == "toy: 3 of 44 cells left their tolerance (golden)"
     assert "--update --message" in lines[-1]
 
@@ -269,20 +214,16 @@ def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str
     found = json.loads(capsys.readouterr().out)
     assert (found["holds"], found["held"]) == (False, 32)
     model, cell = found["departures"]
-    assert (model["kind"], model["use"], model["model"], model["tolerances"]) == (
-        "missing",
-        "validation",
-        "linear",
-        None,
-    )
-    assert (cell["kind"], cell["axis"], cell["figure"], cell["old"], cell["new"]) == (
+    assert "value" not in model
+    assert (model["kind"], model["use"], model["model"]) == ("missing", "validation", "linear")
+    assert (cell["kind"], cell["axis"], cell["quantity"], cell["reference"], cell["value"]) == (
         "changed",
         "K",
         "J/J0",
         0.5,
         0.6,
     )
-    assert (cell["allowed"], cell["tolerances"]) == pytest.approx((0.005, 20.0))
+    assert (cell["allowed"], cell["times_tolerance"]) == pytest.approx((0.005, 20.0))
     regress.update(against(setting, new), "fewer models", as_json=True)
     assert json.loads(capsys.readouterr().out)["written"] == [
         "golden/training.csv",
@@ -448,17 +389,14 @@ def test_default_folder_is_that_of_the_workspace_then_of_the_campaign(tmp_path: 
 
 
 def test_departure_names_its_axis_and_figure() -> None:
-    assert [
-        (
-            Departure("changed", "training", "coe", name).axis,
-            Departure("changed", "training", "coe", name).figure,
-        )
-        for name in ("ratio", "J0", "K")
-    ] == [
-        ("all", "J/J0"),
-        ("all", "J0"),
-        ("K", "J/J0"),
-    ]
+    new = tables(
+        training__linear__all__ratio=0.9,
+        training__linear__all__j0=9.0,
+        training__linear__K__ratio=1,
+    )
+    _, found = golden.compare(tables(), new, dict.fromkeys((*golden.FIXED[1:], *AXES), Tolerance()))
+    names = {item.column: (item.axis, item.check and item.check.quantity) for item in found}
+    assert names == {"ratio": ("all", "J/J0"), "J0": ("all", "J0"), "K": ("K", "J/J0")}
 
 
 def auvid(

@@ -12,8 +12,8 @@ from html.parser import HTMLParser
 
 import pytest
 
+from auvid.stages.number_format import number, printed_unit, symbols, term, visible
 from auvid.stages.page.html import Chapter, anchor, arrange, cells, heat, lead
-from auvid.stages.page.number_format import number, printed_unit, symbols, term, visible
 from auvid.stages.presentation import remark, section, table, text
 from auvid.stages.report import Params, run
 from tests.support.example_run import ExampleRun, example_run

@@ -22,10 +22,8 @@ from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.store.artefacts import encode
 from auvid.stages.report.difference.signals import (
-    FigureChange,
     Side,
     coefficient_changes,
-    differs,
     pairs,
     signal_changes,
 )
@@ -84,10 +82,11 @@ def test_run_against_itself_has_no_change_and_no_lonely_signal() -> None:
         for kind in ("state", "model linear", "model fossen")
     }
     assert alone == []
-    assert all(change.rms_difference == 0.0 for change in signal_changes(found))
-    figures, lonely = coefficient_changes(side, side)
+    assert all(change.check.value == 0.0 for change in signal_changes(found, 0.0))
+    figures, lonely = coefficient_changes(side, side, 0.0)
     assert lonely == []
-    assert all(change.old == change.new for change in figures)
+    assert figures
+    assert all(check.change in (0.0, None) and check.met for _, check in figures)
 
 
 def test_shift_of_one_signal_is_found_where_it_is() -> None:
@@ -99,12 +98,13 @@ def test_shift_of_one_signal_is_found_where_it_is() -> None:
         fused.column_names.index("u_m_s"), fused.schema.field("u_m_s"), [moved]
     )
     found, _ = pairs(side_of(one, "a"), side_of(two, "b"))
-    changed = [change for change in signal_changes(found) if change.rms_difference > 0]
-    assert [(change.segment, change.kind, change.name, change.unit) for change in changed] == [
-        ("check", "state", "u", "m/s")
-    ]
+    changed = [change for change in signal_changes(found, 1e-6) if not change.check.met]
+    assert [
+        (change.segment, change.kind, change.check.quantity, change.check.unit)
+        for change in changed
+    ] == [("check", "state", "u", "m/s")]
     assert changed[0].largest == pytest.approx(0.5)
-    assert changed[0].rms_difference == pytest.approx(0.5 / np.sqrt(60))
+    assert changed[0].check.value == pytest.approx(0.5 / np.sqrt(60))
     assert changed[0].at_s == pytest.approx(
         6.0 + 20 / 20.0
     )  # the leg starts 6 s into the log, 20 samples a second
@@ -155,7 +155,7 @@ def test_what_has_no_partner_is_said() -> None:
     del two.segments["check"], two.cards["coe"]
     _, alone = pairs(side_of(one, "a"), side_of(two, "b"))
     assert alone == ["check: state, model linear, model fossen only in a"]
-    _, lonely = coefficient_changes(side_of(one, "a"), side_of(two, "b"))
+    _, lonely = coefficient_changes(side_of(one, "a"), side_of(two, "b"), 0.0)
     assert lonely == ["model coe: X u, X v, X w, X u*|v|, Y u, Y v and 18 more only in a"]
 
 
@@ -164,17 +164,7 @@ def test_two_models_of_one_run_are_partners() -> None:
     found, alone = pairs(side_of(run, "a", model="linear"), side_of(run, "a", model="fossen"))
     assert {pair.kind for pair in found} == {"state", "model"}
     assert alone == []
-    assert any(change.rms_difference > 0.1 for change in signal_changes(found))
-
-
-def test_change_in_standard_errors() -> None:
-    change = FigureChange("model", "X u", "N s/m", -3.0, -4.0, 0.3, 0.4, "weak", "identified")
-    assert change.sigmas == pytest.approx(2.0)
-    assert replace(change, new=None).sigmas is None
-    assert differs(None, 1.0, 0.1)
-    assert not differs(None, None, 0.0)
-    assert not differs(1.0, 1.0 + 1e-9, 1e-6)
-    assert differs(0.0, 1e-30, 1e-6)
+    assert any((change.check.value or 0.0) > 0.1 for change in signal_changes(found, 0.0))
 
 
 def call(*words: object) -> tuple[int, str]:
@@ -284,13 +274,13 @@ def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_
     }
     assert not diff.diff(str(first), str(second), as_json=True)
     found = json.loads(capsys.readouterr().out)
-    assert [(item["of"], item["name"], item["new"]) for item in found["figures"]] == [
+    assert [(item["of"], item["quantity"], item["value"]) for item in found["figures"]] == [
         ("surge of leg tank", "X_udot", -14.0)
     ]
-    assert [(item["segment"], item["kind"], item["name"]) for item in found["signals"]] == [
+    assert [(item["segment"], item["kind"], item["quantity"]) for item in found["signals"]] == [
         ("tank", "run", "linear")
     ]
-    assert found["signals"][0]["rms_difference"] == pytest.approx(0.1)
+    assert found["signals"][0]["value"] == pytest.approx(0.1)
 
 
 def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(

@@ -124,8 +124,16 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
     assert "inertia diag(0.26, 0.23, 0.37) kg m²" in text
     assert "centre of gravity [0, 0, −0.01] m" in text
     assert "; thrust curve: force." in text
-    assert "dvl" not in text
+    assert run.vehicle.document.sensors.dvl is not None
+    assert "dvl" not in text, "its arm and lag are measured here"
     assert "Log dive is truncated: 0.4 s are lost." in text
+
+
+def test_assumed_lag_of_the_velocity_log_is_named(run: ExampleRun) -> None:
+    run.vehicle = example_vehicle(sensors__dvl__lag=0.15)
+    text = "\n".join(summary_of(run).missing)
+    assert "2 figures assumed, not measured" in text
+    assert "dvl: lag 0.15 s" in text
 
 
 @pytest.mark.parametrize(("diverged", "said"), [(0, False), (3, True)])

@@ -1,0 +1,157 @@
+"""Numbers, units, symbols and foreign strings as page, recording and terminal print them."""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from typing import Any
+
+from markupsafe import Markup, escape
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+HIDDEN = {"Cc", "Cf", "Co", "Cs"}
+POWER = re.compile(r"\^(-?\d+)")
+SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyz]|dot|\|)+)(?![A-Za-z0-9_])")
+NUMERIC = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+DOT = "\u0307"
+
+
+def significant(value: float | None, digits: int = 3, *, sign: str = "", empty: str = "-") -> str:
+    """Return a number to some significant digits, without an exponent below a million.
+
+    `sign="+"` marks a gain.
+
+    >>> significant(0.017321), significant(0.5, sign="+"), significant(12345.6)
+    ('0.0173', '+0.5', '12346')
+    """
+    if value is None:
+        return empty
+    whole = 10.0**digits <= abs(value) < 1e6
+    return f"{value:{sign}.0f}" if whole else f"{value:{sign}.{digits}g}"
+
+
+def fixed(value: float | None, places: int, *, empty: str = "-") -> str:
+    """Return a number to some decimals."""
+    return empty if value is None else f"{value:.{places}f}"
+
+
+def as_printed(value: float | None, *, places: int = 4, sign: str = "", empty: str = "-") -> str:
+    """Return a number to the decimals of a printed table, tiny ones by their size.
+
+    >>> as_printed(-27.9347), as_printed(1.2e-5), as_printed(3.9251, places=2, sign="+")
+    ('-27.9347', '1.2e-05', '+3.93')
+    """
+    if value is None:
+        return empty
+    large = value == 0.0 or abs(value) >= 10.0 ** (1 - places)
+    return f"{value:{sign if value else ''}.{places}f}" if large else f"{value:{sign}.2g}"
+
+
+def percent(share: float | None, digits: int = 3, *, sign: str = "", empty: str = "-") -> str:
+    """Return a share in percent: `0.5 %`."""
+    return empty if share is None else f"{significant(100.0 * share, digits, sign=sign)} %"
+
+
+def with_unit(words: str, unit: str) -> str:
+    """Return a number's text with its unit; a ratio has none."""
+    return words if unit in ("", "1") else f"{words} {unit}"
+
+
+def places_of_error(error: float, value: float = 0.0) -> int:
+    """Return the decimals that show an error to one figure, two if it begins with 1.
+
+    No more than give a value six figures.
+
+    >>> places_of_error(0.9), places_of_error(0.0123), places_of_error(41.0)
+    (1, 3, 0)
+    >>> places_of_error(1e-9, 34.0)
+    4
+    """
+    first = math.floor(math.log10(error))
+    places = (1 if error < 2.0 * 10.0**first else 0) - first
+    return max(0, min(places, 5 - math.floor(math.log10(abs(value)))) if value else places)
+
+
+def estimate(value: float | None, half_width: float | None, *, empty: str = "-") -> str:
+    """Return a number and the half width of its interval to the figures of the latter.
+
+    >>> estimate(-13.512, 0.196), estimate(34.0, None)
+    ('-13.51 ± 0.20', '34')
+    """
+    if value is None or not half_width or not math.isfinite(half_width):
+        return significant(value, 5, empty=empty)
+    places = places_of_error(half_width)
+    return f"{value:.{places}f} ± {half_width:.{places}f}"
+
+
+def true_minus(words: str) -> str:
+    """Hyphens before numbers as minus signs; dates and names keep theirs."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", words)
+
+
+def visible(value: Any) -> Any:
+    """Return strings with control and direction characters shown as signs.
+
+    Unpaired surrogates too, so that none of them can act.
+    """
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return "".join(
+        _escaped_character(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c
+        for c in value
+    )
+
+
+def _escaped_character(character: str) -> str:
+    code = ord(character)
+    return chr(0x2400 + code) if code < 0x20 else "\ufffd"
+
+
+def symbols(words: str) -> Markup:
+    """Return text escaped, with coefficients as printed.
+
+    `X_udot`, `Y_v|v|`, `I_z` get their indices as such.
+    """
+    escaped = str(escape(visible(words)))
+    return Markup(
+        SYMBOL.sub(lambda match: f"{match[1]}<sub>{match[2].replace('dot', DOT)}</sub>", escaped)
+    )
+
+
+def printed_unit(unit: str) -> str:
+    """A unit as engineers print it: kg*m^2 -> kg m², 1/s^2 -> 1/s²."""
+    return POWER.sub(lambda match: match[1].translate(RAISED), unit).replace("*", " ")
+
+
+def is_numeric(words: str) -> bool:
+    """Return whether a text is a number with digits of its author's choice."""
+    return NUMERIC.fullmatch(words) is not None
+
+
+def term(name: str) -> str:
+    """Return a basis term as printed: `v*|v|` -> v|v|, `u*u` -> u².
+
+    `(u*v)*(eta-1)` -> uv(η−1).
+    """
+    factors = name.replace("(eta-1)", "η").replace("(", "").replace(")", "").split("*")
+    if len(factors) >= 2 and factors[0] == factors[1]:
+        factors[:2] = [f"{factors[0]}²"]
+    return "".join("(η−1)" if factor == "η" else factor for factor in factors)
+
+
+def number(value: float) -> str:
+    """Return a number to four figures, integers whole, with a true minus sign."""
+    if isinstance(value, int):
+        return printed_number(f"{value}")
+    return printed_number(f"{value:.3e}" if abs(value) >= 1e6 else significant(value, 4))
+
+
+def printed_number(words: str) -> str:
+    """Return a number's text with a true minus sign and its power of ten.
+
+    `-1.2e-05` -> −1.2×10⁻⁵.
+    """
+    mantissa, _, power = words.partition("e")
+    tail = f"×10{str(int(power)).translate(RAISED)}" if power else ""
+    return mantissa.replace("-", "−") + tail
