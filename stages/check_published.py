@@ -106,7 +106,7 @@ def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> di
         "least": row.get("least"),
         "most": row.get("most"),
     }
-    entry = {
+    entry: dict[str, Any] = {
         "table": name,
         "quantity": str(row["quantity"]),
         "unit": str(row["unit"]),
