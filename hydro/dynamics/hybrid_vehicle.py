@@ -10,7 +10,7 @@ are the batch; parameters may differ from member to member.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +37,7 @@ INPUTS = ("X_thrust", "delta_r", "delta_s_right", "delta_s_left")
 PARAMETER_SETS = ("as_printed", "as_simulated", "corrected")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HybridVehicle:
     """Constants of the motion of a hybrid vehicle.
 
@@ -188,8 +188,10 @@ def nu_dot(
     if current_ned_m_s is not None:
         drift = _to_body(eta, current_ned_m_s)
         nu = np.concatenate([nu[..., :3] - drift, nu[..., 3:]], axis=-1)
-    r_G = hybrid.r_G(x_G)
-    M = rigid_body_matrix(mass, r_G, hybrid.vehicle.inertia) - hybrid.added_mass
+    if mass.ndim == x_G.ndim == 0:
+        r_G, M, inverse = _inertia(hybrid, float(mass), float(x_G))
+    else:
+        r_G, M, inverse = hybrid.r_G(x_G), hybrid.mass_matrix(mass, x_G), None
     weight = mass * hybrid.vehicle.gravity
     tau = restoring_force(
         eta, weight=weight, buoyancy=hybrid.buoyancy, r_G=r_G, r_B=hybrid.vehicle.r_B
@@ -204,12 +206,21 @@ def nu_dot(
         push = _to_body(eta, force_ned_N)
         tau[..., :3] += push
         tau[..., 3:] += cross(np.broadcast_to(r_G, push.shape), push)
-    rate = tau @ np.linalg.inv(M).T if M.ndim == 2 else np.linalg.solve(M, tau[..., None])[..., 0]
+    rate = np.linalg.solve(M, tau[..., None])[..., 0] if inverse is None else tau @ inverse.T
     if drift is not None:
         # In a steady current the body components of the water's velocity turn with the
         # vehicle: d/dt = -omega x v_c.
         rate[..., :3] -= cross(nu[..., 3:], drift)
     return np.asarray(rate)
+
+
+@lru_cache(maxsize=256)
+def _inertia(
+    hybrid: HybridVehicle, mass_kg: float, x_G_m: float
+) -> tuple[Array, Array, Array | None]:
+    """Return r_G, M and the inverse (None for members): a flight asks at every step."""
+    M = hybrid.mass_matrix(mass_kg, x_G_m)
+    return hybrid.r_G(x_G_m), M, np.linalg.inv(M) if M.ndim == 2 else None
 
 
 def chi_dot(

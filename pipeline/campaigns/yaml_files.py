@@ -68,10 +68,11 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
         content = path.read_bytes()
     try:
         text = content.decode("utf-8")
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
         lines: dict[str, int] = {}
         _walk(node, "", lines, path, set())
-        value = yaml.safe_load(text)
+        value = None if node is None else loader.construct_document(node)
     except UnicodeDecodeError as fault:
         raise CampaignError(
             "not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1

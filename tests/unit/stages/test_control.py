@@ -252,6 +252,8 @@ def test_bad_cases_are_named(change: Any, words: str) -> None:
         "undisturbed": cases["trajectories"]["helix"]["flights"]["undisturbed"]
     }
     cases["redesign"] = []
+    cases["open_loop"] = {"straight": cases["open_loop"]["straight"]}
+    cases["linear"] = ["straight"]
     change(cases)
     with pytest.raises(CampaignError, match=words):
         run(HAUV, cases, members=2)
