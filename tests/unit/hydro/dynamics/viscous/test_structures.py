@@ -6,9 +6,9 @@ import pytest
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis
-from auvid.hydro.dynamics.viscous.models import model_force
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
 from auvid.hydro.dynamics.viscous.symmetry import MIRRORS, allowed_terms, allows
+from tests.support.dynamics_oracles import model_force
 
 # Signs of (u v w p q r), and so of (X Y Z K M N), behind a mirror: a polar vector turns
 # along the normal, an axial one across it.
