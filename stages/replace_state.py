@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
 from auvid.stages.base import Collection, Document, Stage, param, port
@@ -19,7 +19,7 @@ from auvid.stages.truth_lookup import truth_of
 
 @dataclass(frozen=True)
 class Inputs:
-    segment: Document = port("segment")
+    segment: SegmentRecord = port("segment")
     resampled: pa.Table = port("resampled")
     truth: Collection[pa.Table] = port("truth", many=True)
 
@@ -32,7 +32,7 @@ class Params:
 @dataclass(frozen=True)
 class Outputs:
     fused: pa.Table = port("fused")
-    fusion: Document = port("fusion")
+    fusion: FusionRecord = port("fusion")
     section: Document = port("section")
 
 
@@ -45,7 +45,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     """
     segment, t_s = inputs.segment, clock(inputs.resampled)
     t_s = t_s[(t_s >= params.edge_s) & (t_s <= t_s[-1] - params.edge_s)]
-    at = t_s + float(segment["leg_start_s"])
+    at = t_s + float(segment.leg_start_s)
     truth = truth_of(inputs.truth, segment, at)
     eta, nu, nu_dot = (
         np.asarray(CubicSpline(clock(truth), matrix(truth, names))(at))
@@ -65,21 +65,21 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for index, name in enumerate(VELOCITY)
         if name in sensed.column_names
     }
-    fusion: dict[str, Any] = {
-        "segment": segment["id"],
-        "method": "truth",
-        "as_published": False,
-        "accelerometer": None,
-        "gyro_bias_rad_s": None,
-        "accel_bias_m_s2": None,
-        "cutoff_hz": None,
-        "edge_s": params.edge_s,
-        "integrated_sway_rms_m_s": None,
-        "rms": sensor_rms,
-        "warnings": [],
-    }
+    fusion = FusionRecord(
+        segment=segment.id,
+        method="truth",
+        as_published=False,
+        accelerometer=None,
+        gyro_bias_rad_s=None,
+        accel_bias_m_s2=None,
+        cutoff_hz=None,
+        edge_s=params.edge_s,
+        integrated_sway_rms_m_s=None,
+        rms=sensor_rms,
+        warnings=[],
+    )
     note = text("The state is the truth of the twin, not a measurement of its sensors.")
-    own_section = section(f"State of {segment['id']} (truth)", [note], order=30)
+    own_section = section(f"State of {segment.id} (truth)", [note], order=30)
     return Outputs(make_table("fused", columns), fusion, own_section)
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
@@ -26,19 +27,19 @@ def true_values(truth: pa.Table, names: Sequence[str], at: Array) -> Array:
     return np.column_stack([np.interp(at, clock(truth), column(truth, name)) for name in names])
 
 
-def truth_of(truths: Mapping[str, pa.Table], segment: Document, at: Array) -> pa.Table:
+def truth_of(truths: Mapping[str, pa.Table], segment: SegmentRecord, at: Array) -> pa.Table:
     """Return the truth of a segment's log.
 
     Raises `DataError` where there is none, or where it does not cover the times (n,)
     [s].
     """
-    log = str(segment["log"])
+    log = str(segment.log)
     if log not in truths:
         raise DataError(f"there is no truth of log '{log}'", allowed=tuple(truths))
     known = clock(truths[log])
     if not len(at) or at[0] < known[0] or at[-1] > known[-1]:
         raise DataError(
-            f"the truth of log '{log}' does not cover segment '{segment['id']}'",
+            f"the truth of log '{log}' does not cover segment '{segment.id}'",
             value=(float(known[0]), float(known[-1])),
         )
     return truths[log]
@@ -50,7 +51,7 @@ def drawn_biases(simulation: Document) -> dict[str, Mapping[str, Sequence[float]
 
 
 def bias_errors(
-    fusion: Document, drawn: Mapping[str, Sequence[float]], rotation: npt.ArrayLike
+    fusion: FusionRecord, drawn: Mapping[str, Sequence[float]], rotation: npt.ArrayLike
 ) -> dict[str, tuple[Array, Array]]:
     """Return estimate minus truth, and truth (3,), of each fused bias.
 
@@ -61,9 +62,10 @@ def bias_errors(
     """
     errors = {}
     for name, known in BIASES.items():
-        if fusion[name] is not None and known in drawn:
+        fused: list[float] | None = getattr(fusion, name)
+        if fused is not None and known in drawn:
             true = np.asarray(rotation, dtype=np.float64) @ np.asarray(
                 drawn[known], dtype=np.float64
             )
-            errors[name] = (np.asarray(fusion[name], dtype=np.float64) - true, true)
+            errors[name] = (np.asarray(fused, dtype=np.float64) - true, true)
     return errors

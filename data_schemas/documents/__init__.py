@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from auvid.data_schemas.documents.model import Model
@@ -47,12 +47,31 @@ def model_of(name: str) -> type[Model]:
     return model
 
 
+DELIVERED = frozenset({"fusion", "log_info", "model_card", "segment", "triangular_factor"})
+"""Documents that reach a stage as their models; the others do as mappings."""
+
+
+def delivered(document: object, name: str, *, file: object = None) -> Any:
+    """Return a document as a stage gets it, checked: a model, or a mapping."""
+    from auvid.data_schemas.documents.model import parse
+
+    model = parse(model_of(name), document, file=file)
+    return model if name in DELIVERED else document
+
+
+def written(document: object) -> object:
+    """Return a document as it is written: the fields of a model that were given."""
+    from auvid.data_schemas.documents.model import Model
+
+    return document.model_dump(exclude_unset=True) if isinstance(document, Model) else document
+
+
 def check_document(document: object, name: str, *, file: object = None) -> None:
     """Raise all faults of a document together; tuples pass for lists."""
     from auvid.data_schemas.documents.model import parse
 
     where = file if file is not None else f"document '{name}'"
-    parse(model_of(name), _plain(document), file=where)
+    parse(model_of(name), _plain(written(document)), file=where)
 
 
 def _plain(value: object) -> object:

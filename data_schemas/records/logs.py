@@ -6,16 +6,87 @@ from typing import Literal
 
 from auvid.data_schemas.documents.model import Model
 
+Accelerometer = Literal["specific_force", "inertial", "derivative"]
+"""What accelerometer columns measure: gravity inside, gravity taken off, d(velocity)/dt."""
+
+
+class SkippedInFile(Model):
+    """Bytes of a file that gave no record, for one reason."""
+
+    reason: str
+    """Why they gave none."""
+    bytes: int
+    """How many bytes."""
+    count: int
+    """In how many pieces."""
+
+
+class FileInfo(Model):
+    """One file of a log and what became of its bytes."""
+
+    name: str
+    """Name as the manifest writes it."""
+    format: str
+    """Format as recognised."""
+    size_bytes: int
+    """Size."""
+    record_bytes: int
+    """Bytes of records."""
+    definition_bytes: int
+    """Bytes of definitions."""
+    skipped: list[SkippedInFile]
+    """Bytes that gave nothing, by reason."""
+    status: Literal["complete", "truncated", "damaged"]
+    """Whether the file is whole."""
+    seconds_lost: float
+    """Time that the skipped bytes stand for."""
+
+
+class StreamSource(Model):
+    """One way in which the log could fill a stream."""
+
+    source: str
+    """Message, with the instance of its sensor."""
+    columns: str
+    """Fields that it fills."""
+    status: str
+    """Used, or why not."""
+
+
+class StreamInfo(Model):
+    """One stream of a log: source, rows, rate and gaps."""
+
+    source: str
+    """Message it was taken from."""
+    alternatives: list[StreamSource]
+    """Every way in which the log could fill it, in order of preference."""
+    columns: list[str]
+    """Fields that it has."""
+    rows: int
+    """Usable samples."""
+    rejected: int
+    """Rejected samples."""
+    rate_hz: float | None
+    """Mean rate without pauses; null for what is logged on change."""
+    start_us: int
+    """First sample."""
+    end_us: int
+    """Last sample."""
+    duration_s: float
+    """From the first to the last sample."""
+    longest_gap_s: float
+    """Longest step."""
+    gaps: int
+    """Steps longer than the limit."""
+
 
 class LogInfo(Model):
     """What a log is and what was taken from it."""
 
     log: str
     """Id of the log in the campaign."""
-    files: list[dict[str, object]]
-    """Per file: name, format, size_bytes, record_bytes, definition_bytes, skipped
-    (reason, bytes, count), status, seconds_lost.
-    """
+    files: list[FileInfo]
+    """Per file: format, bytes, what was skipped, seconds lost."""
     status: Literal["complete", "truncated", "damaged"]
     """The worst of its files."""
     start_us: int
@@ -26,15 +97,13 @@ class LogInfo(Model):
     """Add to time_us to get UTC microseconds since 1970; null where unknown."""
     vehicle: str | None = None
     """Vehicle and firmware as the log says."""
-    parameters: dict[str, object]
+    parameters: dict[str, float | None]
     """Parameters of the vehicle."""
-    accelerometer: Literal["specific_force", "inertial", "derivative"] | None = None
+    accelerometer: Accelerometer | None = None
     """What the accelerometer columns measure."""
-    streams: dict[str, dict[str, object]]
-    """Per stream: source, alternatives, rows, rate_hz, start_us, end_us, longest_gap_s,
-    duration_s.
-    """
-    counts: dict[str, object]
+    streams: dict[str, StreamInfo]
+    """Per stream: source, rows, rate, gaps."""
+    counts: dict[str, int]
     """Records per message type."""
     notes: list[str]
     """Sentences a user should read."""

@@ -32,8 +32,21 @@ class CovarianceCard(Model):
 
     terms: list[str]
     """Terms that carry a number."""
-    lower: list[list[object]]
+    lower: list[list[float]]
     """Rows of the lower triangle in SI."""
+
+
+class Combination(Model):
+    """A combination of inseparable terms that the data determine."""
+
+    weights: dict[str, float]
+    """Term -> its weight."""
+    value: float
+    """Weighted sum in SI."""
+    standard_error: float | None = None
+    """Standard error of the sum."""
+    reading: str
+    """The sum and its value as printed."""
 
 
 class AxisCard(Model):
@@ -59,7 +72,7 @@ class AxisCard(Model):
     """Covariance of the coefficients for coloured residuals: terms, and the rows of the
     lower triangle.
     """
-    combinations: list[dict[str, object]]
+    combinations: list[Combination]
     """What the data determine of inseparable terms: weights per term and value."""
 
 
@@ -73,8 +86,19 @@ class PriorCard(Model):
     """Where the means come from."""
     relative_sd: float
     """Standard deviation as a share of each mean."""
-    means: dict[str, dict[str, object]]
+    means: dict[str, dict[str, float]]
     """Per axis, term -> mean in SI."""
+
+
+class VelocityRange(Model):
+    """What the training legs cover of a velocity, in SI."""
+
+    rms: float
+    """Root mean square."""
+    low: float
+    """Smallest value."""
+    high: float
+    """Largest value."""
 
 
 class ModelCard(Model):
@@ -108,9 +132,9 @@ class ModelCard(Model):
     """Per axis: rms_N (J0), residual_rms (J), terms."""
     not_applicable: list[str]
     """Terms left out because the vehicle has no propeller speed."""
-    conditions: dict[str, object]
+    conditions: dict[str, VelocityRange]
     """Range of u v w p q r in training."""
-    solution: dict[str, dict[str, object]]
+    solution: dict[str, dict[str, float]]
     """Per axis, term -> value used for prediction (minimum norm on inseparable groups).
     """
     prior: PriorCard | None = None
@@ -138,5 +162,5 @@ class FactorRecord(Model):
     """Basis columns."""
     samples: int
     """Rows that went in."""
-    factor: list[list[object]]
+    factor: list[list[float]]
     """Rows of the upper triangle."""

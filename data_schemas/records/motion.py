@@ -7,6 +7,34 @@ from typing import Literal
 from auvid.data_schemas.documents.model import Model
 
 
+class ChannelSmoothing(Model):
+    """How the spline of one channel was chosen."""
+
+    method: str
+    """gcv, cutoff or none."""
+    lam: float
+    """Smoothing parameter."""
+    cutoff_hz: float | None
+    """Half-amplitude frequency; null without smoothing."""
+    noise_sd: float | None
+    """Standard deviation of the noise; null without smoothing."""
+    sample_hz: float
+    """Mean rate of the samples."""
+
+
+class LegGap(Model):
+    """A pause longer than allowed, in seconds from the start of the log."""
+
+    stream: str
+    """The stream that pauses."""
+    start_s: float
+    """Last sample before it."""
+    end_s: float
+    """First sample after it."""
+    duration_s: float
+    """Length."""
+
+
 class SegmentRecord(Model):
     """One segment, a leg or the part of it between gaps, and how it was resampled."""
 
@@ -30,14 +58,44 @@ class SegmentRecord(Model):
     """Rate of the uniform clock."""
     lags_s: dict[str, float]
     """Lag taken off each sensor."""
-    smoothing: dict[str, object]
+    smoothing: dict[str, ChannelSmoothing]
     """Per channel: how the spline was chosen (lambda, equivalent cutoff, noise
     estimate).
     """
-    gaps: list[dict[str, object]]
+    gaps: list[LegGap]
     """Gaps of the leg that split it."""
     notes: list[str]
     """Sentences a user should read."""
+
+
+class InstallationRecord(Model):
+    """Estimated arm and mounting of the velocity sensor; null where not determined."""
+
+    dvl_arm_m: list[float | None]
+    """Arm x y z."""
+    dvl_arm_sd_m: list[float | None]
+    """Its standard deviations."""
+    dvl_mounting_rad: list[float | None]
+    """Small rotation in addition to the mounting of the vehicle file."""
+    dvl_mounting_sd_rad: list[float | None]
+    """Its standard deviations."""
+    dvl_arm_determined: list[bool]
+    """Whether the segment determines each component of the arm."""
+    dvl_mounting_determined: list[bool]
+    """Whether the segment determines each component of the mounting."""
+
+
+class CurrentRecord(Model):
+    """Water current of a segment."""
+
+    verdict: Literal["observable", "not observable"]
+    """Whether the sensors determine it."""
+    reason: str
+    """Why."""
+    ned_m_s: list[float] | None
+    """Mean current north, east, down; null where not observable."""
+    sd_m_s: list[float] | None
+    """Its standard deviations."""
 
 
 class FusionRecord(Model):
@@ -61,11 +119,11 @@ class FusionRecord(Model):
     """Width cut at either end."""
     integrated_sway_rms_m_s: float | None = None
     """RMS of integrated against measured sway."""
-    installation: dict[str, object] | None = None
+    installation: InstallationRecord | None = None
     """Estimated arm and mounting of the velocity sensor, with standard deviations and
     what the data determine.
     """
-    current: dict[str, object] | None = None
+    current: CurrentRecord | None = None
     """Water current, where it was asked for: verdict (observable, not observable),
     reason, ned_m_s, sd_m_s.
     """

@@ -8,15 +8,15 @@ card, on the general equations of motion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, Array, cross, matrix_product, read_only
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm
@@ -313,7 +313,7 @@ class IdentifiedPlant:
 
 
 def identified_plant(
-    vehicle: Vehicle, card: Mapping[str, Any], *, fin_limit_rad: float, fin_rate_rad_s: float
+    vehicle: Vehicle, card: ModelCard, *, fin_limit_rad: float, fin_rate_rad_s: float
 ) -> IdentifiedPlant:
     """The plant of a vehicle and a model card: the coefficients of its `solution`, a
     constant force where one was fitted.
@@ -321,16 +321,16 @@ def identified_plant(
     The propeller's speed is limited to the table of level speeds, thruster forces to
     their curve. Raises `CampaignError` where the card belongs to another vehicle.
     """
-    if card["vehicle"] != vehicle.name:
+    if card.vehicle != vehicle.name:
         raise CampaignError(
             "the model card belongs to another vehicle",
             field="model",
-            value=card["vehicle"],
+            value=card.vehicle,
             allowed=vehicle.name,
             remedy="Name its card.",
         )
     coefficients, trim = card_coefficients(card)
-    model = IdentifiedModel(str(card["name"]), coefficients)
+    model = IdentifiedModel(str(card.name), coefficients)
     return IdentifiedPlant(
         vehicle,
         model.name,
@@ -341,9 +341,9 @@ def identified_plant(
     )
 
 
-def card_coefficients(card: Mapping[str, Any]) -> tuple[dict[str, dict[str, float]], Array]:
+def card_coefficients(card: ModelCard) -> tuple[dict[str, dict[str, float]], Array]:
     """Axis -> term -> value and the constant force (6,) of a model card's `solution`."""
-    solution = {axis: dict(card["solution"].get(axis, {})) for axis in AXES}
+    solution = {axis: dict(card.solution.get(axis, {})) for axis in AXES}
     trim = read_only([solution[axis].pop(CONSTANT, 0.0) for axis in AXES])
     return solution, trim
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
@@ -147,13 +148,12 @@ def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
 
 
 def _of_card(path: Path, file: object) -> dict[str, Any]:
-    card = load_yaml(path, named_in=file, what="model card")  # JSON is YAML
-    card.check("model_card")
+    card = load_yaml(path, named_in=file, what="model card").parse(ModelCard)  # JSON is YAML
     return {
         "kind": "coefficients",
-        "name": card.value["name"],
+        "name": card.name,
         "source": path.name,
-        "coefficients": card.value["solution"],
+        "coefficients": card.solution,
     }
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.documents import delivered
 from auvid.data_schemas.errors import DataError, PipelineError, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import Campaign
@@ -282,7 +283,10 @@ class Run:
             many = ports(stage.inputs)[feed.port][
                 "many"
             ]  # the manifest names one document: no collection (report) takes it
-            return Value(None if many else self.campaign.documents.get(feed.schema))
+            document = None if many else self.campaign.documents.get(feed.schema)
+            if document is None:
+                return Value(None)
+            return Value(delivered(document, feed.schema), document)
         return self._produced(stage, feed, feed.producers[0], place)
 
     def _manifest_document(self, schema_name: str, place: Place) -> Any:

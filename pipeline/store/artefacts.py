@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents import check_document, delivered, written
 from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import check_table
@@ -41,7 +41,7 @@ def encode(artefact: object, name: str, *, file: object) -> bytes:
         pq.write_table(artefact.combine_chunks(), sink, compression="zstd")
         return sink.getvalue()
     if kind == "document":
-        plain = to_plain(artefact, file=file)
+        plain = to_plain(written(artefact), file=file)
         check_document(plain, name, file=file)
         return (to_json(plain) + "\n").encode()
     if not isinstance(artefact, bytes):
@@ -77,10 +77,9 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
         raise SchemaError(
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
         ) from fault
-    if kind == "table":
-        check_table(found, name, file=path)
-    else:
-        check_document(found, name, file=path)
+    if kind == "document":
+        return delivered(found, name, file=path)
+    check_table(found, name, file=path)
     return found
 
 

@@ -14,6 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -33,13 +35,13 @@ class Inputs:
     vehicle: Vehicle = port("vehicle")
     simulation: Document = port("simulation")
     truth: Collection[pa.Table] = port("truth", many=True)
-    segment: Collection[Document] = port("segment", many=True)
+    segment: Collection[SegmentRecord] = port("segment", many=True)
     fused: Collection[pa.Table] = port("fused", many=True)
-    fusion: Collection[Document] = port("fusion", many=True)
+    fusion: Collection[FusionRecord] = port("fusion", many=True)
     residual: Collection[pa.Table] = port("residual", many=True)
     predictions: Collection[pa.Table] = port("predictions", many=True)
     error_table: pa.Table = port("error_table")
-    model_card: Collection[Document] = port("model_card", many=True)
+    model_card: Collection[ModelCard] = port("model_card", many=True)
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inputs.vehicle.imu.rotation,
         drawn_biases(inputs.simulation),
     )
-    judged = any(item["use"] == "validation" for item in inputs.segment.values())
+    judged = any(item.use == "validation" for item in inputs.segment.values())
     for key, fused in inputs.fused.items():
         segment, residual = inputs.segment[key], inputs.residual[key]
-        place = (str(segment["use"]), key)
+        place = (str(segment.use), key)
         true, estimate = _compared(inputs.truth, segment, fused, residual)
         moved[key] = make_table(
             "true_motion", {"t_s": clock(fused), **named((*POSE[2:], *VELOCITY, *TAU_BAR), true)}
@@ -104,12 +106,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             true[:, 10:].reshape(-1, 1),
         )
         for name, (error, known) in bias_errors(
-            inputs.fusion[key], drawn[str(segment["log"])], rotation
+            inputs.fusion[key], drawn[str(segment.log)], rotation
         ).items():
             quantity, unit = BIAS_NAMES[name]
             errors.add(place, quantity, ("x", "y", "z"), unit, (error + known)[None], known[None])
         _add_models(errors, place, inputs.predictions[key], true[:, 10:])
-        if segment["use"] == "validation" or not judged:
+        if segment.use == "validation" or not judged:
             plots += comparison_plots(segment, clock(fused), estimate[:, 4:], true[:, 4:])
     truth_errors: Errors = errors.found()
     check_results = checks(
@@ -135,7 +137,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             truth_errors,
             check_results,
             plots,
-            {name: str(card["title"]) for name, card in inputs.model_card.items()},
+            {name: str(card.title) for name, card in inputs.model_card.items()},
         ),
         views=trust_views(inputs.segment),
     )
@@ -155,7 +157,7 @@ BIAS_NAMES = dict(
 
 
 def _compared(
-    truths: Mapping[str, pa.Table], segment: Document, fused: pa.Table, residual: pa.Table
+    truths: Mapping[str, pa.Table], segment: SegmentRecord, fused: pa.Table, residual: pa.Table
 ) -> tuple[Array, Array]:
     """Return true and estimated values (n, 16) on the clock of the fused table.
 
@@ -163,7 +165,7 @@ def _compared(
 
     Heading may differ by whole turns, which the truth follows.
     """
-    at = clock(fused) + float(segment["leg_start_s"])
+    at = clock(fused) + float(segment.leg_start_s)
     truth = truth_of(truths, segment, at)
     estimate = np.hstack([matrix(fused, (*POSE[2:], *VELOCITY)), forces(residual, "tau_bar")])
     true = true_values(truth, (*POSE[2:], *VELOCITY, *TAU_BAR), at)

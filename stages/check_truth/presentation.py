@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES, Array
-from auvid.stages.base import Document
 from auvid.stages.check_truth.errors import Errors
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns
 from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
@@ -94,13 +94,13 @@ def _ratio(error: float, size: float) -> float | None:
 
 
 def comparison_plots(
-    segment: Document, t_s: Array, estimate: Array, true: Array
+    segment: SegmentRecord, t_s: Array, estimate: Array, true: Array
 ) -> Iterable[Block]:
     """Return plots of a segment, estimate over truth, on the log's clock.
 
     Velocity and residual force (n, 12).
     """
-    t = t_s + float(segment["leg_start_s"])
+    t = t_s + float(segment.leg_start_s)
     symbols = [
         *(
             (name[0], "m/s" if index < 3 else "rad/s", "fused")
@@ -116,7 +116,7 @@ def comparison_plots(
         )
         for index, (label, unit, role) in enumerate(symbols)
     ]
-    name = segment["id"]
+    name = segment.id
     yield plot(
         f"Velocity of {name}: fused against true",
         panels[:6],

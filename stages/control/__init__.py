@@ -11,6 +11,7 @@ from typing import Any
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.control.plants import HybridPlant
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, Stage, param, port
@@ -44,7 +45,7 @@ class Inputs:
 
     vehicle: Vehicle = port("vehicle")
     cases: Document | None = port("control_cases", optional=True)
-    model_card: Document | None = port("model_card", optional=True)
+    model_card: ModelCard | None = port("model_card", optional=True)
 
 
 @dataclass(frozen=True)

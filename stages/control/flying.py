@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
@@ -70,7 +71,7 @@ class Flown:
         return f"{self.case.name}-{self.flight.name}"
 
 
-def models_of(vehicle: Vehicle, card: Document | None, cases: Document, limits: Limits) -> Models:
+def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits: Limits) -> Models:
     """The plant and the designs of a campaign.
 
     A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
@@ -93,10 +94,8 @@ def models_of(vehicle: Vehicle, card: Document | None, cases: Document, limits: 
         true = plant(own)
         designs: dict[str, Plant] = {own: true}
         if card is not None:
-            identified = true.hybrid.with_viscous(
-                card_coefficients(card)[0], name=str(card["name"])
-            )
-            designs[f"identified ({card['name']})"] = replace(true, hybrid=identified)
+            identified = true.hybrid.with_viscous(card_coefficients(card)[0], name=str(card.name))
+            designs[f"identified ({card.name})"] = replace(true, hybrid=identified)
         designs |= {name: plant(name) for name in cases.get("redesign") or () if name != own}
         return Models(true, designs)
     if card is None:
@@ -110,7 +109,7 @@ def models_of(vehicle: Vehicle, card: Document | None, cases: Document, limits: 
     flown = identified_plant(
         vehicle, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s
     )
-    return Models(flown, {str(card["name"]): flown})
+    return Models(flown, {str(card.name): flown})
 
 
 def require_stable(plant: Plant, schedule: Schedule, *, allow: bool) -> list[str]:
@@ -280,7 +279,7 @@ def _member(batch: Any, index: int) -> Any:
 
 def monte_carlo(
     models: Models,
-    card: Document | None,
+    card: ModelCard | None,
     flown: Flown,
     *,
     duration_s: float,
@@ -339,7 +338,7 @@ def monte_carlo(
 def _drawn(
     values: Array,
     terms: Sequence[str],
-    card: Document | None,
+    card: ModelCard | None,
     relative_sd: float,
     members: int,
     rng: np.random.Generator,
@@ -351,12 +350,14 @@ def _drawn(
         )
     out = np.tile(values, (members, 1, 1))
     for row, axis in enumerate(AXES):
-        covariance = card["axes"].get(axis, {}).get("covariance", {"terms": []})
-        names = [name for name in covariance["terms"] if name in terms]
+        if axis not in card.axes:
+            continue
+        covariance = card.axes[axis].covariance
+        names = [name for name in covariance.terms if name in terms]
         if not names:
             continue
-        whole = _symmetric(covariance["lower"])
-        kept = [covariance["terms"].index(name) for name in names]
+        whole = _symmetric(covariance.lower)
+        kept = [covariance.terms.index(name) for name in names]
         root = _root(whole[np.ix_(kept, kept)])
         out[:, row, [terms.index(name) for name in names]] += (
             rng.standard_normal((members, len(names))) @ root.T

@@ -20,6 +20,8 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array, Mask, cross
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
@@ -37,10 +39,10 @@ LEAST_EDGE_S = 0.5
 
 @dataclass(frozen=True)
 class Inputs:
-    segment: Document = port("segment")
+    segment: SegmentRecord = port("segment")
     resampled: pa.Table = port("resampled")
     vehicle: Vehicle = port("vehicle")
-    log_info: Document = port("log_info")
+    log_info: LogInfo = port("log_info")
     samples_imu: pa.Table | None = port("samples_imu", optional=True)
     samples_velocity: pa.Table | None = port("samples_velocity", optional=True)
     samples_depth: pa.Table | None = port("samples_depth", optional=True)
@@ -111,7 +113,7 @@ class Params:
 @dataclass(frozen=True)
 class Outputs:
     fused: pa.Table = port("fused")
-    fusion: Document = port("fusion")
+    fusion: FusionRecord = port("fusion")
     section: Document = port("section")
     views: Document = port("views")
 
@@ -185,7 +187,7 @@ def _fuse(inputs: Inputs, params: Params, motion: SensorMotion) -> FusionResult:
     if params.method == "kinematic":
         return kinematic(motion)
     convention = (
-        params.accelerometer or inputs.log_info.get("accelerometer") or inputs.vehicle.accelerometer
+        params.accelerometer or inputs.log_info.accelerometer or inputs.vehicle.accelerometer
     )
     if params.method == "thesis":
         return thesis(
@@ -212,7 +214,7 @@ def _fuse(inputs: Inputs, params: Params, motion: SensorMotion) -> FusionResult:
 
 
 def _standard_deviations(
-    result: FusionResult, segment: Document, n: int, method: str
+    result: FusionResult, segment: SegmentRecord, n: int, method: str
 ) -> dict[str, Array]:
     """Return the standard deviations that are known, as columns (n,).
 
@@ -224,10 +226,10 @@ def _standard_deviations(
         return {}
     columns = {} if result.velocity_sd is None else named(VELOCITY_SD[:3], result.velocity_sd)
     for name, column in zip(VELOCITY, VELOCITY_SD, strict=True):
-        item = segment["smoothing"].get(name)
-        if column not in columns and item and item.get("cutoff_hz") and item.get("sample_hz"):
-            share = min(1.0, 2.0 * item["cutoff_hz"] / item["sample_hz"])
-            columns[column] = np.full(n, item["noise_sd"] * np.sqrt(share))
+        item = segment.smoothing.get(name)
+        if column not in columns and item and item.cutoff_hz and item.noise_sd is not None:
+            share = min(1.0, 2.0 * item.cutoff_hz / item.sample_hz)
+            columns[column] = np.full(n, item.noise_sd * np.sqrt(share))
     return columns
 
 
@@ -246,11 +248,11 @@ def default_edge_s(cutoff_hz: float | None) -> float:
     return LEAST_EDGE_S if cutoff_hz is None else max(LEAST_EDGE_S, edge_zone_s(cutoff_hz))
 
 
-def _inside_edges(t_s: Array, edge_s: float, segment: Document) -> Mask:
+def _inside_edges(t_s: Array, edge_s: float, segment: SegmentRecord) -> Mask:
     keep: Mask = (t_s >= t_s[0] + edge_s - 1e-9) & (t_s <= t_s[-1] - edge_s + 1e-9)
     if keep.sum() < 10:
         raise DataError(
-            f"segment '{segment['id']}' of {t_s[-1] - t_s[0]:.1f} s is too short for its edges",
+            f"segment '{segment.id}' of {t_s[-1] - t_s[0]:.1f} s is too short for its edges",
             field="stages.fuse.edge_s",
             value=edge_s,
             remedy="Choose a longer leg or a smaller edge_s.",

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.motion import CurrentRecord
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.signals.smoother import FEWEST, SmoothedVelocity
 from auvid.stages.columns import VELOCITY
 
-OBSERVABLE, NOT_OBSERVABLE = "observable", "not observable"
+OBSERVABLE: Final = "observable"
+NOT_OBSERVABLE: Final = "not observable"
 REASON = (
     "accelerometer, velocity over ground and depth say nothing of the water; in the forces a steady"
     " current cannot be told from damping and constant forces"
@@ -34,31 +36,31 @@ def water_track(samples: pa.Table | None, span: tuple[float, float]) -> tuple[Ar
     )
 
 
-def without_water_track(samples: pa.Table | None) -> dict[str, Any]:
+def without_water_track(samples: pa.Table | None) -> CurrentRecord:
     """Return the fusion document's entry for a current that cannot be observed."""
     lack = (
         "no velocity through the water"
         if samples is None
         else f"fewer than {FEWEST} samples of velocity through the water"
     )
-    return {
-        "verdict": NOT_OBSERVABLE,
-        "reason": f"the segment has {lack} (stream water_velocity): {REASON}",
-        "ned_m_s": None,
-        "sd_m_s": None,
-    }
+    return CurrentRecord(
+        verdict=NOT_OBSERVABLE,
+        reason=f"the segment has {lack} (stream water_velocity): {REASON}",
+        ned_m_s=None,
+        sd_m_s=None,
+    )
 
 
-def current_document(smoothed: SmoothedVelocity) -> dict[str, Any]:
+def current_document(smoothed: SmoothedVelocity) -> CurrentRecord:
     """Return the mean current (north, east, down) and its standard deviation [m/s]."""
     assert smoothed.current is not None
     assert smoothed.current_sd is not None
-    return {
-        "verdict": OBSERVABLE,
-        "reason": "from velocity through the water beside velocity over ground",
-        "ned_m_s": smoothed.current.mean(axis=0).tolist(),
-        "sd_m_s": smoothed.current_sd.mean(axis=0).tolist(),
-    }
+    return CurrentRecord(
+        verdict=OBSERVABLE,
+        reason="from velocity through the water beside velocity over ground",
+        ned_m_s=smoothed.current.mean(axis=0).tolist(),
+        sd_m_s=smoothed.current_sd.mean(axis=0).tolist(),
+    )
 
 
 def drift(smoothed: SmoothedVelocity, t_s: Array, euler: Array) -> Array:

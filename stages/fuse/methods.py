@@ -14,6 +14,7 @@ import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
@@ -197,7 +198,7 @@ def smoother(
         fit = estimate_installation(
             t, force, euler, omega, times, sensed, arm=estimate_arm, mounting=estimate_mounting
         )
-        installation = _installation_document(fit)
+        installation = _installation_record(fit)
         if estimate_arm:
             arm = np.where(fit.determined_arm, fit.arm_m, arm)
         if estimate_mounting:
@@ -273,18 +274,15 @@ def _noise(values: Mapping[str, float], gravity: float) -> SmootherNoise:
     return SmootherNoise(**fields)
 
 
-def _installation_document(fit: Installation) -> dict[str, Any]:
-    parts = {
-        "dvl_arm_m": fit.arm_m,
-        "dvl_arm_sd_m": fit.arm_sd_m,
-        "dvl_mounting_rad": fit.mounting_rad,
-        "dvl_mounting_sd_rad": fit.mounting_sd_rad,
-    }
-    numbers = {
-        name: [float(value) if np.isfinite(value) else None for value in values]
-        for name, values in parts.items()
-    }
-    return numbers | {
-        "dvl_arm_determined": list(fit.determined_arm),
-        "dvl_mounting_determined": list(fit.determined_mounting),
-    }
+def _installation_record(fit: Installation) -> InstallationRecord:
+    def numbers(values: Array) -> list[float | None]:
+        return [float(value) if np.isfinite(value) else None for value in values]
+
+    return InstallationRecord(
+        dvl_arm_m=numbers(fit.arm_m),
+        dvl_arm_sd_m=numbers(fit.arm_sd_m),
+        dvl_mounting_rad=numbers(fit.mounting_rad),
+        dvl_mounting_sd_rad=numbers(fit.mounting_sd_rad),
+        dvl_arm_determined=list(fit.determined_arm),
+        dvl_mounting_determined=list(fit.determined_mounting),
+    )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.motion import CurrentRecord, InstallationRecord
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
@@ -33,8 +32,8 @@ class FusionResult:
     convention: str | None = None
     accel_bias: Array | None = None
     velocity_sd: Array | None = None
-    installation: Mapping[str, Any] | None = None
-    current: Mapping[str, Any] | None = None
+    installation: InstallationRecord | None = None
+    current: CurrentRecord | None = None
     drift: Array | None = None
     sway_rms: float | None = None
     warnings: tuple[str, ...] = ()

@@ -7,6 +7,13 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.data_schemas.records.motion import (
+    ChannelSmoothing,
+    CurrentRecord,
+    FusionRecord,
+    InstallationRecord,
+    SegmentRecord,
+)
 from auvid.data_schemas.tables import column, has_columns
 from auvid.hydro.arrays import Array, Mask
 from auvid.stages.base import Document
@@ -28,42 +35,42 @@ from auvid.stages.presentation import (
 
 
 def fusion_document(
-    segment: Document,
+    segment: SegmentRecord,
     settings: Document,
     gyro_bias: Array,
     result: FusionResult,
     resampled: pa.Table,
     state: Mapping[str, Array],
     keep: Mask,
-) -> dict[str, Any]:
+) -> FusionRecord:
     """Return what was estimated on the way, and how far raw and fused differ."""
-    return {
-        "segment": segment["id"],
+    return FusionRecord(
+        segment=segment.id,
         **settings,
-        "accelerometer": result.convention,
-        "gyro_bias_rad_s": gyro_bias.tolist(),
-        "accel_bias_m_s2": None if result.accel_bias is None else result.accel_bias.tolist(),
-        "integrated_sway_rms_m_s": result.sway_rms,
-        "installation": result.installation,
-        "current": result.current,
-        "rms": {
+        accelerometer=result.convention,
+        gyro_bias_rad_s=gyro_bias.tolist(),
+        accel_bias_m_s2=None if result.accel_bias is None else result.accel_bias.tolist(),
+        integrated_sway_rms_m_s=result.sway_rms,
+        installation=result.installation,
+        current=result.current,
+        rms={
             name: rms((column(resampled, name) - state[name])[keep])
             for name in VELOCITY
             if has_columns(resampled, (name,))
         },
-        "warnings": list(result.warnings),
-    }
+        warnings=list(result.warnings),
+    )
 
 
 def fuse_section(
-    segment: Document,
-    fusion: Document,
+    segment: SegmentRecord,
+    fusion: FusionRecord,
     resampled: pa.Table,
     state: Mapping[str, Array],
     keep: Mask,
 ) -> dict[str, Any]:
     """Return the report section: warnings, raw against fused, biases."""
-    t = clock(resampled) + float(segment["leg_start_s"])
+    t = clock(resampled) + float(segment.leg_start_s)
 
     def panels(*names: str) -> list[dict[str, Any]]:
         return [
@@ -84,17 +91,17 @@ def fuse_section(
 
     biases = [
         [f"{sensor} {axis}", value, unit]
-        for sensor, key, unit in (
-            ("gyro", "gyro_bias_rad_s", "rad/s"),
-            ("accelerometer", "accel_bias_m_s2", "m/s^2"),
+        for sensor, values, unit in (
+            ("gyro", fusion.gyro_bias_rad_s, "rad/s"),
+            ("accelerometer", fusion.accel_bias_m_s2, "m/s^2"),
         )
-        for axis, value in zip("xyz", fusion[key] or (), strict=False)
+        for axis, value in zip("xyz", values or (), strict=False)
     ]
     blocks = [
-        *[remark(words, "warning") for words in fusion["warnings"]],
-        *_current_blocks(fusion["current"]),
-        *installation_blocks(fusion["installation"]),
-        *_uneven_bandwidth(segment["smoothing"], fusion["cutoff_hz"]),
+        *[remark(words, "warning") for words in fusion.warnings],
+        *_current_blocks(fusion.current),
+        *installation_blocks(fusion.installation),
+        *_uneven_bandwidth(segment.smoothing, fusion.cutoff_hz),
         plot(
             "Velocity of the body origin, raw against fused",
             panels(*VELOCITY),
@@ -109,29 +116,26 @@ def fuse_section(
         table(
             "RMS of raw minus fused",
             ["channel", "RMS", "unit"],
-            [
-                [symbol(name), value, unit_of("fused", name)]
-                for name, value in fusion["rms"].items()
-            ],
+            [[symbol(name), value, unit_of("fused", name)] for name, value in fusion.rms.items()],
             note="It holds the lever arm and the bias too.",
         ),
     ]
-    return section(f"State of {segment['id']} ({fusion['method']})", blocks, order=30)
+    return section(f"State of {segment.id} ({fusion.method})", blocks, order=30)
 
 
-def _current_blocks(current: Document | None) -> list[Block]:
+def _current_blocks(current: CurrentRecord | None) -> list[Block]:
     if current is None:
         return []
-    if current["verdict"] == NOT_OBSERVABLE:
+    if current.verdict == NOT_OBSERVABLE:
         words = (
-            f"Water current: {NOT_OBSERVABLE}, because {current['reason']}. Forces are taken in"
+            f"Water current: {NOT_OBSERVABLE}, because {current.reason}. Forces are taken in"
             " still water."
         )
         return [remark(words, "warning")]
     rows = [
         [name, value, sd, "m/s"]
         for name, value, sd in zip(
-            ("north", "east", "down"), current["ned_m_s"], current["sd_m_s"], strict=True
+            ("north", "east", "down"), current.ned_m_s or (), current.sd_m_s or (), strict=True
         )
     ]
     note = (
@@ -142,7 +146,7 @@ def _current_blocks(current: Document | None) -> list[Block]:
     return [table("Water current", heads, rows, note=note)]
 
 
-def installation_blocks(installation: Document | None) -> list[Block]:
+def installation_blocks(installation: InstallationRecord | None) -> list[Block]:
     """Return the estimated arm and mounting of the velocity sensor.
 
     A warning names what this segment does not determine.
@@ -150,16 +154,25 @@ def installation_blocks(installation: Document | None) -> list[Block]:
     if installation is None:
         return []
     rows: list[list[Any]] = []
-    for part, key, unit in (("arm", "dvl_arm", "m"), ("mounting", "dvl_mounting", "rad")):
+    for part, unit, values, errors, determined in (
+        (
+            "arm",
+            "m",
+            installation.dvl_arm_m,
+            installation.dvl_arm_sd_m,
+            installation.dvl_arm_determined,
+        ),
+        (
+            "mounting",
+            "rad",
+            installation.dvl_mounting_rad,
+            installation.dvl_mounting_sd_rad,
+            installation.dvl_mounting_determined,
+        ),
+    ):
         rows += [
             [f"{part} {axis}", value, error, unit, "yes" if used else "no"]
-            for axis, value, error, used in zip(
-                "xyz",
-                installation[f"{key}_{unit}"],
-                installation[f"{key}_sd_{unit}"],
-                installation[f"{key}_determined"],
-                strict=True,
-            )
+            for axis, value, error, used in zip("xyz", values, errors, determined, strict=True)
             if value is not None
         ]
     note = (
@@ -179,7 +192,9 @@ def installation_blocks(installation: Document | None) -> list[Block]:
     return blocks
 
 
-def _uneven_bandwidth(smoothing: Mapping[str, Any], cutoff_hz: float | None) -> list[Block]:
+def _uneven_bandwidth(
+    smoothing: Mapping[str, ChannelSmoothing], cutoff_hz: float | None
+) -> list[Block]:
     """Return a note where splines of `resample` cut off below the low-pass.
 
     The channels are then not filtered alike.
@@ -187,9 +202,9 @@ def _uneven_bandwidth(smoothing: Mapping[str, Any], cutoff_hz: float | None) -> 
     if cutoff_hz is None:
         return []
     lower = {
-        name: item["cutoff_hz"]
+        name: item.cutoff_hz
         for name, item in smoothing.items()
-        if item.get("cutoff_hz") and item["cutoff_hz"] < cutoff_hz
+        if item.cutoff_hz and item.cutoff_hz < cutoff_hz
     }
     if not lower:
         return []

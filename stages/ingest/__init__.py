@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawLog, Stage, param, port
@@ -68,7 +69,7 @@ class Outputs:
     """The streams that the log has, rejected samples, and a description of the log."""
 
     dropped: pa.Table = port("dropped")
-    log_info: dict[str, Any] = port("log_info")
+    log_info: LogInfo = port("log_info")
     health: dict[str, Any] = port("health")
     section: dict[str, Any] = port("section")
     views: dict[str, Any] = port("views")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, LogError, nearest
+from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawFile, RawLog
@@ -37,7 +38,7 @@ class DecodedFile:
     start_us: int | None = None
     epoch: str = "boot"
     utc_offset_us: int | None = None
-    accelerometer: str | None = None
+    accelerometer: Accelerometer | None = None
     notes: tuple[str, ...] = ()
 
 

@@ -9,6 +9,9 @@ import platform
 from collections.abc import Mapping
 from typing import Any
 
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, section, table
@@ -19,30 +22,32 @@ provenance is last.
 """
 
 
-def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> dict[str, Any]:
+def legs_section(
+    segments: Mapping[str, SegmentRecord], logs: Mapping[str, LogInfo]
+) -> dict[str, Any]:
     """Logs with their files, and the segments that the legs gave."""
     files = [
         [
             name,
-            item.get("name"),
-            item.get("format"),
-            item.get("size_bytes"),
-            item.get("status"),
-            log.get("vehicle"),
+            item.name,
+            item.format,
+            item.size_bytes,
+            item.status,
+            log.vehicle,
         ]
         for name, log in logs.items()
-        for item in log["files"]
+        for item in log.files
     ]
     rows = [
         [
             name,
-            item["use"],
-            item["log"],
-            item["leg_start_s"],
-            item["duration_s"],
-            item["samples"],
-            item["rate_hz"],
-            len(item["gaps"]),
+            item.use,
+            item.log,
+            item.leg_start_s,
+            item.duration_s,
+            item.samples,
+            item.rate_hz,
+            len(item.gaps),
         ]
         for name, item in segments.items()
     ]
@@ -65,11 +70,11 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
             " segments."
         )
         blocks.append(table("Segments", heads, rows, note=note))
-    blocks += [remark(f"{name}: {words}") for name, item in logs.items() for words in item["notes"]]
+    blocks += [remark(f"{name}: {words}") for name, item in logs.items() for words in item.notes]
     blocks += [
         remark(f"{name}: {words}", "warning")
         for name, item in segments.items()
-        for words in item["notes"]
+        for words in item.notes
     ]
     blocks += [remark(words, "warning") for words in shared_data(segments)]
     return section(
@@ -80,7 +85,7 @@ def legs_section(segments: Mapping[str, Document], logs: Mapping[str, Document])
     )
 
 
-def shared_data(segments: Mapping[str, Document]) -> list[str]:
+def shared_data(segments: Mapping[str, SegmentRecord]) -> list[str]:
     """Return a sentence for each training and validation segment that overlap.
 
     They overlap where they cover the same stretch of a log.
@@ -88,27 +93,26 @@ def shared_data(segments: Mapping[str, Document]) -> list[str]:
     sentences = []
     for one, first in segments.items():
         for other, second in segments.items():
-            if first["log"] != second["log"] or (first["use"], second["use"]) != (
+            if first.log != second.log or (first.use, second.use) != (
                 "training",
                 "validation",
             ):
                 continue
             spans = [
-                (item["leg_start_s"], item["leg_start_s"] + item["duration_s"])
-                for item in (first, second)
+                (item.leg_start_s, item.leg_start_s + item.duration_s) for item in (first, second)
             ]
             shared = min(span[1] for span in spans) - max(span[0] for span in spans)
-            if shared > 1.0 / first["rate_hz"]:
+            if shared > 1.0 / first.rate_hz:
                 words = (
                     f"Training segment {one} and validation segment {other} share {shared:.1f} s of"
-                    f" log {first['log']}"
+                    f" log {first.log}"
                 )
                 sentences.append(f"{words}: validation there is on data that the models have seen.")
     return sentences
 
 
 def provenance_section(
-    provenance: Document, campaign: Document, cards: Mapping[str, Document]
+    provenance: Document, campaign: Document, cards: Mapping[str, ModelCard]
 ) -> dict[str, Any]:
     """Return the section on where the results come from.
 
@@ -139,15 +143,12 @@ def provenance_section(
         ),
         table("Parameters in force", ["stage", "parameter", "value", "set by"], settings),
     ]
-    assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card["assumed"]))
+    assumed = list(dict.fromkeys(str(item) for card in cards.values() for item in card.assumed))
     if assumed:
         blocks.append(
             table("Assumed figures of the vehicle", ["figure"], [[item] for item in assumed])
         )
-    forms = [
-        [card["title"], card["n_bar"], card["n_bar_declared"], card["source"]]
-        for card in cards.values()
-    ]
+    forms = [[card.title, card.n_bar, card.n_bar_declared, card.source] for card in cards.values()]
     blocks.append(
         table("Model forms", ["model", "terms fitted", "terms declared", "source"], forms)
     )

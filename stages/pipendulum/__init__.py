@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import DAMPING
@@ -29,7 +30,7 @@ class Inputs:
 
     campaign: Document = port("campaign")
     vehicle: Vehicle = port("vehicle")
-    log_info: Collection[Document] = port("log_info", many=True)
+    log_info: Collection[LogInfo] = port("log_info", many=True)
     apparatus: Document | None = port("apparatus", optional=True)
     imu: Collection[pa.Table] | None = port("imu", many=True, optional=True)
     attitude: Collection[pa.Table] | None = port("attitude", many=True, optional=True)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import has_columns
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.bench.swing import (
@@ -68,7 +69,7 @@ class Logs:
     """The legs of a campaign and what its logs hold."""
 
     legs: Mapping[str, Document]
-    log_info: Mapping[str, Document]
+    log_info: Mapping[str, LogInfo]
     imu: Collection[pa.Table] | None
     attitude: Collection[pa.Table] | None
 
@@ -92,8 +93,8 @@ class Logs:
         leg = self.legs[leg_id]
         log = str(leg["log"])
         info = self.log_info[log]
-        start_us = int(info["start_us"])
-        window = leg_window(leg, start_us, int(info["end_us"]))
+        start_us = int(info.start_us)
+        window = leg_window(leg, start_us, int(info.end_us))
 
         def samples(tables: Collection[pa.Table] | None, names: tuple[str, ...]) -> Samples | None:
             if tables is None or log not in tables:

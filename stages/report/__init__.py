@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
@@ -32,10 +35,10 @@ class Inputs:
     views: Collection[Document] = every("views")
     tables: Collection[pa.Table] = every("table")
     results: Collection[Document] = every("results")
-    log_info: Collection[Document] | None = port("log_info", many=True, optional=True)
-    segment: Collection[Document] | None = port("segment", many=True, optional=True)
+    log_info: Collection[LogInfo] | None = port("log_info", many=True, optional=True)
+    segment: Collection[SegmentRecord] | None = port("segment", many=True, optional=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
-    model_card: Collection[Document] | None = port("model_card", many=True, optional=True)
+    model_card: Collection[ModelCard] | None = port("model_card", many=True, optional=True)
     error_table: pa.Table | None = port("error_table", optional=True)
     free_run: pa.Table | None = port("free_run", optional=True)
 
@@ -60,8 +63,8 @@ class ReportContent:
     title: str
     summary: Summary
     sections: Mapping[str, Document]
-    segments: Mapping[str, Document]
-    logs: Mapping[str, Document]
+    segments: Mapping[str, SegmentRecord]
+    logs: Mapping[str, LogInfo]
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -75,7 +78,7 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
     """The report as HTML."""
     notes = str(inputs.campaign.get("notes") or "")
     log_of = (
-        {name: str(item["log"]) for name, item in content.segments.items()}
+        {name: str(item.log) for name, item in content.segments.items()}
         if len(content.logs) > 1
         else {}
     )

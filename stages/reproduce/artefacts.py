@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, from_runs, port
 
@@ -19,11 +21,11 @@ class Artefacts:
     provenance: Collection[Document] = from_runs("provenance")
     simulation: Collection[Document] = from_runs("simulation")
     truth: Collection[pa.Table] = from_runs("truth")
-    segment: Collection[Document] = from_runs("segment")
+    segment: Collection[SegmentRecord] = from_runs("segment")
     resampled: Collection[pa.Table] = from_runs("resampled")
     fused: Collection[pa.Table] = from_runs("fused")
-    fusion: Collection[Document] = from_runs("fusion")
+    fusion: Collection[FusionRecord] = from_runs("fusion")
     residual: Collection[pa.Table] = from_runs("residual")
     predictions: Collection[pa.Table] = from_runs("predictions")
-    model_card: Collection[Document] = from_runs("model_card")
+    model_card: Collection[ModelCard] = from_runs("model_card")
     error_table: Collection[pa.Table] = from_runs("error_table")

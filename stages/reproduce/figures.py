@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
@@ -116,13 +117,15 @@ def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str
     }
 
 
-def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: str, use: str) -> str:
+def _leg(
+    segments: Mapping[str, SegmentRecord], chosen: Mapping[str, Any], figure: str, use: str
+) -> str:
     """The first segment of the leg that the document names, else of the use."""
     wanted = chosen.get(figure)
     for name, segment in segments.items():
-        if segment["leg"] == wanted or (wanted is None and segment["use"] == use):
+        if segment.leg == wanted or (wanted is None and segment.use == use):
             return name
-    legs = list(dict.fromkeys(segment["leg"] for segment in segments.values()))
+    legs = list(dict.fromkeys(segment.leg for segment in segments.values()))
     raise CampaignError(
         "the first plan has no such leg",
         field=f"figures.{figure}",
@@ -132,7 +135,7 @@ def _leg(segments: Mapping[str, Document], chosen: Mapping[str, Any], figure: st
 
 
 def _coupling_key(
-    inputs: Artefacts, document: Document, published: str, segments: Mapping[str, Document]
+    inputs: Artefacts, document: Document, published: str, segments: Mapping[str, SegmentRecord]
 ) -> str:
     """Return the segment of Figure 1.2 as `plan/variant/segment`.
 
@@ -147,7 +150,7 @@ def _coupling_key(
     keys = [
         key
         for key in inputs.segment
-        if key.startswith(f"{plan}/") and inputs.segment[key]["leg"] == leg
+        if key.startswith(f"{plan}/") and inputs.segment[key].leg == leg
     ]
     if not keys:
         raise CampaignError(
@@ -158,9 +161,9 @@ def _coupling_key(
 
 def _coupling(inputs: Artefacts, key: str) -> Block:
     plan, variant, leg = key.split("/")
-    truth = inputs.truth[f"{plan}/{variant}/{inputs.segment[key]['log']}"]
+    truth = inputs.truth[f"{plan}/{variant}/{inputs.segment[key].log}"]
     fused = inputs.resampled[key]
-    start = float(inputs.segment[key]["leg_start_s"])
+    start = float(inputs.segment[key].leg_start_s)
     inside = (clock(truth) >= start) & (clock(truth) <= start + clock(fused)[-1])
     t_true, t = clock(truth)[inside] - start, clock(fused)
     # A heading is logged within one turn; which one it starts in says nothing.
@@ -228,12 +231,12 @@ def _unit(name: str) -> str:
     return UNITS[name.partition("_dot_")[2] or name.partition("_")[2]]
 
 
-def _data(inputs: Artefacts, variant: str, segments: Mapping[str, Document]) -> list[Block]:
+def _data(inputs: Artefacts, variant: str, segments: Mapping[str, SegmentRecord]) -> list[Block]:
     groups: dict[str, list[str]] = {}
     for name, segment in segments.items():
         kind = "depth steps" if name.startswith("depth") else "heading steps"
         groups.setdefault(
-            "validation legs" if segment["use"] == "validation" else f"training legs, {kind}", []
+            "validation legs" if segment.use == "validation" else f"training legs, {kind}", []
         ).append(name)
     blocks = []
     for number, (title, names) in zip(
@@ -275,15 +278,15 @@ def _measured_forces(inputs: Artefacts, document: Document, plan: str, leg: str)
         _add(
             lines,
             f"({entry['label']})",
-            clock(residual) + float(inputs.segment[key]["leg_start_s"]),
+            clock(residual) + float(inputs.segment[key].leg_start_s),
             forces(residual, "tau_bar"),
             role,
         )
     published = f"{plan}/{document['compared']['published']}"
     segment = inputs.segment[f"{published}/{leg}"]
-    truth = inputs.truth[f"{published}/{segment['log']}"]
-    start = float(segment["leg_start_s"])
-    inside = (clock(truth) >= start) & (clock(truth) <= start + float(segment["duration_s"]))
+    truth = inputs.truth[f"{published}/{segment.log}"]
+    start = float(segment.leg_start_s)
+    inside = (clock(truth) >= start) & (clock(truth) <= start + float(segment.duration_s))
     _add(
         lines, "true", clock(truth)[inside], matrix(truth, force_columns("tau_bar"))[inside], "true"
     )
@@ -313,7 +316,7 @@ def _models(inputs: Artefacts, variant: str, leg: str, label: str) -> list[Block
             continue
         force, title = (
             matrix(predictions, force_columns("tau"))[rows],
-            str(inputs.model_card[f"{variant}/{model}"]["title"]),
+            str(inputs.model_card[f"{variant}/{model}"].title),
         )
         panels = [
             panel(

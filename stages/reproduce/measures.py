@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
@@ -114,21 +115,21 @@ def measure(key: str, inputs: Artefacts) -> VariantMeasures:
             continue
         segment, fusion = inputs.segment[segment_key], inputs.fusion[segment_key]
         residual = inputs.residual[segment_key]
-        truth = inputs.truth[f"{key}/{segment['log']}"]
-        at = clock(residual) + float(segment["leg_start_s"])
+        truth = inputs.truth[f"{key}/{segment.log}"]
+        at = clock(residual) + float(segment.leg_start_s)
         bar, nu = forces(residual, "tau_bar"), matrix(residual, VELOCITY)
         true_bar = true_values(truth, force_columns("tau_bar"), at)
         true_nu = true_values(truth, VELOCITY, at)
         errors.append(bar - true_bar)
         true_forces.append(true_bar)
         velocities.append(nu - true_nu)
-        if segment["use"] == "training":
+        if segment.use == "training":
             turn.append((true_nu[:, 0] * true_nu[:, 5], bar[:, 1], bar[:, 1] - true_bar[:, 1]))
-        for name, (error, _) in bias_errors(fusion, biases[str(segment["log"])], rotation).items():
+        for name, (error, _) in bias_errors(fusion, biases[str(segment.log)], rotation).items():
             bias_error.setdefault(name, []).append(error)
-        if fusion["integrated_sway_rms_m_s"] is not None:
-            sway.append(float(fusion["integrated_sway_rms_m_s"]))
-        warnings += fusion["warnings"]
+        if fusion.integrated_sway_rms_m_s is not None:
+            sway.append(float(fusion.integrated_sway_rms_m_s))
+        warnings += fusion.warnings
     if not turn:
         raise DataError(f"no training leg of '{key}' was run")
     rate, bar_y, added = (np.concatenate(parts) for parts in zip(*turn, strict=True))
@@ -143,7 +144,7 @@ def measure(key: str, inputs: Artefacts) -> VariantMeasures:
     return VariantMeasures(
         scores={
             (row["use"], row["model"]): ModelErrors(
-                str(cards[row["model"]]["title"]),
+                str(cards[row["model"]].title),
                 row["n_bar"],
                 row["rank"],
                 row["rms"],
@@ -173,12 +174,12 @@ def _rms(parts: Sequence[Array]) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(np.concatenate(parts)), axis=0)))
 
 
-def _turn_terms(cards: Mapping[str, Document]) -> dict[str, tuple[str, float]]:
+def _turn_terms(cards: Mapping[str, ModelCard]) -> dict[str, tuple[str, float]]:
     """Return the transport term of each model's sway force and its value."""
     return {
         model: (term, float(sway[term]))
         for model, card in cards.items()
-        for sway in [card["solution"].get("Y", {})]
+        for sway in [card.solution.get("Y", {})]
         for term in TURN_TERMS
         if term in sway
     }

@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import LegGap, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Document, Stage, param, port
@@ -45,7 +46,7 @@ class Inputs:
     """One leg, its log, its streams, and the vehicle with the lags of its sensors."""
 
     leg: Document = port("leg")
-    log_info: Document = port("log_info")
+    log_info: LogInfo = port("log_info")
     vehicle: Vehicle = port("vehicle")
     imu: pa.Table | None = port("imu", optional=True)
     attitude: pa.Table | None = port("attitude", optional=True)
@@ -96,7 +97,7 @@ class Outputs:
 
     resampled: Mapping[str, pa.Table] = port("resampled", many=True)
     samples_attitude: Mapping[str, pa.Table] = port("samples_attitude", many=True)
-    segment: Mapping[str, dict[str, Any]] = port("segment", many=True)
+    segment: Mapping[str, SegmentRecord] = port("segment", many=True)
     samples_imu: Mapping[str, pa.Table] | None = port("samples_imu", many=True, optional=True)
     samples_depth: Mapping[str, pa.Table] | None = port("samples_depth", many=True, optional=True)
     samples_velocity: Mapping[str, pa.Table] | None = port(
@@ -142,7 +143,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for name, span in zip(segment_ids(str(inputs.leg["id"]), long), long, strict=True)
     }
-    shared = {"lags_s": lags, "gaps": gap_list(covering, params.max_gap_s), "notes": notes}
+    leg_gaps = gap_list(covering, params.max_gap_s)
     samples = {
         table: {
             name: part.samples[table] for name, part in segments.items() if table in part.samples
@@ -152,7 +153,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(
         resampled={name: part.table for name, part in segments.items()},
         segment={
-            name: _document(name, inputs, part, params.rate_hz, shared)
+            name: _record(
+                name,
+                inputs,
+                part,
+                rate_hz=params.rate_hz,
+                lags=lags,
+                leg_gaps=leg_gaps,
+                notes=notes,
+            )
             for name, part in segments.items()
         },
         **samples,
@@ -188,7 +197,7 @@ def _signals(
     inputs: Inputs, params: Params, lags: Mapping[str, float]
 ) -> tuple[dict[str, Signal], list[str]]:
     """Return the streams of a leg in body axes, and notes on gaps and splits."""
-    start_us, end_us = (int(inputs.log_info[key]) for key in ("start_us", "end_us"))
+    start_us, end_us = inputs.log_info.start_us, inputs.log_info.end_us
     window = leg_window(inputs.leg, start_us, end_us)
     rotations = {
         "imu": inputs.vehicle.imu.rotation,
@@ -225,24 +234,32 @@ def _signals(
     return signals, notes
 
 
-def _document(
-    name: str, inputs: Inputs, part: ResampledSegment, rate_hz: float, shared: Mapping[str, Any]
-) -> dict[str, Any]:
+def _record(
+    name: str,
+    inputs: Inputs,
+    part: ResampledSegment,
+    *,
+    rate_hz: float,
+    lags: dict[str, float],
+    leg_gaps: list[LegGap],
+    notes: list[str],
+) -> SegmentRecord:
     t_s = part.table["t_s"].to_numpy()
-    return {
-        "id": name,
-        "leg": inputs.leg["id"],
-        "log": inputs.leg["log"],
-        "use": inputs.leg.get("use", "training"),
-        "start_us": int(inputs.log_info["start_us"]) + round(part.span[0] * 1e6),
-        "leg_start_s": part.span[0],
-        "duration_s": float(t_s[-1]),
-        "samples": int(t_s.size),
-        "rate_hz": rate_hz,
-        "smoothing": dict(part.smoothing),
-        **shared,
-        "notes": [*shared["notes"], *part.notes],
-    }
+    return SegmentRecord(
+        id=name,
+        leg=inputs.leg["id"],
+        log=inputs.leg["log"],
+        use=inputs.leg.get("use", "training"),
+        start_us=inputs.log_info.start_us + round(part.span[0] * 1e6),
+        leg_start_s=part.span[0],
+        duration_s=float(t_s[-1]),
+        samples=int(t_s.size),
+        rate_hz=rate_hz,
+        lags_s=lags,
+        smoothing=dict(part.smoothing),
+        gaps=leg_gaps,
+        notes=[*notes, *part.notes],
+    )
 
 
 STAGE: Stage[Inputs, Params, Outputs] = Stage(

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
@@ -150,16 +151,16 @@ def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
     return [leg] if len(spans) == 1 else [f"{leg}.{number}" for number in range(1, len(spans) + 1)]
 
 
-def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[dict[str, object]]:
+def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[LegGap]:
     """Return all pauses longer than allowed, in seconds from the start of the log."""
-    pauses: list[dict[str, object]] = []
+    pauses: list[LegGap] = []
     for item in signals:
         for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):
             start, end = float(item.t_s[index]), float(item.t_s[index + 1])
             pauses.append(
-                {"stream": item.stream, "start_s": start, "end_s": end, "duration_s": end - start}
+                LegGap(stream=item.stream, start_s=start, end_s=end, duration_s=end - start)
             )
-    return sorted(pauses, key=lambda gap: (str(gap["start_s"]), str(gap["stream"])))
+    return sorted(pauses, key=lambda gap: (str(gap.start_s), gap.stream))
 
 
 def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> DataError:

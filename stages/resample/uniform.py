@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.motion import ChannelSmoothing
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
@@ -75,15 +76,15 @@ class Smoothing:
         ]
         return float(np.exp(np.median([np.log(np.min(fit.lambda_)) for fit in fits])))
 
-    def record(self, item: Signal, lam: float, sigma: float) -> dict[str, Any]:
+    def record(self, item: Signal, lam: float, sigma: float) -> ChannelSmoothing:
         """Return the entry of a channel in the segment's document."""
-        return {
-            "method": self.method,
-            "lambda": lam,
-            "cutoff_hz": cutoff_from_lambda(lam, item.step_s) if lam > 0.0 else None,
-            "noise_sd": sigma if lam > 0.0 else None,
-            "sample_hz": 1.0 / item.step_s,
-        }
+        return ChannelSmoothing(
+            method=self.method,
+            lam=lam,
+            cutoff_hz=cutoff_from_lambda(lam, item.step_s) if lam > 0.0 else None,
+            noise_sd=sigma if lam > 0.0 else None,
+            sample_hz=1.0 / item.step_s,
+        )
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class ResampledSegment:
     span: Span
     table: pa.Table
     samples: Mapping[str, pa.Table]
-    smoothing: Mapping[str, Any]
+    smoothing: Mapping[str, ChannelSmoothing]
     notes: tuple[str, ...]
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import Array
@@ -34,12 +36,12 @@ from auvid.stages.residual.presentation import residual_section, residual_views,
 
 @dataclass(frozen=True)
 class Inputs:
-    segment: Document = port("segment")
+    segment: SegmentRecord = port("segment")
     fused: pa.Table = port("fused")
-    fusion: Document = port("fusion")
+    fusion: FusionRecord = port("fusion")
     resampled: pa.Table = port("resampled")
     vehicle: Vehicle = port("vehicle")
-    log_info: Document = port("log_info")
+    log_info: LogInfo = port("log_info")
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `DataError` where commands are missing, or no actuator acts.
     """
-    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
+    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info.parameters)
     voltage, bare = _voltage(inputs.resampled)
     control, level = _control(inputs, vehicle, params, voltage)
     fused = inputs.fused
@@ -83,12 +85,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         columns["eta_ratio"] = eta_ratio(level, nu, params.minimum_speed_m_s)
     for name, force in components.items():
         columns |= named(force_columns(name), force)
-    t = clock(fused) + float(inputs.segment["leg_start_s"])
+    t = clock(fused) + float(inputs.segment.leg_start_s)
     warning = voltage_note(vehicle, bare)
     return Outputs(
         residual=make_table("residual", columns),
         controls=_controls(clock(fused), control, level),
-        section=residual_section(str(inputs.segment["id"]), t, components, direction_note, warning),
+        section=residual_section(str(inputs.segment.id), t, components, direction_note, warning),
         views=residual_views(components),
     )
 
@@ -110,7 +112,7 @@ def _control(
         raw["thrusters"] = thruster_forces(vehicle.thrusters, _columns(inputs, outputs), voltage)
     if not (params.allow_no_actuation or any(np.any(values != 0.0) for values in raw.values())):
         raise DataError(
-            f"no actuator acts in segment '{inputs.segment['id']}': every command is zero or"
+            f"no actuator acts in segment '{inputs.segment.id}': every command is zero or"
             " neutral (was the vehicle armed?)",
             remedy=(
                 "Choose a leg in which the vehicle drives, or set"
@@ -125,7 +127,7 @@ def _control(
         if np.isnan(level).any():
             raise DataError(
                 "the propeller speed leaves the table of level speeds in segment"
-                f" '{inputs.segment['id']}'",
+                f" '{inputs.segment.id}'",
                 field="propeller_rev_s",
                 value=float(np.max(np.abs(raw["propeller"]))),
                 remedy=(
@@ -133,7 +135,7 @@ def _control(
                     " the column (revolutions per second)."
                 ),
             )
-    cutoff = inputs.fusion["cutoff_hz"] if params.filter_actuators else None
+    cutoff = inputs.fusion.cutoff_hz if params.filter_actuators else None
     if cutoff is not None:
         raw = {
             name: zero_phase_lowpass(t_s, values, cutoff_hz=float(cutoff))
@@ -153,13 +155,13 @@ def _columns(inputs: Inputs, names: tuple[str, ...]) -> Array:
     if missing:
         raise DataError(
             f"stage residual needs the stream 'actuators' with {', '.join(missing)} (segment"
-            f" '{inputs.segment['id']}')",
+            f" '{inputs.segment.id}')",
             remedy=f"It can come from: {supply_text('actuators')}.",
         )
     values = matrix(inputs.resampled, names)
     if np.isnan(values).any():
         raise DataError(
-            f"the stream 'actuators' does not cover segment '{inputs.segment['id']}'",
+            f"the stream 'actuators' does not cover segment '{inputs.segment.id}'",
             remedy="Shorten the leg to where commands are logged.",
         )
     return values

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -32,7 +33,7 @@ class Inputs:
     """One leg, its log, the vehicle, and the raw streams of the log."""
 
     leg: Document = port("leg")
-    log_info: Document = port("log_info")
+    log_info: LogInfo = port("log_info")
     vehicle: Vehicle = port("vehicle")
     velocity: pa.Table | None = port("velocity", optional=True)
     imu: pa.Table | None = port("imu", optional=True)
@@ -95,12 +96,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
     if channel is None:
         return Outputs()
-    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info["parameters"])
-    start_us = int(inputs.log_info["start_us"])
+    vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info.parameters)
+    start_us = int(inputs.log_info.start_us)
     names = ("velocity", "imu", "attitude", "depth", "actuators", "battery")
     tables = {name: getattr(inputs, name) for name in names}
     streams = Streams(
-        tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info["end_us"])), vehicle
+        tables, start_us, leg_window(inputs.leg, start_us, int(inputs.log_info.end_us)), vehicle
     )
     constant = channel in params.constant_force
     leg_run = run_of_leg(

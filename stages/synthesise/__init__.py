@@ -14,6 +14,8 @@ from functools import partial, reduce
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.records.models import FactorRecord, ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
@@ -33,7 +35,7 @@ PRIORS = ("none", "strip_theory")
 @dataclass(frozen=True)
 class Inputs:
     residual: Collection[pa.Table] = port("residual", many=True)
-    segment: Collection[Document] = port("segment", many=True)
+    segment: Collection[SegmentRecord] = port("segment", many=True)
     vehicle: Vehicle = port("vehicle")
 
 
@@ -70,8 +72,8 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    model_card: Mapping[str, Document] = port("model_card", many=True)
-    triangular_factor: Document = port("triangular_factor")
+    model_card: Mapping[str, ModelCard] = port("model_card", many=True)
+    triangular_factor: FactorRecord = port("triangular_factor")
     section: Document = port("section")
 
 
@@ -82,7 +84,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     """
     declared = _chosen(params.models)
     means = viscous_terms(strip_theory_of(inputs.vehicle)) if params.prior == "strip_theory" else {}
-    training = [key for key, segment in inputs.segment.items() if segment["use"] == "training"]
+    training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(
             "the campaign has no training leg, so there is nothing to fit",
@@ -119,11 +121,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for whole, model in zip(declared, models, strict=True)
     }
-    factor = {
-        "terms": list(data.factor.columns),
-        "samples": data.factor.n_samples,
-        "factor": data.factor.R.tolist(),
-    }
+    factor = FactorRecord(
+        terms=list(data.factor.columns),
+        samples=data.factor.n_samples,
+        factor=data.factor.R.tolist(),
+    )
     return Outputs(cards, factor, synthesise_section(cards, data.motion))
 
 

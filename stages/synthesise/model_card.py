@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    Combination,
+    CovarianceCard,
+    ModelCard,
+    PriorCard,
+    TermCard,
+    VelocityRange,
+)
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
@@ -42,7 +51,7 @@ def model_card(
     vehicle: Vehicle,
     prior: Prior,
     trim: bool,
-) -> dict[str, Any]:
+) -> ModelCard:
     """Return the card of a model from its fits and their covariances, by axis.
 
     `declared`: the model before its propeller terms were left out.
@@ -63,34 +72,36 @@ def model_card(
         if means:
             used[axis] = means
         rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
-    card = {
-        "name": model.name,
-        "title": model.title,
-        "vehicle": vehicle.name,
-        "source": model.source,
-        "n_bar": model.n_bar,
-        "n_bar_declared": declared.n_bar,
-        "rank": rank,
-        "samples": data.factor.n_samples,
-        "trim": trim,
-        "velocity_errors": data.errors is not None,
-        "assumed": list(vehicle.assumed),
-        "axes": axes,
-        "not_applicable": [
+    return ModelCard(
+        name=model.name,
+        title=model.title,
+        vehicle=vehicle.name,
+        source=model.source,
+        n_bar=model.n_bar,
+        n_bar_declared=declared.n_bar,
+        rank=rank,
+        samples=data.factor.n_samples,
+        trim=trim,
+        velocity_errors=data.errors is not None,
+        assumed=list(vehicle.assumed),
+        axes=axes,
+        not_applicable=[
             f"{axis} {term}"
             for axis, terms in declared.terms.items()
             for term in terms
             if term not in model.terms.get(axis, ())
         ],
-        "conditions": {
-            name: {"rms": item.rms, "low": item.low, "high": item.high}
+        conditions={
+            name: VelocityRange(rms=item.rms, low=item.low, high=item.high)
             for name, item in data.motion.items()
         },
-        "solution": solution,
-    }
-    if used:
-        card["prior"] = {"source": prior.source, "relative_sd": prior.relative_sd, "means": used}
-    return card
+        solution=solution,
+        prior=(
+            PriorCard(source="strip_theory", relative_sd=prior.relative_sd, means=used)
+            if used
+            else None
+        ),
+    )
 
 
 def _axis_entry(
@@ -99,7 +110,7 @@ def _axis_entry(
     after: AxisFit,
     wide: Array,
     motion: Mapping[str, VelocityExcitation],
-) -> dict[str, Any]:
+) -> AxisCard:
     """Return what the data say of every term of one axis.
 
     Verdicts are of `fit` with `covariance`; numbers and errors are those with the
@@ -116,52 +127,54 @@ def _axis_entry(
             and term not in summed
             and bool(np.isfinite(fit.coefficients[index]))
         )
-        entry: dict[str, Any] = {
-            "term": term,
-            "unit": coefficient_unit(fit.axis, term),
-            "value": float(after.solution[index]) if has_number else None,
-            "standard_error": _finite(errors[index]) if has_number else None,
-            "verdict": verdict.status,
-        }
-        if verdict.status == INSEPARABLE:
-            entry["inseparable_from"] = list(verdict.partners)
-        terms.append(entry)
-    return {
-        "unit": AXIS_UNITS[fit.axis],
-        "samples": fit.n_samples,
-        "rank": fit.rank,
-        "condition": _finite(fit.condition),
-        "j0": fit.j0,
-        "j": after.rms,
-        "excitation": excitation_word(motion[VELOCITY_OF_AXIS[fit.axis]]),
-        "terms": terms,
-        "combinations": [
-            {
-                "weights": dict(item.weights),
-                "value": item.value,
-                "standard_error": _finite(item.standard_error),
-                "reading": str(item),
-            }
+        terms.append(
+            TermCard(
+                term=term,
+                unit=coefficient_unit(fit.axis, term),
+                value=float(after.solution[index]) if has_number else None,
+                standard_error=_finite(errors[index]) if has_number else None,
+                verdict=verdict.status,
+                inseparable_from=(
+                    list(verdict.partners) if verdict.status == INSEPARABLE else None
+                ),
+            )
+        )
+    return AxisCard(
+        unit=AXIS_UNITS[fit.axis],
+        samples=fit.n_samples,
+        rank=fit.rank,
+        condition=_finite(fit.condition),
+        j0=fit.j0,
+        j=after.rms,
+        excitation=excitation_word(motion[VELOCITY_OF_AXIS[fit.axis]]),
+        terms=terms,
+        combinations=[
+            Combination(
+                weights=dict(item.weights),
+                value=item.value,
+                standard_error=_finite(item.standard_error),
+                reading=str(item),
+            )
             for item in determined
         ],
-        "covariance": _covariance_entry(fit.terms, wide),
-    }
+        covariance=_covariance_entry(fit.terms, wide),
+    )
 
 
-def _covariance_entry(terms: Sequence[str], covariance: Array) -> dict[str, Any]:
+def _covariance_entry(terms: Sequence[str], covariance: Array) -> CovarianceCard:
     """Return the lower triangle over the terms that carry a number in `solution`."""
     kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
-    return {
-        "terms": [terms[i] for i in kept],
-        "lower": [[float(covariance[i, j]) for j in kept if j <= i] for i in kept],
-    }
+    return CovarianceCard(
+        terms=[terms[i] for i in kept],
+        lower=[[float(covariance[i, j]) for j in kept if j <= i] for i in kept],
+    )
 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def excitation_word(motion: VelocityExcitation) -> str:
+def excitation_word(motion: VelocityExcitation) -> Literal["not excited", "weak", "excited"]:
     """Return how much a velocity is excited: not excited, weak, excited."""
     if not motion.excited:
         return "not excited"

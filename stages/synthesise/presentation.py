@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from auvid.data_schemas.records.models import ModelCard, PriorCard
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.base import Document
 from auvid.stages.presentation import equation, remark, section, table
 from auvid.stages.synthesise.model_card import excitation_word
 
 
 def synthesise_section(
-    cards: Mapping[str, Document], motion: Mapping[str, VelocityExcitation]
+    cards: Mapping[str, ModelCard], motion: Mapping[str, VelocityExcitation]
 ) -> dict[str, Any]:
     """Return the section: excitation of every velocity, then one part per model."""
     rows = [
@@ -52,59 +52,55 @@ def synthesise_section(
     )
 
 
-def _model_blocks(card: Document) -> list[dict[str, Any]]:
+def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     rows = []
-    for axis, part in card["axes"].items():
-        for item in part["terms"]:
-            partners = item.get("inseparable_from")
-            verdict = f"inseparable from {', '.join(partners)}" if partners else item["verdict"]
-            rows.append(
-                [axis, item["term"], item["value"], item["standard_error"], item["unit"], verdict]
-            )
+    for axis, part in card.axes.items():
+        for item in part.terms:
+            partners = item.inseparable_from
+            verdict = f"inseparable from {', '.join(partners)}" if partners else item.verdict
+            rows.append([axis, item.term, item.value, item.standard_error, item.unit, verdict])
     heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
-    title = f"{card['title']}: {card['n_bar']} terms, rank {card['rank']}" + (
-        ", with a prior" if "prior" in card else ""
+    title = f"{card.title}: {card.n_bar} terms, rank {card.rank}" + (
+        ", with a prior" if card.prior is not None else ""
     )
     note = "Standard errors allow for coloured residuals (Newey-West)"
-    if card["velocity_errors"]:
+    if card.velocity_errors:
         note += (
             " and for the effect of velocity errors, of the size that fuse states, on the"
             " coefficients."
         )
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
-    if card["assumed"]:
-        note += f" The {len(card['assumed'])} assumed figures of the vehicle count as exact."
+    if card.assumed:
+        note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
     blocks = [table(title, heads, rows, note=note)]
-    if "prior" in card:
-        blocks.append(_prior_remark(card))
+    if card.prior is not None:
+        blocks.append(_prior_remark(card, card.prior))
     sums = [
-        [axis, item["reading"], item["standard_error"]]
-        for axis, part in card["axes"].items()
-        for item in part["combinations"]
+        [axis, item.reading, item.standard_error]
+        for axis, part in card.axes.items()
+        for item in part.combinations
     ]
     if sums:
         heads = ["axis", "combination of coefficients: value", "standard error"]
         blocks.append(
-            table(f"{card['title']}: what the data determine of inseparable terms", heads, sums)
+            table(f"{card.title}: what the data determine of inseparable terms", heads, sums)
         )
-    if card["not_applicable"]:
+    if card.not_applicable:
         words = (
-            f"{card['title']}: {len(card['not_applicable'])} terms with the propulsion ratio do not"
+            f"{card.title}: {len(card.not_applicable)} terms with the propulsion ratio do not"
             " apply without a propeller speed"
         )
-        blocks.append(remark(f"{words}: {', '.join(card['not_applicable'])}."))
+        blocks.append(remark(f"{words}: {', '.join(card.not_applicable)}."))
     lopsided = [
-        f"{axis} {item['term']}"
-        for axis, part in card["axes"].items()
-        for item in part["terms"]
-        if item["verdict"] == IDENTIFIED
-        and item["term"] != CONSTANT
-        and breaks_symmetry(axis, item["term"])
+        f"{axis} {item.term}"
+        for axis, part in card.axes.items()
+        for item in part.terms
+        if item.verdict == IDENTIFIED and item.term != CONSTANT and breaks_symmetry(axis, item.term)
     ]
     if lopsided:
         words = (
-            f"{card['title']}: {', '.join(lopsided)} are identified, though a hull symmetric"
+            f"{card.title}: {', '.join(lopsided)} are identified, though a hull symmetric"
             " to port and starboard has no such terms."
         )
         blocks.append(
@@ -116,14 +112,14 @@ def _model_blocks(card: Document) -> list[dict[str, Any]]:
     return blocks
 
 
-def _prior_remark(card: Document) -> dict[str, Any]:
+def _prior_remark(card: ModelCard, prior: PriorCard) -> dict[str, Any]:
     """Return which coefficients have a prior, and which the data leave to it."""
-    means, sd = card["prior"]["means"], card["prior"]["relative_sd"]
+    means, sd = prior.means, prior.relative_sd
     identified = {
-        (axis, item["term"])
-        for axis, part in card["axes"].items()
-        for item in part["terms"]
-        if item["verdict"] == IDENTIFIED
+        (axis, item.term)
+        for axis, part in card.axes.items()
+        for item in part.terms
+        if item.verdict == IDENTIFIED
     }
     resting = [
         f"{axis} {term}"
@@ -132,7 +128,7 @@ def _prior_remark(card: Document) -> dict[str, Any]:
         if (axis, term) not in identified
     ]
     words = (
-        f"{card['title']}: a prior was used, strip theory of the vehicle's geometry with a standard"
+        f"{card.title}: a prior was used, strip theory of the vehicle's geometry with a standard"
         f" deviation of {100.0 * sd:g} % of each value, on {sum(map(len, means.values()))}"
         " coefficients. Verdicts are those of the data alone."
     )

@@ -21,6 +21,8 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
@@ -44,9 +46,9 @@ from auvid.stages.validate.tables import ALL, Group, RangeCovered, error_metrics
 
 @dataclass(frozen=True)
 class Inputs:
-    model_card: Collection[Document] = port("model_card", many=True)
+    model_card: Collection[ModelCard] = port("model_card", many=True)
     residual: Collection[pa.Table] = port("residual", many=True)
-    segment: Collection[Document] = port("segment", many=True)
+    segment: Collection[SegmentRecord] = port("segment", many=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     controls: Collection[pa.Table] | None = port("controls", many=True, optional=True)
     vehicle: Vehicle | None = port("vehicle", optional=True)
@@ -94,14 +96,14 @@ class Predictor:
     trim: Array
 
     @classmethod
-    def of(cls, card: Document) -> Predictor:
+    def of(cls, card: ModelCard) -> Predictor:
         """Return the model of a card."""
         terms = {
             axis: {term: value for term, value in row.items() if term != CONSTANT}
-            for axis, row in card["solution"].items()
+            for axis, row in card.solution.items()
         }
-        trim = [card["solution"].get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
-        return cls(IdentifiedModel(str(card["name"]), terms), np.array(trim))
+        trim = [card.solution.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
+        return cls(IdentifiedModel(str(card.name), terms), np.array(trim))
 
     def force(self, residual: pa.Table) -> Array:
         """Return the force (n, 6) at the velocities of a residual table."""
@@ -122,7 +124,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     models = {name: Predictor.of(card) for name, card in cards.items()}
     segments = dict(inputs.segment.items())
     for segment in segments.values():
-        if segment["leg"] == ALL:
+        if segment.leg == ALL:
             raise CampaignError(
                 f"a leg may not be called '{ALL}': that is the row of all legs together",
                 field="legs",
@@ -131,10 +133,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     def judged() -> Iterator[tuple[str, str, pa.Table, Array]]:
         for key, residual in inputs.residual.items():
-            yield key, str(segments[key]["use"]), residual, forces(residual, "tau_bar")
+            yield key, str(segments[key].use), residual, forces(residual, "tau_bar")
 
     def groups(key: str, model: str) -> tuple[Group, Group]:
-        use, leg = str(segments[key]["use"]), str(segments[key]["leg"])
+        use, leg = str(segments[key].use), str(segments[key].leg)
         return (use, ALL, model), (use, leg, model)
 
     sums: dict[Group, ErrorSums] = {}
@@ -150,7 +152,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         motion = RangeCovered.of(matrix(residual, VELOCITY), measured)
         covered[use] = covered[use].merge(motion) if use in covered else motion
         if use == "validation":
-            t = clock(residual) + float(segments[key]["leg_start_s"])
+            t = clock(residual) + float(segments[key].leg_start_s)
             plots.append(prediction_plot(segments[key], t, measured, predicted))
             runs = _free_runs(inputs, params, models, key)
             if runs is not None:

@@ -7,9 +7,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
-from auvid.stages.base import Document
 from auvid.stages.columns import AXIS_UNITS, force_columns
 from auvid.stages.presentation import (
     Block,
@@ -36,7 +37,7 @@ OUTSIDE_SHARE = 0.05
 
 def validate_section(
     errors: Errors,
-    cards: Mapping[str, Document],
+    cards: Mapping[str, ModelCard],
     covered: Mapping[str, RangeCovered],
     outside: Array,
     free_run: pa.Table,
@@ -45,7 +46,7 @@ def validate_section(
     failed_ratio: float,
 ) -> dict[str, Any]:
     """Return the section: verdicts, error tables, ranges, free runs, then the plots."""
-    titles = {name: str(card["title"]) for name, card in cards.items()}
+    titles = {name: str(card.title) for name, card in cards.items()}
     reference = mean_force_errors(covered)
     blocks = [
         *_verdicts(errors, cards, reference.get("validation", {}), failed_ratio),
@@ -77,7 +78,7 @@ def _of_all_legs(errors: Errors, use: str) -> dict[str, Mapping[str, ErrorMeasur
 
 def _verdicts(
     errors: Errors,
-    cards: Mapping[str, Document],
+    cards: Mapping[str, ModelCard],
     reference: Mapping[str, tuple[float, float]],
     failed: float,
 ) -> list[Block]:
@@ -88,14 +89,14 @@ def _verdicts(
     notes, failing = [], []
     judged = _of_all_legs(errors, "validation")
     for model, measures in judged.items():
-        title, ratios = cards[model]["title"], {axis: measures[axis].normalised for axis in AXES}
+        title, ratios = cards[model].title, {axis: measures[axis].normalised for axis in AXES}
         bad = [f"{axis} {ratio:.2f}" for axis, ratio in ratios.items() if ratio > failed]
         if bad:
             failing.append(f"{title} ({', '.join(bad)})")
         idle = [
             f"{axis} ({ratio:.2f} against {reference[axis][1]:.2f})"
             for axis, ratio in ratios.items()
-            if cards[model]["trim"]
+            if cards[model].trim
             and axis in reference
             and ratio >= reference[axis][1]
             and min(ratio, measures[TOTAL].normalised) <= failed
@@ -121,7 +122,7 @@ def _verdicts(
 def _error_tables(
     use: str,
     errors: Errors,
-    cards: Mapping[str, Document],
+    cards: Mapping[str, ModelCard],
     reference: Mapping[str, Mapping[str, tuple[float, float]]],
 ) -> list[Block]:
     judged = _of_all_legs(errors, use)
@@ -132,9 +133,9 @@ def _error_tables(
     for model, measures in judged.items():
         card, total = cards[model], measures[TOTAL]
         ratios = [measures[axis].normalised for axis in (TOTAL, *AXES)]
-        rows.append([card["title"], card["n_bar"], card["rank"], total.rms, *ratios])
+        rows.append([card.title, card.n_bar, card.rank, total.rms, *ratios])
         sums = [total.j0, total.sse, total.mae, total.mse, total.mad]
-        detail.append([card["title"], *sums, *(measures[axis].rms for axis in AXES)])
+        detail.append([card.title, *sums, *(measures[axis].rms for axis in AXES)])
     j0 = next(iter(judged.values()))
     note = "Totals mix N and N m, as the thesis has them. J0: "
     note += ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES) + "."
@@ -267,7 +268,7 @@ def _divergence(
 
 
 def prediction_plot(
-    segment: Document, t: Array, measured: Array, predicted: Mapping[str, Array]
+    segment: SegmentRecord, t: Array, measured: Array, predicted: Mapping[str, Array]
 ) -> Block:
     """Return the force of every model against the measured one (n, 6), axis by axis."""
     panels = [
@@ -282,7 +283,7 @@ def prediction_plot(
         for index, axis in enumerate(AXES)
     ]
     return plot(
-        f"Force on {segment['id']}: every model against measurement (McCarter Figures 5.8-5.15)",
+        f"Force on {segment.id}: every model against measurement (McCarter Figures 5.8-5.15)",
         panels,
         group="time",
         look_for="A model that follows the measured line here has not seen it before.",
@@ -314,14 +315,14 @@ def validate_views(segments: Iterable[str], models: Iterable[str]) -> dict[str, 
 
 
 def tables_as_text(
-    errors: Errors, cards: Mapping[str, Document], covered: Mapping[str, RangeCovered]
+    errors: Errors, cards: Mapping[str, ModelCard], covered: Mapping[str, RangeCovered]
 ) -> str:
     """Return the tables as plain text.
 
     As McCarter 5.1 and 5.2, with per-axis columns.
     """
     reference = mean_force_errors(covered)
-    titles = ("model", CONSTANT_TITLE, *(str(card["title"]) for card in cards.values()))
+    titles = ("model", CONSTANT_TITLE, *(str(card.title) for card in cards.values()))
     width = max(map(len, titles))
 
     def line(title: str, n_bar: int, rank: int, j: float, ratios: Iterable[float]) -> str:
@@ -343,9 +344,7 @@ def tables_as_text(
         ]
         for model, measures in judged.items():
             card, ratios = cards[model], [measures[axis].normalised for axis in (TOTAL, *AXES)]
-            lines.append(
-                line(card["title"], card["n_bar"], card["rank"], measures[TOTAL].rms, ratios)
-            )
+            lines.append(line(card.title, card.n_bar, card.rank, measures[TOTAL].rms, ratios))
         if use in reference:
             ratios = [reference[use][axis][1] for axis in (TOTAL, *AXES)]
             lines.append(line(CONSTANT_TITLE, 0, 0, reference[use][TOTAL][0], ratios))

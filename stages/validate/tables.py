@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
-from auvid.stages.base import Document
 
 ALL = "all"
 Group = tuple[str, str, str]
@@ -79,13 +79,13 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
     return errors
 
 
-def error_rows(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
+def error_rows(errors: Errors, cards: Mapping[str, ModelCard]) -> pa.Table:
     """Return the error table: a row per use, leg, model and axis, with totals."""
     rows = []
     for (use, leg, model), measures in errors.items():
         for axis, values in measures.items():
             card = cards[model]
-            part = card["axes"].get(axis, {"terms": (), "rank": 0})
+            part = card.axes.get(axis)
             total = axis == TOTAL
             rows.append(
                 {
@@ -93,8 +93,8 @@ def error_rows(errors: Errors, cards: Mapping[str, Document]) -> pa.Table:
                     "leg": leg,
                     "model": model,
                     "axis": ALL if total else axis,
-                    "n_bar": int(card["n_bar"]) if total else len(part["terms"]),
-                    "rank": int(card["rank"] if total else part["rank"]),
+                    "n_bar": card.n_bar if total else len(part.terms) if part else 0,
+                    "rank": card.rank if total else part.rank if part else 0,
                     **{name: getattr(values, field) for name, field in MEASURES.items()},
                 }
             )

@@ -307,7 +307,7 @@ def test_the_larger_of_two_vehicles_is_read_and_the_other_named() -> None:
     outputs = ingest.run(ingest.Inputs(RawLog("two", (file,))), ingest.Params())
     assert outputs.attitude is not None
     assert set(np.round(outputs.attitude["phi_rad"].to_numpy(), 6)) == {0.1}
-    assert any("system 7 component 1 (301 messages)" in note for note in outputs.log_info["notes"])
+    assert any("system 7 component 1 (301 messages)" in note for note in outputs.log_info.notes)
 
 
 @pytest.mark.parametrize(

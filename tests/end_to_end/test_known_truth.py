@@ -95,7 +95,7 @@ def test_coefficients_in_the_span_come_back(name: str) -> None:
     fitted, judged = fit(residuals(truth), name)
     card = fitted.model_card[name]
     check_document(card, "model_card")
-    assert card["rank"] == RANK[name]
+    assert card.rank == RANK[name]
     for axis in AXES:
         largest = max(
             (abs(value) for value in truth.coefficients.get(axis, {}).values()), default=0.0
@@ -105,7 +105,7 @@ def test_coefficients_in_the_span_come_back(name: str) -> None:
         for term in model_named(name).terms[axis]:
             # relative to the axis's largest coefficient: the smallest are rounding of
             # the published tables, 1e-20
-            assert card["solution"][axis][term] == pytest.approx(
+            assert card.solution[axis][term] == pytest.approx(
                 truth.coefficients[axis][term], rel=1e-6, abs=1e-9 * largest
             )
     assert judged.error_metrics["validation"][name]["ratio"] < 1e-9
@@ -115,41 +115,41 @@ def test_coefficients_in_the_span_come_back(name: str) -> None:
 def test_uncoupled_names_the_pairs_that_ahead_motion_cannot_separate() -> None:
     fitted, _ = fit(residuals(published("uncoupled")), "uncoupled")
     card = fitted.model_card["uncoupled"]
-    assert (card["n_bar"], card["rank"]) == (24, 22)
-    surge = {item["term"]: item for item in card["axes"]["X"]["terms"]}
-    assert {term: item["inseparable_from"] for term, item in surge.items()} == {
+    assert (card.n_bar, card.rank) == (24, 22)
+    surge = {item.term: item for item in card.axes["X"].terms}
+    assert {term: item.inseparable_from for term, item in surge.items()} == {
         "u": ["|u|"],
         "|u|": ["u"],
         "u*u": ["u*|u|"],
         "u*|u|": ["u*u"],
     }
-    assert all(item["value"] is None and item["standard_error"] is None for item in surge.values())
-    sums = {frozenset(item["weights"]): item for item in card["axes"]["X"]["combinations"]}
-    assert sums[frozenset({"u", "|u|"})]["value"] == pytest.approx(
+    assert all(item.value is None and item.standard_error is None for item in surge.values())
+    sums = {frozenset(item.weights): item for item in card.axes["X"].combinations}
+    assert sums[frozenset({"u", "|u|"})].value == pytest.approx(
         -7.690, rel=1e-6
     )  # Table E.10, X_|u| = Fossen's X_u
-    assert sums[frozenset({"u*u", "u*|u|"})]["value"] == pytest.approx(-1.288, rel=1e-6)
+    assert sums[frozenset({"u*u", "u*|u|"})].value == pytest.approx(-1.288, rel=1e-6)
     assert all(
         weight == pytest.approx(1.0, rel=1e-9)
         for item in sums.values()
-        for weight in item["weights"].values()
+        for weight in item.weights.values()
     )
     tables_shown = [
         block for block in fitted.section["blocks"] if "inseparable terms" in block.get("title", "")
     ]
     assert len(tables_shown[0]["rows"]) == 2
-    assert all(len(card["axes"][axis]["terms"]) == card["axes"][axis]["rank"] for axis in "YZKMN")
+    assert all(len(card.axes[axis]["terms"]) == card.axes[axis]["rank"] for axis in "YZKMN")
 
 
 def test_ranks_of_all_models_on_one_motion(
     of_mcfarland: tuple[synthesise.Outputs, validate.Outputs],
 ) -> None:
     fitted, _ = of_mcfarland
-    assert {name: card["rank"] for name, card in fitted.model_card.items()} == RANK
-    assert {name: card["n_bar"] for name, card in fitted.model_card.items()} == RANK | {
+    assert {name: card.rank for name, card in fitted.model_card.items()} == RANK
+    assert {name: card.n_bar for name, card in fitted.model_card.items()} == RANK | {
         "uncoupled": 24
     }
-    assert not any(card["not_applicable"] for card in fitted.model_card.values())
+    assert not any(card.not_applicable for card in fitted.model_card.values())
 
 
 def test_models_that_do_not_span_the_truth_rank_as_they_should(
@@ -178,6 +178,6 @@ def test_trim_is_found_beside_the_model() -> None:
         tables[name] = table
     fitted, judged = fit(tables, "prestero", trim=True)
     card = fitted.model_card["prestero"]
-    assert [card["solution"][axis]["constant"] for axis in AXES] == pytest.approx(trim, rel=1e-6)
-    assert (card["rank"], card["n_bar"], card["trim"]) == (30, 30, True)
+    assert [card.solution[axis]["constant"] for axis in AXES] == pytest.approx(trim, rel=1e-6)
+    assert (card.rank, card.n_bar, card.trim) == (30, 30, True)
     assert judged.error_metrics["validation"]["prestero"]["ratio"] < 1e-9

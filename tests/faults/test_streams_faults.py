@@ -126,8 +126,8 @@ def test_clock_set_during_the_log() -> None:
         (row["reason"], row["count"], row["first"], row["last"])
         for row in outputs.dropped.to_pylist()
     ] == [(BEFORE_LEAP, 3, 2, 4)]
-    assert outputs.log_info["start_us"] == 1_700_000_000_000_000
-    assert any("was set" in note for note in outputs.log_info["notes"])
+    assert outputs.log_info.start_us == 1_700_000_000_000_000
+    assert any("was set" in note for note in outputs.log_info.notes)
 
 
 @pytest.mark.parametrize("column", sorted(POSSIBLE))
@@ -180,7 +180,7 @@ def test_too_many_bad_samples_refuse_the_log() -> None:
     outputs = ingest.run(ingest.Inputs(log), ingest.Params(max_dropped_share=0.7))
     assert outputs.velocity is not None
     assert outputs.velocity.num_rows == 10
-    assert outputs.log_info["streams"]["velocity"]["rejected"] == 20
+    assert outputs.log_info.streams["velocity"].rejected == 20
 
 
 @settings(max_examples=200, deadline=None)

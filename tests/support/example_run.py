@@ -15,6 +15,9 @@ import pyarrow as pa
 
 from auvid.data_schemas.documents.model import assumed_quantities, parse
 from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -49,10 +52,10 @@ class ExampleRun:
 
     campaign: dict[str, Any] = field(default_factory=dict)
     vehicle: Vehicle = field(default_factory=lambda: example_vehicle())
-    logs: dict[str, dict[str, Any]] = field(default_factory=dict)
-    segments: dict[str, dict[str, Any]] = field(default_factory=dict)
+    logs: dict[str, LogInfo] = field(default_factory=dict)
+    segments: dict[str, SegmentRecord] = field(default_factory=dict)
     fused: dict[str, pa.Table] = field(default_factory=dict)
-    cards: dict[str, dict[str, Any]] = field(default_factory=dict)
+    cards: dict[str, ModelCard] = field(default_factory=dict)
     errors: list[dict[str, Any]] = field(default_factory=list)
     sections: dict[str, dict[str, Any]] = field(default_factory=dict)
     views: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -171,50 +174,57 @@ def _part(document: dict[str, Any], place: Sequence[str]) -> dict[str, Any]:
     return document
 
 
-def _log(seconds: float) -> dict[str, Any]:
-    return {
-        "log": "dive",
-        "files": [
-            {
-                "name": "dive.BIN",
-                "format": "dataflash",
-                "size_bytes": 8_123_456,
-                "status": "truncated",
-                "seconds_lost": 0.4,
-            }
-        ],
-        "status": "truncated",
-        "start_us": 61_000_000,
-        "end_us": 61_000_000 + int(seconds * 1e6),
-        "utc_offset_us": None,
-        "vehicle": "ArduSub 4.5.0",
-        "parameters": {"FRAME_CONFIG": 2.0},
-        "accelerometer": "specific_force",
-        "streams": {},
-        "counts": {"IMU": 6500},
-        "notes": ["The clock starts 61 s after boot."],
-    }
+def _log(seconds: float) -> LogInfo:
+    return LogInfo.model_validate(
+        {
+            "log": "dive",
+            "files": [
+                {
+                    "name": "dive.BIN",
+                    "format": "dataflash",
+                    "size_bytes": 8_123_456,
+                    "record_bytes": 8_123_456,
+                    "definition_bytes": 0,
+                    "skipped": [],
+                    "status": "truncated",
+                    "seconds_lost": 0.4,
+                }
+            ],
+            "status": "truncated",
+            "start_us": 61_000_000,
+            "end_us": 61_000_000 + int(seconds * 1e6),
+            "utc_offset_us": None,
+            "vehicle": "ArduSub 4.5.0",
+            "parameters": {"FRAME_CONFIG": 2.0},
+            "accelerometer": "specific_force",
+            "streams": {},
+            "counts": {"IMU": 6500},
+            "notes": ["The clock starts 61 s after boot."],
+        }
+    )
 
 
-def _segment(name: str, use: str, start: float, length: float) -> dict[str, Any]:
-    return {
-        "id": name,
-        "leg": name,
-        "log": "dive",
-        "use": use,
-        "start_us": 61_000_000 + int(start * 1e6),
-        "leg_start_s": start,
-        "duration_s": length,
-        "samples": int(length * RATE_HZ),
-        "rate_hz": RATE_HZ,
-        "lags_s": {"velocity": 0.15},
-        "smoothing": {},
-        "gaps": [],
-        "notes": [],
-    }
+def _segment(name: str, use: str, start: float, length: float) -> SegmentRecord:
+    return SegmentRecord.model_validate(
+        {
+            "id": name,
+            "leg": name,
+            "log": "dive",
+            "use": use,
+            "start_us": 61_000_000 + int(start * 1e6),
+            "leg_start_s": start,
+            "duration_s": length,
+            "samples": int(length * RATE_HZ),
+            "rate_hz": RATE_HZ,
+            "lags_s": {"velocity": 0.15},
+            "smoothing": {},
+            "gaps": [],
+            "notes": [],
+        }
+    )
 
 
-def _card(name: str) -> dict[str, Any]:
+def _card(name: str) -> ModelCard:
     title, terms, _ = MODELS[name]
     axes = {}
     for index, (axis, unit) in enumerate(zip(AXES, UNITS, strict=True)):
@@ -239,23 +249,26 @@ def _card(name: str) -> dict[str, Any]:
             "excitation": "not excited" if axis in "KM" else "weak" if axis == "N" else "excited",
             "terms": coefficients,
             "combinations": [],
+            "covariance": {"terms": [], "lower": []},
         }
-    return {
-        "name": name,
-        "title": title,
-        "vehicle": "bluerov2_heavy",
-        "source": "McCarter 2014, chapter 3",
-        "n_bar": terms,
-        "n_bar_declared": terms,
-        "rank": terms - 2,
-        "samples": 1800,
-        "trim": True,
-        "assumed": ["mass", "inertia", "thrust curve"],
-        "axes": axes,
-        "not_applicable": [],
-        "conditions": {name: {"rms": 0.2, "low": -0.4, "high": 0.5} for name in "uvwpqr"},
-        "solution": {},
-    }
+    return ModelCard.model_validate(
+        {
+            "name": name,
+            "title": title,
+            "vehicle": "bluerov2_heavy",
+            "source": "McCarter 2014, chapter 3",
+            "n_bar": terms,
+            "n_bar_declared": terms,
+            "rank": terms - 2,
+            "samples": 1800,
+            "trim": True,
+            "assumed": ["mass", "inertia", "thrust curve"],
+            "axes": axes,
+            "not_applicable": [],
+            "conditions": {name: {"rms": 0.2, "low": -0.4, "high": 0.5} for name in "uvwpqr"},
+            "solution": {},
+        }
+    )
 
 
 def _error_rows(use: str, segments: tuple[str, ...]) -> list[dict[str, Any]]:
@@ -332,7 +345,7 @@ def _add_segment(run: ExampleRun, name: str, length: float, rng: np.random.Gener
     t, truth, noisy = _signals(length, rng)
     run.fused[name] = run.tables[f"fuse/{name}/fused"] = _fused_table(t, truth)
     run.tables[f"resample/{name}/resampled"] = _resampled_table(t, noisy)
-    clock = t + float(run.segments[name]["leg_start_s"])
+    clock = t + float(run.segments[name].leg_start_s)
     symbols = (
         ("u", "m/s"),
         ("v", "m/s"),
@@ -470,9 +483,9 @@ def _predictions(name: str, t: Array, truth: Array) -> pa.Table:
 
 def _add_campaign(run: ExampleRun) -> None:
     coefficients = [
-        [axis, item["term"], item["value"], item["standard_error"], item["verdict"]]
-        for axis, fit in run.cards["linear"]["axes"].items()
-        for item in fit["terms"]
+        [axis, item.term, item.value, item.standard_error, item.verdict]
+        for axis, fit in run.cards["linear"].axes.items()
+        for item in fit.terms
     ]
     blocks = [
         equation(
@@ -497,10 +510,10 @@ def _add_campaign(run: ExampleRun) -> None:
         for title, terms, total in MODELS.values()
     ]
     t, truth, noisy = _signals(
-        run.segments["check"]["duration_s"] if "check" in run.segments else 20.0,
+        run.segments["check"].duration_s if "check" in run.segments else 20.0,
         np.random.default_rng(1),
     )
-    t += run.segments["check"]["leg_start_s"] if "check" in run.segments else 0.0
+    t += run.segments["check"].leg_start_s if "check" in run.segments else 0.0
     panels = [
         panel(
             axis,

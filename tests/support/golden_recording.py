@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.stages.report.recording.log_recording import record_log
 
@@ -41,7 +42,7 @@ def tables() -> dict[str, pa.Table]:
     return {name: make_table(name, columns) for name, columns in entities.items()}
 
 
-INFO: dict[str, Any] = {"start_us": 5_000_000, "end_us": 65_000_000, "notes": ["a note"]}
+INFO = LogInfo.model_construct(start_us=5_000_000, end_us=65_000_000, notes=["a note"])
 HEALTH: dict[str, Any] = {
     "bytes": 5_000_000,
     "duration_s": 60.0,

@@ -17,6 +17,8 @@ import pyarrow as pa
 import yaml
 from scipy.interpolate import CubicSpline
 
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import ChannelSmoothing, FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
@@ -283,28 +285,35 @@ def residual_table(nu: Array, force: Array, ratio: Array | None = None) -> pa.Ta
     return make_table("residual", columns if ratio is None else {**columns, "eta_ratio": ratio})
 
 
+UNSMOOTHED = ChannelSmoothing(
+    method="none", lam=0.0, cutoff_hz=None, noise_sd=None, sample_hz=RATE_HZ
+)
+
+
 def segment_document(
     name: str = "one", use: str = "training", *, leg: str | None = None, gyro: bool = True
-) -> dict[str, Any]:
+) -> SegmentRecord:
     """The document of a segment."""
-    return {
-        "id": name,
-        "leg": leg or name,
-        "log": "log",
-        "use": use,
-        "start_us": 0,
-        "leg_start_s": 0.0,
-        "duration_s": 120.0,
-        "samples": 6000,
-        "rate_hz": RATE_HZ,
-        "lags_s": {},
-        "smoothing": {"p_rad_s": {}} if gyro else {},
-        "gaps": [],
-        "notes": [],
-    }
+    return SegmentRecord.model_validate(
+        {
+            "id": name,
+            "leg": leg or name,
+            "log": "log",
+            "use": use,
+            "start_us": 0,
+            "leg_start_s": 0.0,
+            "duration_s": 120.0,
+            "samples": 6000,
+            "rate_hz": RATE_HZ,
+            "lags_s": {},
+            "smoothing": {"p_rad_s": UNSMOOTHED} if gyro else {},
+            "gaps": [],
+            "notes": [],
+        }
+    )
 
 
-def log_document(**fields: Any) -> dict[str, Any]:
+def log_document(**fields: Any) -> LogInfo:
     """The document of a log without parameters; `fields` go on top."""
     empty: Mapping[str, Any] = {
         "streams": {},
@@ -313,19 +322,21 @@ def log_document(**fields: Any) -> dict[str, Any]:
         "parameters": {},
         "files": [],
     }
-    return {
-        "log": "log",
-        "status": "complete",
-        "start_us": 0,
-        "end_us": 1,
-        "accelerometer": None,
-        "vehicle": None,
-        **empty,
-        **fields,
-    }
+    return LogInfo.model_validate(
+        {
+            "log": "log",
+            "status": "complete",
+            "start_us": 0,
+            "end_us": 1,
+            "accelerometer": None,
+            "vehicle": None,
+            **empty,
+            **fields,
+        }
+    )
 
 
-def fusion_document(**fields: Any) -> dict[str, Any]:
+def fusion_document(**fields: Any) -> FusionRecord:
     """The document of a fusion without a filter; `fields` go on top."""
     base = {
         "segment": "one",
@@ -336,4 +347,4 @@ def fusion_document(**fields: Any) -> dict[str, Any]:
         "rms": {},
         "warnings": [],
     }
-    return {**base, **fields}
+    return FusionRecord.model_validate({**base, **fields})

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
@@ -92,7 +93,13 @@ class Log:
             self.info["streams"][name] = {
                 "source": described.get("source", name.upper()),
                 "alternatives": alternatives,
+                "columns": [column for column in table.column_names if column != "time_us"],
                 "rows": table.num_rows,
+                "rate_hz": None,
+                "start_us": 0,
+                "end_us": 0,
+                "duration_s": 0.0,
+                "gaps": 0,
                 "rejected": sum(row["count"] for row in self.dropped if row["stream"] == name),
                 "longest_gap_s": (
                     float(np.diff(self.t_s(name)).max()) if table.num_rows > 1 else 0.0
@@ -103,7 +110,11 @@ class Log:
             for key in ("stream", "reason", "count", "bytes", "first", "last")
         }
         return check_health(
-            tables, self.info, make_table("dropped", rows), vehicle=self.vehicle, others=self.others
+            tables,
+            LogInfo.model_validate(self.info),
+            make_table("dropped", rows),
+            vehicle=self.vehicle,
+            others=self.others,
         )
 
     def ids(self) -> list[str]:

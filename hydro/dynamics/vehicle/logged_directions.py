@@ -16,7 +16,7 @@ MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {
 
 
 def with_logged_directions(
-    vehicle: Vehicle, parameters: Mapping[str, float]
+    vehicle: Vehicle, parameters: Mapping[str, float | None]
 ) -> tuple[Vehicle, str]:
     """Return the vehicle with the motor directions that the log records.
 
@@ -30,17 +30,17 @@ def with_logged_directions(
     if vehicle.thrusters is None:
         return vehicle, ""
     motors = [
-        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION", 0.0), output)
+        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION") or 0.0, output)
         for output in vehicle.thrusters.outputs
     ]
     logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
-    known = [float(value) for value in logged if value in (1.0, -1.0)]
-    if len(known) < len(logged):
+    directions = [float(value) for value in logged if value in (1.0, -1.0)]
+    if len(directions) < len(logged):
         return (
             vehicle,
             "Motor directions are those of the vehicle file; the log does not hold them all.",
         )
-    thrusters = replace(vehicle.thrusters, direction=np.array(known))
+    thrusters = replace(vehicle.thrusters, direction=np.array(directions))
     return (
         replace(vehicle, thrusters=thrusters),
         "Motor directions are those of the log's parameters MOT_n_DIRECTION.",

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,11 @@ from scipy.linalg import solve_triangular
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import AxisFit
 
-IDENTIFIED, WEAK, NOT_EXCITED, INSEPARABLE = "identified", "weak", "not excited", "inseparable"
+TermStatus = Literal["identified", "weak", "not excited", "inseparable"]
+IDENTIFIED: TermStatus = "identified"
+WEAK: TermStatus = "weak"
+NOT_EXCITED: TermStatus = "not excited"
+INSEPARABLE: TermStatus = "inseparable"
 T_LIMIT = 2.0
 VIF_LIMIT = 100.0
 """A column of which less than a tenth is its own: its standard error is ten times what
@@ -50,7 +55,7 @@ class Verdict:
     """
 
     term: str
-    status: str
+    status: TermStatus
     partners: tuple[str, ...]
     t_ratio: float
     vif: float
@@ -111,7 +116,7 @@ def judge(
 
 def _rule(
     fit: AxisFit, index: int, groups: Mapping[str, tuple[str, ...]], unexcited: bool, t_ratio: float
-) -> tuple[str, tuple[str, ...]]:
+) -> tuple[TermStatus, tuple[str, ...]]:
     term = fit.terms[index]
     if term in groups:
         return INSEPARABLE, tuple(other for other in groups[term] if other != term)

@@ -126,15 +126,11 @@ def losses(run: Run) -> list[str]:
     """Return what of the logs did not reach the results: damage and rejected samples."""
     found = []
     for log, info in _per_item(run, "log_info"):
-        if info["status"] != "complete":
-            skipped = sum(
-                int(part.get("bytes") or 0)
-                for file in info["files"]
-                for part in file.get("skipped") or []
-            )
-            seconds = sum(float(file.get("seconds_lost") or 0.0) for file in info["files"])
+        if info.status != "complete":
+            skipped = sum(part.bytes for file in info.files for part in file.skipped)
+            seconds = sum(file.seconds_lost for file in info.files)
             found.append(
-                f"log '{log}' is {info['status']}: {skipped} bytes skipped, {seconds:.1f} s lost"
+                f"log '{log}' is {info.status}: {skipped} bytes skipped, {seconds:.1f} s lost"
             )
     for log, dropped in _per_item(run, "dropped"):
         counts: Counter[str] = Counter()
@@ -157,9 +153,9 @@ def warnings(run: Run) -> list[str]:
             for block in document["blocks"]
             if block["kind"] == "remark" and block["level"] == "warning"
         )
-    segments = {str(document["id"]): document for document in _of_schema(run, "segment")}
+    segments = {segment.id: segment for segment in _of_schema(run, "segment")}
     found.update(
-        f"{name}: {words}" for name, document in segments.items() for words in document["notes"]
+        f"{name}: {words}" for name, segment in segments.items() for words in segment.notes
     )
     found.update(shared_data(segments))
     for stage in run.graph.stages:

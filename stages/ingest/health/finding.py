@@ -12,10 +12,10 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.checks import checks
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.base import Document
 from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.streams.mapping import OtherSource
 
@@ -35,7 +35,7 @@ class CheckedLog:
     """One log: streams, `log_info`, rejected samples, vehicle file, other sources."""
 
     tables: Mapping[str, pa.Table]
-    info: Document
+    info: LogInfo
     dropped: pa.Table
     vehicle: Vehicle | None = None
     others: Sequence[OtherSource] = ()
@@ -54,7 +54,7 @@ class CheckedLog:
 
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
         """Return time stamps (n,) in seconds from the start of the log."""
-        return np.asarray((time_us - int(self.info["start_us"])) / 1e6)
+        return np.asarray((time_us - int(self.info.start_us)) / 1e6)
 
     def values(self, stream: str, names: Iterable[str]) -> Array:
         """Return columns of a stream as an array (n, k)."""
@@ -66,7 +66,7 @@ class CheckedLog:
 
     def source(self, stream: str) -> str:
         """Return the source of a stream."""
-        return str(self.info["streams"][stream]["source"])
+        return str(self.info.streams[stream].source)
 
     def accelerometer(self) -> Array | None:
         """Return the accelerometer (n, 3) if the inertial unit has one."""
@@ -81,10 +81,10 @@ class CheckedLog:
 
         None if the log does not say.
         """
-        firmware = str(self.info["vehicle"] or "")
+        firmware = str(self.info.vehicle or "")
         if UNDER_WATER.search(firmware):
             return True
-        kind = self.info["parameters"].get("MAV_TYPE")
+        kind = self.info.parameters.get("MAV_TYPE")
         if ELSEWHERE.search(firmware) or (kind is not None and int(kind) != MAV_TYPE_SUBMARINE):
             return False
         return True if kind is not None else None
@@ -100,7 +100,7 @@ class CheckedLog:
         named = entry.outputs if entry else None
         if named is None:
             functions = {
-                number: self.info["parameters"].get(f"SERVO{number}_FUNCTION")
+                number: self.info.parameters.get(f"SERVO{number}_FUNCTION")
                 for number in range(1, 17)
             }
             named = [

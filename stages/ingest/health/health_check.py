@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.checks import SEVERITIES, checks
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
-from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
     file_findings,
@@ -78,7 +78,7 @@ def _others(
 
 def check_health(
     tables: Mapping[str, pa.Table],
-    info: Document,
+    info: LogInfo,
     dropped: pa.Table,
     *,
     vehicle: Vehicle | None = None,
@@ -95,18 +95,18 @@ def check_health(
     measured = (item for check in CHECKS for item in check(log))
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
-        "log": info["log"],
-        "vehicle": info["vehicle"],
-        "formats": list(dict.fromkeys(item["format"] for item in info["files"])),
-        "bytes": sum(item["size_bytes"] for item in info["files"]),
-        "status": info["status"],
-        "duration_s": (info["end_us"] - info["start_us"]) / 1e6,
+        "log": info.log,
+        "vehicle": info.vehicle,
+        "formats": list(dict.fromkeys(item.format for item in info.files)),
+        "bytes": sum(item.size_bytes for item in info.files),
+        "status": info.status,
+        "duration_s": (info.end_us - info.start_us) / 1e6,
         "findings": findings,
         "streams": {name: _stream(log, name) for name in tables},
         "verdict": verdict(uses, findings),
         "capabilities": uses,
         "excitation": excited,
-        "notes": list(info["notes"]),
+        "notes": list(info.notes),
     }
 
 
@@ -138,23 +138,23 @@ def ranked(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def _stream(log: CheckedLog, name: str) -> dict[str, Any]:
-    about = log.info["streams"][name]
+    about = log.info.streams[name]
     clock = None if name in ON_CHANGE else clock_statistics(log.t_s(name))
-    others = [item for item in about["alternatives"] if item["source"] != about["source"]]
+    others = [item for item in about.alternatives if item.source != about.source]
     absent = ("not logged", "has no column")
     return {
-        "source": about["source"],
-        "others": [item["source"] for item in others if item["status"] == "available"],
+        "source": about.source,
+        "others": [item.source for item in others if item.status == "available"],
         "refused": [
-            item["source"]
+            item.source
             for item in others
-            if item["status"] != "available" and not item["status"].startswith(absent)
+            if item.status != "available" and not item.status.startswith(absent)
         ],
-        "rows": about["rows"],
-        "rejected": about["rejected"],
+        "rows": about.rows,
+        "rejected": about.rejected,
         "rate_hz": None if clock is None or not math.isfinite(clock.rate_hz) else clock.rate_hz,
         "jitter_s": None if clock is None else clock.jitter_s,
-        "longest_gap_s": about["longest_gap_s"],
+        "longest_gap_s": about.longest_gap_s,
     }
 
 

@@ -11,6 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from auvid.data_schemas.records.logs import (
+    FileInfo,
+    LogInfo,
+    SkippedInFile,
+    StreamInfo,
+    StreamSource,
+)
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
@@ -47,7 +54,7 @@ def log_info(
     *,
     gap_s: float,
     set_us: int | None,
-) -> dict[str, Any]:
+) -> LogInfo:
     """Return the `log_info` document of a log."""
     notes = [note for part in parts for note in (*part.notes, *part.log.notes)]
     notes += [note for stream in streams.values() for note in stream.notes]
@@ -57,45 +64,45 @@ def log_info(
         name: describe(stream, rejected, gap_s=gap_s) for name, stream in streams.items()
     }
     texts = sorted(text for part in parts for text in part.log.texts)
-    return {
-        "log": log.id,
-        "files": [_file(part) for part in parts],
-        "status": max((part.log.status for part in parts), key=STATUS.index),
-        "start_us": _start_us(parts, streams, set_us, notes),
-        "end_us": max(item["end_us"] for item in stream_info.values()),
-        "utc_offset_us": next(
+    return LogInfo(
+        log=log.id,
+        files=[_file(part) for part in parts],
+        status=max((part.log.status for part in parts), key=STATUS.index),
+        start_us=_start_us(parts, streams, set_us, notes),
+        end_us=max(item.end_us for item in stream_info.values()),
+        utc_offset_us=next(
             (part.utc_offset_us for part in parts if part.utc_offset_us is not None), None
         ),
-        "vehicle": next((text for _, text in texts if FIRMWARE.match(text)), None),
-        "parameters": {
+        vehicle=next((text for _, text in texts if FIRMWARE.match(text)), None),
+        parameters={
             key: value if math.isfinite(value) else None
             for part in parts
             for key, value in part.log.parameters.items()
         },
-        "accelerometer": next(
+        accelerometer=next(
             (part.accelerometer for part in parts if part.accelerometer is not None), None
         ),
-        "streams": stream_info,
-        "counts": {name: count for part in parts for name, count in part.log.counts.items()},
-        "notes": notes,
-    }
+        streams=stream_info,
+        counts={name: count for part in parts for name, count in part.log.counts.items()},
+        notes=notes,
+    )
 
 
-def _file(part: DecodedFile) -> dict[str, Any]:
+def _file(part: DecodedFile) -> FileInfo:
     account = part.log.account
-    return {
-        "name": part.file.name,
-        "format": part.log.format,
-        "size_bytes": account.size,
-        "record_bytes": account.record_bytes,
-        "definition_bytes": account.definition_bytes,
-        "skipped": [
-            {"reason": item.reason, "bytes": item.bytes, "count": item.count}
+    return FileInfo(
+        name=part.file.name,
+        format=part.log.format,
+        size_bytes=account.size,
+        record_bytes=account.record_bytes,
+        definition_bytes=account.definition_bytes,
+        skipped=[
+            SkippedInFile(reason=item.reason, bytes=item.bytes, count=item.count)
             for item in account.skipped
         ],
-        "status": part.log.status,
-        "seconds_lost": part.log.seconds_lost,
-    }
+        status=part.log.status,
+        seconds_lost=part.log.seconds_lost,
+    )
 
 
 def _start_us(
@@ -127,23 +134,23 @@ def _start_us(
     return min(first)
 
 
-def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> dict[str, Any]:
+def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> StreamInfo:
     """Return source, rows, rate and gaps of one stream."""
     stamps = stream.columns["time_us"]
     steps = np.diff(stamps) / 1e6
-    return {
-        "source": stream.source,
-        "alternatives": list(stream.alternatives),
-        "columns": [name for name in stream.columns if name != "time_us"],
-        "rows": len(stream),
-        "rejected": sum(item.count for item in rejected if item.stream == stream.name),
-        "rate_hz": _rate_hz(stamps / 1e6) if stream.name not in ON_CHANGE else None,
-        "start_us": int(stamps[0]),
-        "end_us": int(stamps[-1]),
-        "duration_s": float(stamps[-1] - stamps[0]) / 1e6,
-        "longest_gap_s": float(steps.max()) if steps.size else 0.0,
-        "gaps": int(np.count_nonzero(steps > gap_s)) if stream.name not in ON_CHANGE else 0,
-    }
+    return StreamInfo(
+        source=stream.source,
+        alternatives=[StreamSource(**item) for item in stream.alternatives],
+        columns=[name for name in stream.columns if name != "time_us"],
+        rows=len(stream),
+        rejected=sum(item.count for item in rejected if item.stream == stream.name),
+        rate_hz=_rate_hz(stamps / 1e6) if stream.name not in ON_CHANGE else None,
+        start_us=int(stamps[0]),
+        end_us=int(stamps[-1]),
+        duration_s=float(stamps[-1] - stamps[0]) / 1e6,
+        longest_gap_s=float(steps.max()) if steps.size else 0.0,
+        gaps=int(np.count_nonzero(steps > gap_s)) if stream.name not in ON_CHANGE else 0,
+    )
 
 
 def _rate_hz(t_s: npt.NDArray[np.float64]) -> float | None:
@@ -171,11 +178,11 @@ def dropped_table(parts: Sequence[DecodedFile], rejected: Sequence[Rejected]) ->
 
 
 def report_section(
-    info: Mapping[str, Any], rejected: Sequence[Rejected], health_blocks: Sequence[Block] = ()
+    info: LogInfo, rejected: Sequence[Rejected], health_blocks: Sequence[Block] = ()
 ) -> dict[str, Any]:
     """Return the section of the report: files, streams, rejected samples, findings."""
-    files = [_file_row(item) for item in info["files"]]
-    streams = [_stream_row(name, item, info["start_us"]) for name, item in info["streams"].items()]
+    files = [_file_row(item) for item in info.files]
+    streams = [_stream_row(name, item, info.start_us) for name, item in info.streams.items()]
     blocks = [
         table(
             "Files",
@@ -209,16 +216,16 @@ def report_section(
                 [[item.stream, item.reason, item.count] for item in rejected],
             )
         )
-    if info["status"] != "complete":
+    if info.status != "complete":
         blocks.append(
             remark(
-                f"The log is {info['status']}: the table of files says how much was lost.",
+                f"The log is {info.status}: the table of files says how much was lost.",
                 "warning",
             )
         )
-    blocks += [*health_blocks, *(remark(note) for note in info["notes"])]
+    blocks += [*health_blocks, *(remark(note) for note in info.notes)]
     return section(
-        f"Health of log {info['log']}",
+        f"Health of log {info.log}",
         blocks,
         order=ORDER,
         look_for="Rates that differ from the sensor's, long gaps, rejected samples, damaged files.",
@@ -256,26 +263,26 @@ def report_views(tables: Mapping[str, pa.Table]) -> dict[str, Any]:
     return {"groups": groups}
 
 
-def _file_row(item: Mapping[str, Any]) -> list[Any]:
-    skipped = sum(part["bytes"] for part in item["skipped"])
+def _file_row(item: FileInfo) -> list[Any]:
+    skipped = sum(part.bytes for part in item.skipped)
     return [
-        item["name"],
-        item["format"],
-        item["size_bytes"],
+        item.name,
+        item.format,
+        item.size_bytes,
         skipped,
-        item["status"],
-        item["seconds_lost"],
+        item.status,
+        item.seconds_lost,
     ]
 
 
-def _stream_row(name: str, item: Mapping[str, Any], start_us: int) -> list[Any]:
-    span = [(item[key] - start_us) / 1e6 for key in ("start_us", "end_us")]
+def _stream_row(name: str, item: StreamInfo, start_us: int) -> list[Any]:
+    span = [(time_us - start_us) / 1e6 for time_us in (item.start_us, item.end_us)]
     return [
         name,
-        item["source"],
-        item["rows"],
-        item["rate_hz"],
+        item.source,
+        item.rows,
+        item.rate_hz,
         *span,
-        item["longest_gap_s"],
-        item["rejected"],
+        item.longest_gap_s,
+        item.rejected,
     ]

@@ -49,28 +49,25 @@ MIN_CLIPPED_RAD_S = 1.0
 
 def file_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield damage and truncation of the files, and clocks that jump."""
-    for item in log.info["files"]:
-        lost = [part for part in item["skipped"] if part["bytes"]]
-        count = sum(part["bytes"] for part in lost)
-        if item["status"] == "complete":
+    for item in log.info.files:
+        lost = [part for part in item.skipped if part.bytes]
+        count = sum(part.bytes for part in lost)
+        if item.status == "complete":
             continue
         reasons = "; ".join(
-            f"{part['reason']}: {part['bytes']} bytes in {counted(part['count'], 'place')}"
-            for part in lost
+            f"{part.reason}: {part.bytes} bytes in {counted(part.count, 'place')}" for part in lost
         )
         seconds = (
-            f", about {item['seconds_lost']:.1f} s of recording lost"
-            if item["seconds_lost"]
-            else ""
+            f", about {item.seconds_lost:.1f} s of recording lost" if item.seconds_lost else ""
         )
         text = (
-            f"{item['name']} is {item['status']}: {count} of {item['size_bytes']} bytes gave no"
+            f"{item.name} is {item.status}: {count} of {item.size_bytes} bytes gave no"
             f" record{seconds} ({reasons or 'no end'})."
         )
         yield finding(
-            "file_damaged" if item["status"] == "damaged" else "file_truncated", text, value=count
+            "file_damaged" if item.status == "damaged" else "file_truncated", text, value=count
         )
-    leaps = [note for note in log.info["notes"] if CLOCK_NOTE.search(note)]
+    leaps = [note for note in log.info.notes if CLOCK_NOTE.search(note)]
     if leaps:
         matches = [LEAPS.search(note) for note in leaps]
         yield finding(
@@ -78,7 +75,7 @@ def file_findings(log: CheckedLog) -> Iterator[Finding]:
             leaps[0],
             value=max(int(item[1] or item[2]) if item else 1 for item in matches),
         )
-    for note in log.info["notes"]:
+    for note in log.info.notes:
         stray = STRAY_NOTE.match(note)
         if stray:
             yield finding("stray_stamps", note, value=int(stray[1]))

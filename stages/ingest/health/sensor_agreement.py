@@ -155,7 +155,7 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     if estimate is None:
         return
     size = estimate.magnitude
-    convention = log.info["accelerometer"] or (
+    convention = log.info.accelerometer or (
         log.vehicle and log.vehicle.document.sensors.imu.accelerometer
     )
     expected = UNITS_PER_MS2.get(str(convention), STANDARD_GRAVITY)
@@ -248,7 +248,7 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         yield finding(
             "depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level
         )
-    if any(note.startswith("depth") and ESTIMATED.search(note) for note in log.info["notes"]):
+    if any(note.startswith("depth") and ESTIMATED.search(note) for note in log.info.notes):
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
     yield from _other_depths(log, t_s, depth)
@@ -371,7 +371,7 @@ def velocity_findings(log: CheckedLog) -> Iterator[Finding]:
         )
         yield finding("unaided_velocity", text, stream="velocity")
     if log.has("velocity") and any(
-        note.startswith("velocity") and ESTIMATED.search(note) for note in log.info["notes"]
+        note.startswith("velocity") and ESTIMATED.search(note) for note in log.info.notes
     ):
         text = f"Velocity is the estimate of the navigation filter ({log.source('velocity')})."
         yield finding("estimated_velocity", text, stream="velocity")

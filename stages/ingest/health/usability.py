@@ -132,7 +132,7 @@ def driven_s(log: CheckedLog) -> float:
     """Return for how long outputs act [s]; the whole log if that is unknown."""
     moving = activity(log) if log.has("actuators") else None
     if moving is None:
-        return (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+        return (int(log.info.end_us) - int(log.info.start_us)) / 1e6
     steps = np.minimum(np.diff(log.t_s("actuators"), append=log.t_s("actuators")[-1]), limit("gap"))
     return float(np.sum(steps[moving]))
 
@@ -170,7 +170,7 @@ def legs(log: CheckedLog, entries: Sequence[Document]) -> list[dict[str, Any]]:
     Span, time that all sensors cover in one piece, share of active outputs, RMS per
     axis.
     """
-    length = (int(log.info["end_us"]) - int(log.info["start_us"])) / 1e6
+    length = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
     moving = activity(log) if log.has("actuators") else None
     rows = []
     for entry in entries:

@@ -144,7 +144,7 @@ def _active_span(log: CheckedLog, moving: Mask) -> str:
 
 
 def _saturation(log: CheckedLog) -> Iterator[Finding]:
-    given = log.info["parameters"]
+    given = log.info.parameters
     low, high = (
         given.get(key) or usual
         for key, usual in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PWM_LIMITS_US, strict=True)
@@ -276,16 +276,14 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield findings on firmware, simulators, parameters, other vehicles."""
     info = log.info
-    messages = sorted(name for name in info["counts"] if SIMULATOR.match(name))
+    messages = sorted(name for name in info.counts if SIMULATOR.match(name))
     if messages:
         yield finding("simulated", f"The log holds messages of a simulator: {', '.join(messages)}.")
-    firmware = info["vehicle"]
+    firmware = info.vehicle
     if log.under_water is False:
-        words = (
-            firmware or f"PX4 of another vehicle (MAV_TYPE {info['parameters']['MAV_TYPE']:.0f})"
-        )
+        words = firmware or f"PX4 of another vehicle (MAV_TYPE {info.parameters['MAV_TYPE']:.0f})"
         yield finding("not_underwater", f"The firmware is {words}.")
-    binary = any(not str(item["format"]).startswith("CSV") for item in info["files"])
+    binary = any(not str(item.format).startswith("CSV") for item in info.files)
     if binary and firmware is None and log.under_water is None:
         yield finding("firmware_unknown", "No text of the log names the firmware.")
     if binary and log.thrusters() and log.under_water is not False:
@@ -293,23 +291,23 @@ def identity_findings(log: CheckedLog) -> Iterator[Finding]:
             "FRAME_CONFIG",
             *(f"MOT_{name.split('_')[1]}_DIRECTION" for name in log.thrusters()),
         )
-        missing = [name for name in wanted if name not in info["parameters"]]
+        missing = [name for name in wanted if name not in info.parameters]
         if missing:
             words = (
                 f"{missing[0]} and {len(missing) - 1} directions"
                 if len(missing) > 2
                 else listed(missing)
             )
-            text = f"Not in the log: {words} ({len(info['parameters'])} parameters are)."
+            text = f"Not in the log: {words} ({len(info.parameters)} parameters are)."
             yield finding("parameters_missing", text, stream="actuators", value=len(missing))
-    for note in info["notes"]:
+    for note in info.notes:
         if SEVERAL.match(note):
             yield finding(
                 "several_vehicles", f"{note[0].upper()}{note[1:]}.", value=note.count(" messages)")
             )
         elif CHECKSUM.search(note):
             yield finding("wrong_checksum", f"{note[0].upper()}{note[1:]}.")
-    recut = [note for note in info["notes"] if RECUT in note]
+    recut = [note for note in info.notes if RECUT in note]
     if recut:
         parts = [(note.split(": ")[0], note.split(": ")[-1]) for note in recut]
         count = sum(int(digits) for _, types in parts for digits in NUMBERS.findall(types))

@@ -41,7 +41,7 @@ def record_difference(
     sent: dict[str, dict[str, LoggedSeries]] = {}
     for pair in pairs:
         shift = (
-            starts.get(str(first.segments[pair.segment]["log"]), 0.0)
+            starts.get(str(first.segments[pair.segment].log), 0.0)
             if pair.segment in first.segments
             else 0.0
         )

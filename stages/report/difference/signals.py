@@ -15,6 +15,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.stages.base import Document
@@ -44,9 +47,9 @@ class Side:
 
     name: str
     model: str | None = None
-    segments: Mapping[str, Document] = field(default_factory=dict)
-    logs: Mapping[str, Document] = field(default_factory=dict)
-    cards: Mapping[str, Document] = field(default_factory=dict)
+    segments: Mapping[str, SegmentRecord] = field(default_factory=dict)
+    logs: Mapping[str, LogInfo] = field(default_factory=dict)
+    cards: Mapping[str, ModelCard] = field(default_factory=dict)
     results: Mapping[str, Document] = field(default_factory=dict)
     fused: Mapping[str, pa.Table] = field(default_factory=dict)
     residual: Mapping[str, pa.Table] = field(default_factory=dict)
@@ -110,7 +113,7 @@ def signals_of(side: Side) -> dict[tuple[str, str], Signals]:
     """
     signals = dict(side.viewed)
     for segment, document in side.segments.items():
-        start = float(document["leg_start_s"])
+        start = float(document.leg_start_s)
         if segment in side.fused:
             signals[segment, "state"] = _signals(side.fused[segment], STATE, start)
         if segment in side.residual and has_columns(
@@ -283,9 +286,9 @@ def _figures(side: Side) -> dict[tuple[str, str], Document]:
         if side.model in (None, name):
             of = f"{MODEL} {name}" if side.model is None else MODEL
             figures |= {
-                (of, f"{axis} {term['term']}"): term
-                for axis, fit in card["axes"].items()
-                for term in fit["terms"]
+                (of, f"{axis} {term.term}"): term.model_dump()
+                for axis, fit in card.axes.items()
+                for term in fit.terms
             }
     if side.model is None:
         for name, document in side.results.items():

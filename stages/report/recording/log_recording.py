@@ -21,6 +21,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
@@ -62,7 +63,7 @@ class StreamPlot:
 def record_log(
     name: str,
     tables: Mapping[str, pa.Table],
-    info: Document,
+    info: LogInfo,
     health: Document,
     legs: Sequence[Document] = (),
     *,
@@ -75,7 +76,7 @@ def record_log(
     `health`); `legs`: id, use, start_s and end_s of each.
     """
     out = Recording(f"Log {name}", preview=preview)
-    origin_us = int(info["start_us"])
+    origin_us = int(info.start_us)
     clocks = {
         stream: (column(table, "time_us") - origin_us) * 1e-6 for stream, table in tables.items()
     }
@@ -303,7 +304,7 @@ def last_before(times: Array, clock: Array, values: Array) -> Array:
     return latest
 
 
-def log_text(name: str, info: Document, health: Document) -> str:
+def log_text(name: str, info: LogInfo, health: Document) -> str:
     """What the log is, what it can be used for, its findings and its streams."""
     size = (
         f"{health['bytes'] / 1e6:.2f} MB" if health["bytes"] >= 1e4 else f"{health['bytes']} bytes"
@@ -343,7 +344,7 @@ def log_text(name: str, info: Document, health: Document) -> str:
         if cannot
         else []
     )
-    lines += ["", "## Notes", *(f"- {note}" for note in info["notes"])] if info["notes"] else []
+    lines += ["", "## Notes", *(f"- {note}" for note in info.notes)] if info.notes else []
     return "\n".join(lines)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.stages.base import Document
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import ROLES
 from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
@@ -31,7 +31,7 @@ def send_paths(
     out: Recording,
     fused: Mapping[str, pa.Table],
     tables: Mapping[str, pa.Table],
-    segments: Mapping[str, Document],
+    segments: Mapping[str, SegmentRecord],
     starts: Mapping[str, float],
     rate_hz: float,
 ) -> Array | None:
@@ -70,7 +70,7 @@ def send_paths(
     )
     out.static("path", rr.ViewCoordinates.FRD)
     for name, (chosen, times, pose) in paths.items():
-        use = str(segments[name]["use"])
+        use = str(segments[name].use)
         label = str(visible(f"{name} ({use})"))
         part = rr.escape_entity_path_part(name)
         out.static(

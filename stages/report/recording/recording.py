@@ -18,6 +18,8 @@ import pyarrow.compute as pc
 import rerun as rr
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
@@ -85,12 +87,12 @@ class Clock:
         return None
 
 
-def log_seconds(log: Document) -> float:
+def log_seconds(log: LogInfo) -> float:
     """Length of a log from its first to its last time-stamped record."""
-    return float(log["end_us"] - log["start_us"]) * 1e-6
+    return float(log.end_us - log.start_us) * 1e-6
 
 
-def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -> Clock:
+def make_clock(segments: Mapping[str, SegmentRecord], logs: Mapping[str, LogInfo]) -> Clock:
     """Return the clock of logs one after the other, `LOG_GAP_S` apart.
 
     A segment starts at its place in its log.
@@ -101,11 +103,10 @@ def make_clock(segments: Mapping[str, Document], logs: Mapping[str, Document]) -
         place += log_seconds(log) + LOG_GAP_S
     return Clock(
         segments={
-            name: starts.get(item["log"], 0.0) + item["leg_start_s"]
-            for name, item in segments.items()
+            name: starts.get(item.log, 0.0) + item.leg_start_s for name, item in segments.items()
         },
         logs=starts,
-        boot_s={name: log["start_us"] * 1e-6 for name, log in logs.items()},
+        boot_s={name: log.start_us * 1e-6 for name, log in logs.items()},
     )
 
 
@@ -115,8 +116,8 @@ def record(
     views: Mapping[str, Document],
     tables: Mapping[str, pa.Table],
     fused: Mapping[str, pa.Table],
-    segments: Mapping[str, Document],
-    logs: Mapping[str, Document],
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
     path_rate_hz: float,
     sections: Mapping[str, Document] = NOTHING,
     *,
@@ -387,7 +388,7 @@ def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
 def _send_messages(
     out: Recording,
     tables: Mapping[str, pa.Table],
-    segments: Mapping[str, Document],
+    segments: Mapping[str, SegmentRecord],
     clock: Clock,
     summary: Summary,
 ) -> None:
@@ -409,7 +410,7 @@ def _send_messages(
                 for time, line in zip(times.tolist(), words, strict=True)
             ]
     lines["log/segments"] = [
-        (clock.segments[name], "note", f"{item['use']} segment {name} starts")
+        (clock.segments[name], "note", f"{item.use} segment {name} starts")
         for name, item in segments.items()
     ]
     for entity, rows in sorted(lines.items()):
@@ -417,7 +418,10 @@ def _send_messages(
 
 
 def _send_spans(
-    out: Recording, tables: Mapping[str, pa.Table], segments: Mapping[str, Document], clock: Clock
+    out: Recording,
+    tables: Mapping[str, pa.Table],
+    segments: Mapping[str, SegmentRecord],
+    clock: Clock,
 ) -> tuple[float, float] | None:
     """Send modes of the vehicle and the segments as lanes of spans.
 
@@ -436,17 +440,17 @@ def _send_spans(
         out.states(
             "spans/mode", [time for time, _ in named], words, distinct(str(mode) for mode in words)
         )
-    for use in dict.fromkeys(str(item["use"]) for item in segments.values()):
+    for use in dict.fromkeys(str(item.use) for item in segments.values()):
         spans = [
-            (clock.segments[name], item["duration_s"], name)
+            (clock.segments[name], item.duration_s, name)
             for name, item in segments.items()
-            if item["use"] == use
+            if item.use == use
         ]
         edges = [time for start, length, _ in sorted(spans) for time in (start, start + length)]
         states = [state for *_, name in sorted(spans) for state in (name, None)]
         out.states(
             f"spans/{use}", edges, states, {name: ROLES.get(use, ink(use)) for *_, name in spans}
         )
-    ends = [clock.segments[name] + float(item["duration_s"]) for name, item in segments.items()]
+    ends = [clock.segments[name] + float(item.duration_s) for name, item in segments.items()]
     times = [*(time for time, _ in modes), *clock.segments.values(), *ends]
     return outer((time, time) for time in times) if times else None

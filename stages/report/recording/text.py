@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.stages.base import Document
 from auvid.stages.number_format import number, visible
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
@@ -15,7 +16,7 @@ MARKS = {"finding": "✓", "note": "·", "warning": "!"}
 
 
 def markdown(
-    title: str, summary: Summary, segments: Mapping[str, Document], starts: Mapping[str, float]
+    title: str, summary: Summary, segments: Mapping[str, SegmentRecord], starts: Mapping[str, float]
 ) -> str:
     """The first screen; `starts`: where each segment begins on the timeline, in s."""
     lines = [f"# {title}", f"**{summary.headline}.** {summary.explanation}", ""]
@@ -134,8 +135,5 @@ def _cell(value: Any) -> str:
     return number(value)
 
 
-def _segment_line(name: str, item: Document, start: float) -> str:
-    return (
-        f"- {name}: {item['use']}, {start:.1f} to {start + item['duration_s']:.1f} s (log"
-        f" {item['log']})"
-    )
+def _segment_line(name: str, item: SegmentRecord, start: float) -> str:
+    return f"- {name}: {item.use}, {start:.1f} to {start + item.duration_s:.1f} s (log {item.log})"

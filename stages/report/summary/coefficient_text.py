@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from auvid.data_schemas.documents.model import Quantity, assumed_quantities
 from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.records.models import AxisCard, ModelCard, VelocityRange
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.base import Document
 from auvid.stages.number_format import (
     estimate,
     fixed,
@@ -29,7 +31,7 @@ LONGEST = 6
 """Longer lists of assumed numbers stay in the vehicle file."""
 
 
-def findings(card: Document) -> tuple[CoefficientLine, ...]:
+def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     """Return lines on damping, constant forces and the number of couplings.
 
     Damping per axis where a term in that axis's own velocity is identified.
@@ -38,15 +40,15 @@ def findings(card: Document) -> tuple[CoefficientLine, ...]:
     vehicle as exact.
     """
     entries = [
-        CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card["conditions"]))
-        for axis, part in card["axes"].items()
+        CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))
+        for axis, part in card.axes.items()
         if (lines := _damping(axis, part))
     ]
-    single = [(axis, item) for axis, part in card["axes"].items() for item in _identified(part)]
+    single = [(axis, *item) for axis, part in card.axes.items() for item in _identified(part)]
     constant = [
-        _figure(f"{axis}", item["value"], item["standard_error"], _unit(axis, CONSTANT))
-        for axis, item in single
-        if item["term"] == CONSTANT
+        _figure(f"{axis}", value, error, _unit(axis, CONSTANT))
+        for axis, term, value, error in single
+        if term == CONSTANT
     ]
     if constant:
         entries.append(
@@ -57,9 +59,9 @@ def findings(card: Document) -> tuple[CoefficientLine, ...]:
             )
         )
     crossed = [
-        breaks_symmetry(axis, item["term"])
-        for axis, item in single
-        if item["term"] != CONSTANT and not _own(axis, item["term"])
+        breaks_symmetry(axis, term)
+        for axis, term, _, _ in single
+        if term != CONSTANT and not _own(axis, term)
     ]
     if crossed:
         words = f"{len(crossed)} identified, in Models and coefficients"
@@ -71,43 +73,43 @@ def findings(card: Document) -> tuple[CoefficientLine, ...]:
     return tuple(entries)
 
 
-def _range(axis: str, conditions: Document) -> str:
+def _range(axis: str, conditions: Mapping[str, VelocityRange]) -> str:
     """Where the training legs went, and so where the damping holds."""
     name = VELOCITY_OF[axis]
-    seen = conditions[name]
+    reach = conditions[name]
     return true_minus(
-        f"Between {seen['low']:.2g} and {seen['high']:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'},"
+        f"Between {reach.low:.2g} and {reach.high:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'},"
         " where the training legs went."
     )
 
 
-def _damping(axis: str, part: Document) -> tuple[str, ...]:
+def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
     """Return the identified terms in the axis's own velocity, with 95 % intervals.
 
     Determined sums of such terms are included.
     """
     lines = [
-        _coefficient(axis, item, interval=True)
-        for item in _identified(part)
-        if _own(axis, item["term"])
+        _figure(_symbol(axis, term), value, error, _unit(axis, term), interval=True)
+        for term, value, error in _identified(part)
+        if _own(axis, term)
     ]
-    for item in part["combinations"]:
-        error = item.get("standard_error")
+    for item in part.combinations:
+        error = item.standard_error
         if (
             error
-            and abs(item["value"]) >= 2 * error
-            and all(_own(axis, term) for term in item["weights"])
+            and abs(item.value) >= 2 * error
+            and all(_own(axis, term) for term in item.weights)
         ):
-            units = {_unit(axis, term) for term in item["weights"]}
+            units = {_unit(axis, term) for term in item.weights}
             if len(units) == 1:
                 name = " + ".join(
                     f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}"
-                    for term, weight in item["weights"].items()
+                    for term, weight in item.weights.items()
                 )
                 lines.append(
                     _figure(
                         name.replace("+ -1 ", "− "),
-                        item["value"],
+                        item.value,
                         error,
                         units.pop(),
                         interval=True,
@@ -116,11 +118,12 @@ def _damping(axis: str, part: Document) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _identified(part: Document) -> list[Document]:
+def _identified(part: AxisCard) -> list[tuple[str, float, float]]:
+    """Return term, value and standard error of the identified coefficients."""
     return [
-        item
-        for item in part["terms"]
-        if item["verdict"] == IDENTIFIED and item["value"] is not None and item["standard_error"]
+        (item.term, item.value, item.standard_error)
+        for item in part.terms
+        if item.verdict == IDENTIFIED and item.value is not None and item.standard_error
     ]
 
 
@@ -131,16 +134,6 @@ def _factors(term: str) -> tuple[str, ...]:
 def _own(axis: str, term: str) -> bool:
     factors = _factors(term)
     return bool(factors) and all(factor.strip("|") == VELOCITY_OF[axis] for factor in factors)
-
-
-def _coefficient(axis: str, item: Document, *, interval: bool = False) -> str:
-    return _figure(
-        _symbol(axis, item["term"]),
-        item["value"],
-        item["standard_error"],
-        _unit(axis, item["term"]),
-        interval=interval,
-    )
 
 
 def _symbol(axis: str, term: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.base import Document
 from auvid.stages.number_format import (
@@ -32,7 +33,7 @@ FEW = 6
 
 def summarise_results(
     results: Mapping[str, Document],
-    logs: Mapping[str, Document],
+    logs: Mapping[str, LogInfo],
     sections: Mapping[str, Document],
     vehicle: VehicleDocument,
 ) -> Summary:
@@ -166,7 +167,7 @@ def _bound(row: Document) -> str:
 
 
 def _facts(
-    logs: Mapping[str, Document],
+    logs: Mapping[str, LogInfo],
     rows: list[tuple[str, Document]],
     good: list[Document],
     judged: list[Document],
@@ -191,12 +192,12 @@ def _facts(
     else:
         facts.append(Fact("figures", str(len(rows)), "in the sections below"))
     if logs:
-        whole = sum(item["status"] == "complete" for item in logs.values())
+        complete = [item for item in logs.values() if item.status == "complete"]
         facts.append(
             Fact(
                 "logs complete",
-                f"{whole} of {len(logs)}",
-                plural(sum(len(item["files"]) for item in logs.values()), "file"),
+                f"{len(complete)} of {len(logs)}",
+                plural(sum(len(item.files) for item in logs.values()), "file"),
             )
         )
     return tuple(facts)
@@ -209,11 +210,9 @@ def _undetermined(doubtful: list[tuple[str, Document]]) -> list[str]:
     return [f"{head}: {', '.join(names)}." for head, names in by_reason.items()]
 
 
-def _damaged(logs: Mapping[str, Document]) -> list[str]:
+def _damaged(logs: Mapping[str, LogInfo]) -> list[str]:
     return [
-        f"Log {name} is {log['status']}."
-        for name, log in logs.items()
-        if log["status"] != "complete"
+        f"Log {name} is {log.status}." for name, log in logs.items() if log.status != "complete"
     ]
 
 

@@ -17,6 +17,9 @@ from typing import Any
 import pyarrow as pa
 
 from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
@@ -30,10 +33,10 @@ OVERFIT = 2.0
 
 
 def summarise(
-    cards: Mapping[str, Document],
+    cards: Mapping[str, ModelCard],
     error_table: pa.Table | None,
-    segments: Mapping[str, Document],
-    logs: Mapping[str, Document],
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
     sections: Mapping[str, Document],
     vehicle: VehicleDocument,
     free_run: pa.Table | None = None,
@@ -47,7 +50,7 @@ def summarise(
         (
             card
             for card in cards.values()
-            if recommended is not None and card["name"] == recommended.name
+            if recommended is not None and card.name == recommended.name
         ),
         None,
     )
@@ -91,9 +94,9 @@ def _judged(score: Score) -> float | None:
 
 
 def _scores(
-    rows: Sequence[Mapping[str, Any]], cards: Mapping[str, Document], judge: str
+    rows: Sequence[Mapping[str, Any]], cards: Mapping[str, ModelCard], judge: str
 ) -> tuple[ModelScore, ...]:
-    titles = {card["name"]: card["title"] for card in cards.values()}
+    titles = {card.name: card.title for card in cards.values()}
     whole = {(row["use"], row["model"], row["axis"]): row for row in rows if row["leg"] == "all"}
     models = []
     for name in dict.fromkeys(row["model"] for row in rows):
@@ -193,25 +196,25 @@ def _failing(model: ModelScore) -> list[str]:
 
 
 def _facts(
-    segments: Mapping[str, Document],
-    logs: Mapping[str, Document],
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
     models: Sequence[ModelScore],
     recommended: ModelScore | None,
-    card: Document | None,
+    card: ModelCard | None,
 ) -> tuple[Fact, ...]:
     facts = []
     for use in ("training", "validation"):
-        chosen = [item for item in segments.values() if item["use"] == use]
-        legs = len({item["leg"] for item in chosen})
+        chosen = [item for item in segments.values() if item.use == use]
+        legs = len({item.leg for item in chosen})
         note = f"{legs} leg{'s' * (legs != 1)}"
         note += f" in {len(chosen)} segments" if len(chosen) != legs else ""
-        facts.append(Fact(use, f"{sum(item['duration_s'] for item in chosen):.0f} s", note))
-    whole = sum(item["status"] == "complete" for item in logs.values())
+        facts.append(Fact(use, f"{sum(item.duration_s for item in chosen):.0f} s", note))
+    complete = [item for item in logs.values() if item.status == "complete"]
     facts.append(
         Fact(
             "logs complete",
-            f"{whole} of {len(logs)}",
-            plural(sum(len(item["files"]) for item in logs.values()), "file"),
+            f"{len(complete)} of {len(logs)}",
+            plural(sum(len(item.files) for item in logs.values()), "file"),
         )
     )
     facts.append(
@@ -228,29 +231,26 @@ def _facts(
             Fact(
                 "coefficients identified",
                 f"{counts['identified']} of {total}",
-                f"in {card['title']}",
+                f"in {card.title}",
             )
         )
     return tuple(facts)
 
 
-def _verdicts(card: Document) -> Counter[str]:
+def _verdicts(card: ModelCard) -> Counter[str]:
     """Count the coefficients of each verdict, without the constant force per axis."""
     return Counter(
-        term["verdict"]
-        for axis in card["axes"].values()
-        for term in axis["terms"]
-        if term["term"] != CONSTANT
+        term.verdict for axis in card.axes.values() for term in axis.terms if term.term != CONSTANT
     )
 
 
 def _missing(
     models: Sequence[ModelScore],
     recommended: ModelScore | None,
-    card: Document | None,
-    cards: Mapping[str, Document],
-    segments: Mapping[str, Document],
-    logs: Mapping[str, Document],
+    card: ModelCard | None,
+    cards: Mapping[str, ModelCard],
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
     judged: bool,
 ) -> list[str]:
     missing = []
@@ -282,10 +282,10 @@ def _missing(
     if card is not None:
         missing += _undetermined(card)
     for name, log in logs.items():
-        if log["status"] != "complete":
-            lost = sum(float(item.get("seconds_lost") or 0) for item in log["files"])
+        if log.status != "complete":
+            lost = sum(item.seconds_lost for item in log.files)
             missing.append(
-                f"Log {name} is {log['status']}" + (f": {lost:.1f} s are lost." if lost else ".")
+                f"Log {name} is {log.status}" + (f": {lost:.1f} s are lost." if lost else ".")
             )
     return missing
 
@@ -341,7 +341,7 @@ def assumed_figures(vehicle: VehicleDocument) -> tuple[str, ...]:
     )
 
 
-def _unexcited(card: Document) -> list[str]:
+def _unexcited(card: ModelCard) -> list[str]:
     sentences = []
     for state, words, so in (
         ("not excited", "The training legs do not excite", "damping there is not determined"),
@@ -349,18 +349,18 @@ def _unexcited(card: Document) -> list[str]:
     ):
         axes = [
             f"{AXIS_WORDS.get(axis, axis)} ({axis})"
-            for axis, item in card["axes"].items()
-            if item["excitation"] == state
+            for axis, item in card.axes.items()
+            if item.excitation == state
         ]
         if axes:
             sentences.append(f"{words} {_listed(axes)}: {so}.")
     return sentences
 
 
-def _undetermined(card: Document) -> list[str]:
+def _undetermined(card: ModelCard) -> list[str]:
     counts = _verdicts(card)
     parts = [f"{counts[name]} {words}" for name, words in _OPEN.items() if counts[name]]
-    return [f"Of the coefficients of {card['title']}, {_listed(parts)}."] if parts else []
+    return [f"Of the coefficients of {card.title}, {_listed(parts)}."] if parts else []
 
 
 _OPEN = {

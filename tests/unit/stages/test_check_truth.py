@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.arrays import Array
 from auvid.stages import check_truth
@@ -22,7 +24,7 @@ from auvid.stages.columns import (
     force_columns,
     named,
 )
-from tests.support.motions import shipped_vehicle
+from tests.support.motions import fusion_document, shipped_vehicle
 
 VEHICLE = shipped_vehicle("vt690")
 START_S = 2.0
@@ -88,7 +90,7 @@ def inputs(
         "error_table",
         {"use": ["validation"], "leg": ["all"], "model": ["linear"], "axis": ["all"], **counts},
     )
-    fusion = {"gyro_bias_rad_s": [0.002, 0.0, 0.0], "accel_bias_m_s2": accel_bias}
+    fusion = fusion_document(gyro_bias_rad_s=[0.002, 0.0, 0.0], accel_bias_m_s2=accel_bias)
     biases = {"gyro_rad_s": [0.001, 0.0, 0.0], "accel_m_s2": [0.1, 0.0, 0.0]}
 
     def one(item: Any) -> Collection[Any]:
@@ -98,13 +100,17 @@ def inputs(
         vehicle=VEHICLE,
         simulation={"legs": [{"id": "dive", "biases": biases}]},
         truth=collection({"dive": truth()} if truths is None else truths),
-        segment=one({"id": "leg", "log": "dive", "use": "validation", "leg_start_s": START_S}),
+        segment=one(
+            SegmentRecord.model_construct(
+                id="leg", log="dive", use="validation", leg_start_s=START_S
+            )
+        ),
         fused=one(fused),
         fusion=one(fusion),
         residual=one(residual),
         predictions=one(predictions),
         error_table=table,
-        model_card=collection({"linear": {"title": "Linear"}}),
+        model_card=collection({"linear": ModelCard.model_construct(title="Linear")}),
     )
 
 

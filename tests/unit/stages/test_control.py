@@ -5,7 +5,6 @@ what it refuses.
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import yaml
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import control
@@ -29,7 +29,7 @@ def read(name: str) -> Any:
 
 
 HAUV, VT690 = read("vehicles/hauv.yaml"), read("vehicles/vt690.yaml")
-CARD = json.loads((ROOT / "campaigns/vt690_control/linear.json").read_text())
+CARD = ModelCard.model_validate_json((ROOT / "campaigns/vt690_control/linear.json").read_text())
 
 
 def short_hauv() -> dict[str, Any]:
@@ -176,8 +176,8 @@ def test_any_vehicle_flies_its_model_card() -> None:
 
 
 def test_an_unstable_model_is_refused_unless_told() -> None:
-    card = copy.deepcopy(CARD)
-    card["solution"]["N"]["r"] = 60.0
+    card = CARD.model_copy(deep=True)
+    card.solution["N"]["r"] = 60.0
     with pytest.raises(PipelineError, match=r"unstable along the trajectory.*mode of"):
         run(VT690, short_vt690(), card)
     found = run(VT690, short_vt690(), card, allow_unstable=True, members=0)

@@ -24,6 +24,7 @@ from tests.support.motions import (
     IDEAL,
     ODD,
     RATE_HZ,
+    UNSMOOTHED,
     Motion,
     Sensors,
     log_document,
@@ -88,9 +89,7 @@ def test_kinematic_recovers_the_truth(motion: Motion, sensors: Sensors) -> None:
     found = run(motion, sensors)
     # the gyro bias is found from attitude at 50 Hz: integration by splines is good to
     # 1e-8 rad/s
-    np.testing.assert_allclose(
-        found.fusion["gyro_bias_rad_s"], sensors.gyro_bias, rtol=0.0, atol=1e-7
-    )
+    np.testing.assert_allclose(found.fusion.gyro_bias_rad_s, sensors.gyro_bias, rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(
         matrix(found.fused, VELOCITY), motion.nu, rtol=0.0, atol=1e-7
     )  # m/s, rad/s
@@ -101,7 +100,7 @@ def test_kinematic_recovers_the_truth(motion: Motion, sensors: Sensors) -> None:
     np.testing.assert_allclose(
         inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=2e-5
     )
-    assert found.fusion["accel_bias_m_s2"] is None
+    assert found.fusion.accel_bias_m_s2 is None
 
 
 def test_track_is_the_integral_of_the_velocity(motion: Motion) -> None:
@@ -127,7 +126,7 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
         cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"]
     )
     found = fuse.run(given_fuse, fuse.Params(cutoff_hz=None, edge_s=2.0))
-    t_s = column(found.fused, "t_s") + float(cut.segment["one"]["leg_start_s"])
+    t_s = column(found.fused, "t_s") + float(cut.segment["one"].leg_start_s)
     truth = np.column_stack([np.interp(t_s, motion.t_s, motion.nu[:, index]) for index in range(6)])
     # 5 Hz samples of waves up to 0.6 Hz: the spline between them is good to a few mm/s;
     # an uncorrected lag costs 0.1 m/s
@@ -166,9 +165,9 @@ def sampled(dense: pa.Table, lag_s: float, *, every: int | None = None) -> dict[
 def test_thesis_as_corrected_recovers_velocity_and_biases(motion: Motion, convention: str) -> None:
     sensors = replace(ODD, convention=convention)
     found = run(motion, sensors, method="thesis")
-    assert found.fusion["accelerometer"] == convention
+    assert found.fusion.accelerometer == convention
     np.testing.assert_allclose(
-        found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=1e-5
+        found.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=1e-5
     )  # m/s^2
     np.testing.assert_allclose(
         matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
@@ -176,27 +175,18 @@ def test_thesis_as_corrected_recovers_velocity_and_biases(motion: Motion, conven
     np.testing.assert_allclose(
         inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=1e-3
     )  # m/s^2, rad/s^2
-    assert found.fusion["integrated_sway_rms_m_s"] < 1e-4
-    assert found.fusion["warnings"] == []
+    assert found.fusion.integrated_sway_rms_m_s < 1e-4
+    assert found.fusion.warnings == []
 
 
 def test_convention_comes_from_parameter_then_log_then_vehicle(motion: Motion) -> None:
     table, sensors = resampled_table(motion, ODD), replace(ODD, convention="inertial")
     params = fuse.Params(method="thesis", cutoff_hz=None)
-    assert fuse.run(inputs(table, sensors), params).fusion["accelerometer"] == "inertial"
-    assert (
-        fuse.run(inputs(table, sensors, accelerometer="specific_force"), params).fusion[
-            "accelerometer"
-        ]
-        == "specific_force"
-    )
+    assert fuse.run(inputs(table, sensors), params).fusion.accelerometer == "inertial"
+    stated = inputs(table, sensors, accelerometer="specific_force")
+    assert fuse.run(stated, params).fusion.accelerometer == "specific_force"
     chosen = replace(params, accelerometer="derivative")
-    assert (
-        fuse.run(inputs(table, sensors, accelerometer="specific_force"), chosen).fusion[
-            "accelerometer"
-        ]
-        == "derivative"
-    )
+    assert fuse.run(stated, chosen).fusion.accelerometer == "derivative"
 
 
 def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
@@ -207,11 +197,11 @@ def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
     found = run(motion, sensors, method="thesis", as_published=True)
     error = matrix(found.fused, ACCELERATION[:3]) - motion.nu_dot[:, :3]
     transport = np.cross(motion.nu[:, 3:], motion.nu[:, :3])
-    bias = np.array(found.fusion["accel_bias_m_s2"])
+    bias = np.array(found.fusion.accel_bias_m_s2)
     np.testing.assert_allclose(error, transport - bias, rtol=0.0, atol=1e-5)  # m/s^2
     assert np.sqrt(np.mean(error**2)) > 0.05
-    assert found.fusion["integrated_sway_rms_m_s"] > methods.SWAY_WARNING_M_S
-    assert "sway" in found.fusion["warnings"][0]
+    assert found.fusion.integrated_sway_rms_m_s > methods.SWAY_WARNING_M_S
+    assert "sway" in found.fusion.warnings[0]
     assert [block["level"] for block in found.section["blocks"] if block["kind"] == "remark"] == [
         "warning"
     ]
@@ -227,7 +217,7 @@ def test_as_published_is_right_for_what_the_thesis_takes_the_accelerometer_for(
     np.testing.assert_allclose(
         matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
     )  # m/s
-    assert found.fusion["warnings"] == []
+    assert found.fusion.warnings == []
 
 
 def test_as_published_belongs_to_the_thesis_method(motion: Motion) -> None:
@@ -302,7 +292,7 @@ def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: f
     / 8)), and at least half a second.
     """
     found = run(motion, cutoff_hz=cutoff, edge_s=None)
-    assert found.fusion["edge_s"] == pytest.approx(edge, abs=1e-3)
+    assert found.fusion.edge_s == pytest.approx(edge, abs=1e-3)
     t_s = column(found.fused, "t_s")
     assert t_s[0] == pytest.approx(edge, abs=1.0 / RATE_HZ)
     assert t_s[-1] == pytest.approx(motion.t_s[-1] - edge, abs=1.0 / RATE_HZ)
@@ -314,11 +304,11 @@ def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
     """
     given = inputs(resampled_table(motion, IDEAL), IDEAL)
     smoothing = {
-        **given.segment["smoothing"],
-        "z_m": {"cutoff_hz": 0.8},
-        "u_m_s": {"cutoff_hz": 5.0},
+        **given.segment.smoothing,
+        "z_m": UNSMOOTHED.model_copy(update={"cutoff_hz": 0.8}),
+        "u_m_s": UNSMOOTHED.model_copy(update={"cutoff_hz": 5.0}),
     }
-    narrow = replace(given, segment={**given.segment, "smoothing": smoothing})
+    narrow = replace(given, segment=given.segment.model_copy(update={"smoothing": smoothing}))
     for cutoff, expected in ((3.0, 1), (0.5, 0), (None, 0)):
         blocks = fuse.run(narrow, fuse.Params(cutoff_hz=cutoff)).section["blocks"]
         told = [
@@ -403,14 +393,14 @@ def test_biases_belong_to_their_segment() -> None:
             IDEAL, gyro_bias=np.array([0.0, bias, 0.0]), accel_bias=np.array([bias, 0.0, 0.0])
         )
         found = run(rich_motion(30.0, seed=seed), sensors, method="thesis").fusion
-        assert found["gyro_bias_rad_s"] == pytest.approx([0.0, bias, 0.0], abs=1e-6)
-        assert found["accel_bias_m_s2"] == pytest.approx([bias, 0.0, 0.0], abs=1e-4)
+        assert found.gyro_bias_rad_s == pytest.approx([0.0, bias, 0.0], abs=1e-6)
+        assert found.accel_bias_m_s2 == pytest.approx([bias, 0.0, 0.0], abs=1e-4)
 
 
 def test_gyro_bias_can_be_left_alone(motion: Motion) -> None:
     sensors = replace(IDEAL, gyro_bias=np.array([0.01, 0.0, 0.0]))
     found = run(motion, sensors, fit_gyro_bias=False)
-    assert found.fusion["gyro_bias_rad_s"] == [0.0, 0.0, 0.0]
+    assert found.fusion.gyro_bias_rad_s == [0.0, 0.0, 0.0]
     np.testing.assert_allclose(
         column(found.fused, "p_rad_s"), motion.nu[:, 3] + 0.01, rtol=0.0, atol=1e-12
     )

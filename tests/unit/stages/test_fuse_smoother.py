@@ -80,9 +80,9 @@ def test_recovers_velocity_rate_and_bias(motion: Motion, convention: str) -> Non
     assert velocity < 2e-3
     assert rate < 2e-2
     np.testing.assert_allclose(
-        found.fusion["accel_bias_m_s2"], sensors.accel_bias, rtol=0.0, atol=5e-3
+        found.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=5e-3
     )
-    assert found.fusion["warnings"] == []
+    assert found.fusion.warnings == []
 
 
 def test_gives_standard_deviations(motion: Motion) -> None:
@@ -96,16 +96,16 @@ def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> Non
     unknown = replace(ODD, dvl_arm=np.zeros(3))
     blind = run(inputs(motion, ODD, told=unknown))
     found = run(inputs(motion, ODD, told=unknown), estimate_dvl_arm=True)
-    assert all(found.fusion["installation"]["dvl_arm_determined"])
+    assert all(found.fusion.installation.dvl_arm_determined)
     np.testing.assert_allclose(
-        found.fusion["installation"]["dvl_arm_m"], ODD.dvl_arm, rtol=0.0, atol=0.02
+        found.fusion.installation.dvl_arm_m, ODD.dvl_arm, rtol=0.0, atol=0.02
     )  # m
     assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
     assert "Estimated installation of the velocity sensor" in str(found.section)
     assert "Estimated installation of the velocity sensor" not in str(blind.section)
     # m/s: measured sway uses the estimated arm, not that of the vehicle file.
     turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
-    assert found.fusion["integrated_sway_rms_m_s"] < 0.5 * turned
+    assert found.fusion.integrated_sway_rms_m_s < 0.5 * turned
 
 
 def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
@@ -157,7 +157,7 @@ def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)
     track = given.samples_velocity
     assert track is not None
     t_s = column(track, "t_s")
-    rows = np.searchsorted(motion.t_s, t_s + float(given.segment["leg_start_s"]) - 1e-9)
+    rows = np.searchsorted(motion.t_s, t_s + float(given.segment.leg_start_s) - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
     through = matrix(track, VELOCITY[:3]) - drift
     water = make_table(
@@ -171,9 +171,9 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     are over ground.
     """
     found = run(in_current(motion, ODD), estimate_current=True)
-    told = found.fusion["current"]
-    assert told["verdict"] == "observable"
-    np.testing.assert_allclose(told["ned_m_s"], CURRENT, rtol=0.0, atol=3e-3)
+    told = found.fusion.current
+    assert told.verdict == "observable"
+    np.testing.assert_allclose(told.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
     t_s = column(found.fused, "t_s")
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
@@ -202,9 +202,9 @@ def test_current_without_water_track_is_not_observable(
     """
     given = inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
     found, plain = run(given, estimate_current=True), run(given)
-    assert found.fusion["current"]["verdict"] == "not observable"
-    assert "stream water_velocity" in found.fusion["current"]["reason"]
-    assert found.fusion["current"]["ned_m_s"] is None
+    assert found.fusion.current.verdict == "not observable"
+    assert "stream water_velocity" in found.fusion.current.reason
+    assert found.fusion.current.ned_m_s is None
     assert found.fused.equals(plain.fused)
     warned = [
         block["text"]
@@ -212,7 +212,7 @@ def test_current_without_water_track_is_not_observable(
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
     assert any(words.startswith("Water current: not observable, because ") for words in warned)
-    assert plain.fusion["current"] is None
+    assert plain.fusion.current is None
 
 
 def test_current_belongs_to_the_smoother(motion: Motion) -> None:

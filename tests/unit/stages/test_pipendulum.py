@@ -25,7 +25,7 @@ from auvid.hydro.dynamics.simulation.bench_motion import (
 )
 from auvid.stages import pipendulum
 from auvid.stages.base import collection
-from tests.support.motions import shipped_vehicle
+from tests.support.motions import log_document, shipped_vehicle
 
 Array = npt.NDArray[np.float64]
 VEHICLE = shipped_vehicle("thaus")
@@ -139,7 +139,7 @@ def log_of(
 
 def run(apparatus: dict[str, Any], logs: dict[str, dict[str, pa.Table]]) -> pipendulum.Outputs:
     check_document(apparatus, "apparatus")
-    info = {name: {"start_us": START_US, "end_us": START_US + 60_000_000} for name in logs}
+    info = {name: log_document(start_us=START_US, end_us=START_US + 60_000_000) for name in logs}
     streams = {
         stream: collection({name: log[stream] for name, log in logs.items() if stream in log})
         for stream in ("imu", "attitude")

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.pipeline.commands.reproduce.reproduce_command import open_reproduction
@@ -270,7 +271,7 @@ def true_states(*, last_s: float = 20.0, log: str = "a") -> replace_state.Output
         | {f"{name}_dot_rad_s": zeros for name in ("phi", "theta", "psi")}
         | {"u_m_s": zeros + 0.5},
     )
-    segment = {"id": "a", "log": "a", "leg_start_s": 2.107}
+    segment = SegmentRecord.model_construct(id="a", log="a", leg_start_s=2.107)
     truth = collection({log: truth_table(np.arange(0.0, last_s, 0.02))})
     return replace_state.run(
         replace_state.Inputs(segment, resampled, truth), replace_state.Params()
@@ -284,10 +285,8 @@ def test_true_states_stand_at_the_times_of_the_segment() -> None:
     assert t[-1] <= 9.48 + 1e-9
     expected = 0.3 * np.cos(np.outer(t + 2.107, np.arange(1, 7) * 0.5))
     assert np.max(np.abs(matrix(out.fused, VELOCITY) - expected)) < 1e-6
-    assert out.fusion["method"] == "truth"
-    assert out.fusion["rms"]["u_m_s"] == pytest.approx(
-        np.sqrt(np.mean((0.5 - expected[:, 0]) ** 2))
-    )
+    assert out.fusion.method == "truth"
+    assert out.fusion.rms["u_m_s"] == pytest.approx(np.sqrt(np.mean((0.5 - expected[:, 0]) ** 2)))
 
 
 @pytest.mark.parametrize(

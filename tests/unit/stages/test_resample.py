@@ -18,7 +18,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import resample
 from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
-from tests.support.motions import shipped_vehicle, vehicle_document
+from tests.support.motions import log_document, shipped_vehicle, vehicle_document
 
 DOCUMENT, VEHICLE = vehicle_document("bluerov2_heavy"), shipped_vehicle("bluerov2_heavy")
 DVL_LAG_S = 0.15
@@ -111,7 +111,7 @@ def run(
     vehicle: Vehicle = VEHICLE,
     **changes: pa.Table | None,
 ) -> resample.Outputs:
-    info = {"start_us": START_US, "end_us": START_US + 60_000_000}
+    info = log_document(start_us=START_US, end_us=START_US + 60_000_000)
     inputs = resample.Inputs(
         leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})},
         log_info=info,
@@ -141,18 +141,18 @@ def test_documents_and_clock() -> None:
     assert steps == pytest.approx(0.02, abs=1e-12)
     # The velocity sample of 10.25 s was measured at 10.1 s, and no other sensor starts
     # later.
-    assert segment["leg_start_s"] == pytest.approx(10.1, abs=1e-9)
-    assert segment["start_us"] == START_US + 10_100_000
-    assert 10.1 + segment["duration_s"] <= 40.0
-    assert segment["samples"] == table.num_rows
-    assert segment["lags_s"]["velocity"] == DVL_LAG_S
+    assert segment.leg_start_s == pytest.approx(10.1, abs=1e-9)
+    assert segment.start_us == START_US + 10_100_000
+    assert 10.1 + segment.duration_s <= 40.0
+    assert segment.samples == table.num_rows
+    assert segment.lags_s["velocity"] == DVL_LAG_S
 
 
 def test_signals_and_derivatives_are_those_that_were_sampled() -> None:
     outputs = run()
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
     rows = away_from_ends(table)
-    t = column(table, "t_s") + segment["leg_start_s"]
+    t = column(table, "t_s") + segment.leg_start_s
     # 1e-4 of the amplitude: interpolation error of cubic splines at ten and more
     # samples per radian.
     assert column(table, "z_m")[rows] == pytest.approx((5.0 + np.sin(OMEGA * t))[rows], abs=1e-4)
@@ -174,16 +174,16 @@ def test_signals_and_derivatives_are_those_that_were_sampled() -> None:
 def test_the_lag_of_the_velocity_sensor_is_taken_off() -> None:
     outputs = run()
     table = outputs.resampled["leg"]
-    rows, t = away_from_ends(table), column(table, "t_s") + outputs.segment["leg"]["leg_start_s"]
+    rows, t = away_from_ends(table), column(table, "t_s") + outputs.segment["leg"].leg_start_s
     assert column(table, "u_m_s")[rows] == pytest.approx(np.sin(OMEGA * t)[rows], abs=1e-4)
     samples = outputs.samples_velocity
     assert samples is not None
-    sampled = column(samples["leg"], "t_s") + outputs.segment["leg"]["leg_start_s"]
+    sampled = column(samples["leg"], "t_s") + outputs.segment["leg"].leg_start_s
     assert column(samples["leg"], "u_m_s") == pytest.approx(np.sin(OMEGA * sampled), abs=1e-12)
 
 
 def test_a_lag_of_the_campaign_replaces_that_of_the_vehicle() -> None:
-    assert run(params={"lag_s": {"velocity": 0.3}}).segment["leg"]["lags_s"]["velocity"] == 0.3
+    assert run(params={"lag_s": {"velocity": 0.3}}).segment["leg"].lags_s["velocity"] == 0.3
     with pytest.raises(CampaignError, match=r"unknown sensor.*Did you mean 'velocity'"):
         run(params={"lag_s": {"velocty": 0.3}})
 
@@ -202,9 +202,9 @@ def test_noise_is_found_and_taken_off() -> None:
     noise = 0.01
     outputs = run(depth=depth(times(10), noise))
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
-    rows, t = away_from_ends(table), column(table, "t_s") + segment["leg_start_s"]
+    rows, t = away_from_ends(table), column(table, "t_s") + segment.leg_start_s
     error = column(table, "z_m")[rows] - (5.0 + np.sin(OMEGA * t))[rows]
-    assert segment["smoothing"]["z_m"]["noise_sd"] == pytest.approx(
+    assert segment.smoothing["z_m"].noise_sd == pytest.approx(
         noise, rel=0.2
     )  # 600 samples: 3 % standard error
     assert np.sqrt(np.mean(error**2)) < 0.5 * noise
@@ -213,8 +213,8 @@ def test_noise_is_found_and_taken_off() -> None:
 @pytest.mark.parametrize(("smoothing", "cutoff"), [("none", None), ("cutoff", 0.8)])
 def test_smoothing_can_be_fixed(smoothing: str, cutoff: float | None) -> None:
     outputs = run(params={"smoothing": smoothing, "cutoff_hz": 0.8}, depth=depth(times(10), 0.01))
-    found = outputs.segment["leg"]["smoothing"]["z_m"]
-    assert found["cutoff_hz"] == (None if cutoff is None else pytest.approx(cutoff, rel=1e-9))
+    found = outputs.segment["leg"].smoothing["z_m"]
+    assert found.cutoff_hz == (None if cutoff is None else pytest.approx(cutoff, rel=1e-9))
     samples = outputs.samples_depth
     assert samples is not None
     if cutoff is None:
@@ -234,9 +234,9 @@ def test_a_gap_splits_the_leg() -> None:
     outputs = run(velocity=velocity(without(times(8), 20.0, 26.0)))
     assert list(outputs.resampled) == ["leg.1", "leg.2"]
     first, second = outputs.segment["leg.1"], outputs.segment["leg.2"]
-    assert first["leg_start_s"] + first["duration_s"] <= 20.0
-    assert second["leg_start_s"] >= 26.0 - DVL_LAG_S - 1e-9
-    assert [(gap["stream"], gap["duration_s"]) for gap in first["gaps"]] == [("velocity", 6.0)]
+    assert first.leg_start_s + first.duration_s <= 20.0
+    assert second.leg_start_s >= 26.0 - DVL_LAG_S - 1e-9
+    assert [(gap.stream, gap.duration_s) for gap in first.gaps] == [("velocity", 6.0)]
     assert list(
         run(params={"max_gap_s": 7.0}, velocity=velocity(without(times(8), 20.0, 26.0))).resampled
     ) == ["leg"]
@@ -245,8 +245,8 @@ def test_a_gap_splits_the_leg() -> None:
 def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
     outputs = run(depth=depth(without(times(10), 3.0, 8.0)))
     assert list(outputs.resampled) == ["leg"]
-    assert outputs.segment["leg"]["leg_start_s"] == 8.0
-    assert any("shorter than 5 s" in note for note in outputs.segment["leg"]["notes"])
+    assert outputs.segment["leg"].leg_start_s == 8.0
+    assert any("shorter than 5 s" in note for note in outputs.segment["leg"].notes)
 
 
 def test_nothing_is_extrapolated() -> None:
@@ -254,11 +254,11 @@ def test_nothing_is_extrapolated() -> None:
         depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0))
     )
     table, segment = outputs.resampled["leg"], outputs.segment["leg"]
-    assert segment["leg_start_s"] == 5.0
-    assert segment["leg_start_s"] + segment["duration_s"] <= 49.9 + 1e-9
+    assert segment.leg_start_s == 5.0
+    assert segment.leg_start_s + segment.duration_s <= 49.9 + 1e-9
     t = column(table, "t_s") + 5.0
     assert (np.isnan(column(table, "voltage_v")) == (t < 20.0)).all()
-    assert any("battery was not measured" in note for note in segment["notes"])
+    assert any("battery was not measured" in note for note in segment.notes)
     names = [name for name in table.column_names if name != "voltage_v"]
     assert np.isfinite(matrix(table, names)).all()
 
@@ -270,7 +270,7 @@ def test_without_a_gyro_the_attitude_gives_the_rates() -> None:
     assert column(table, "r_rad_s") == pytest.approx(0.5 * np.cos(0.03) * np.cos(0.02), abs=1e-4)
     assert "accel_x_m_s2" not in table.column_names
     assert outputs.samples_imu == {}
-    assert any("no gyro" in note for note in outputs.segment["leg"]["notes"])
+    assert any("no gyro" in note for note in outputs.segment["leg"].notes)
 
 
 MOUNTINGS = {"imu": [0.0, 0.0, 1.0], "dvl": [np.pi, 0.0, 0.5]}
@@ -354,7 +354,7 @@ def test_a_leg_outside_its_log(leg: dict[str, Any], words: str) -> None:
 
 
 def test_a_leg_that_ends_after_its_log_says_so() -> None:
-    notes = run({"start_s": 10.0, "end_s": 90.0}).segment["leg"]["notes"]
+    notes = run({"start_s": 10.0, "end_s": 90.0}).segment["leg"].notes
     assert notes == ["the leg asks for data up to 90 s, the log ends at 60.000 s"]
 
 
@@ -398,7 +398,7 @@ def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> No
     assert list(found.segment) == ["leg"]
     assert found.samples_water is not None
     t = column(found.samples_water["leg"], "t_s")
-    at = t + float(found.segment["leg"]["leg_start_s"])
+    at = t + float(found.segment["leg"].leg_start_s)
     assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
     np.testing.assert_allclose(
         column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9
@@ -416,13 +416,12 @@ def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
         attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll))
     )
     assert list(outputs.segment) == ["leg.1", "leg.2"]
-    assert outputs.segment["leg.1"]["leg_start_s"] + outputs.segment["leg.1"][
-        "duration_s"
-    ] == pytest.approx(30.0, abs=0.03)
-    assert outputs.segment["leg.2"]["leg_start_s"] == pytest.approx(30.1, abs=1e-6)
+    first, second = outputs.segment.values()
+    assert first.leg_start_s + first.duration_s == pytest.approx(30.0, abs=0.03)
+    assert second.leg_start_s == pytest.approx(30.1, abs=1e-6)
     for segment in outputs.segment.values():
         check_document(segment, "segment")
-        assert segment["notes"] == [
+        assert segment.notes == [
             "the attitude jumps by 59 degrees at 30.00 s without the gyro; the leg is split there"
         ]
     for table in outputs.resampled.values():
@@ -440,6 +439,5 @@ def test_many_jumps_are_counted() -> None:
     )
     assert len(outputs.segment) == 10
     assert (
-        outputs.segment["leg.1"]["notes"][-1]
-        == "the attitude jumps 4 times more, each splits the leg"
+        outputs.segment["leg.1"].notes[-1] == "the attitude jumps 4 times more, each splits the leg"
     )

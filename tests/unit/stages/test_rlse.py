@@ -22,6 +22,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.single_channel import ChannelRun, estimate_channel
 from auvid.stages import rlse
+from tests.support.motions import log_document
 from tests.support.single_channel import stepped_run
 
 Array = npt.NDArray[np.float64]
@@ -116,7 +117,7 @@ def run(
     **params: Any,
 ) -> rlse.Outputs:
     end = max(int(column(table, "time_us")[-1]) for table in tables.values())
-    info = {"start_us": START_US, "end_us": end, "parameters": {}}
+    info = log_document(start_us=START_US, end_us=end)
     return rlse.run(
         rlse.Inputs(leg, info, vehicle_from_document(vehicle), **tables), rlse.Params(**params)
     )

@@ -118,7 +118,7 @@ def test_equals_the_literal_kronecker_and_mask_form(name: str) -> None:
             key: (np.where(np.arange(6) == 0, nu - 1.5, nu), force, ratio)
             for key, (nu, force, ratio) in legs.items()
         }
-    solution = run(legs, models=(name,)).model_card[name]["solution"]
+    solution = run(legs, models=(name,)).model_card[name].solution
     expected = kronecker(model, legs)
     for axis in AXES:
         assert list(solution[axis]) == list(expected[axis])
@@ -144,16 +144,16 @@ def test_chunks_give_the_factor_of_the_whole(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(training, "ROWS_AT_ONCE", 77)
     chunked = run(legs)
     gram, again = (
-        R.T @ R for R in (np.array(found.triangular_factor["factor"]) for found in (whole, chunked))
+        R.T @ R for R in (np.array(found.triangular_factor.factor) for found in (whole, chunked))
     )
     # rows of dependent columns (u and |u|) are rounding, so the factors themselves may
     # differ
     np.testing.assert_allclose(again, gram, rtol=0.0, atol=1e-12 * np.abs(gram).max())
     for name, card in whole.model_card.items():
-        assert chunked.model_card[name]["rank"] == card["rank"]
+        assert chunked.model_card[name].rank == card.rank
         for axis in AXES:
             ours, theirs = (
-                list(cards[name]["solution"][axis].values())
+                list(cards[name].solution[axis].values())
                 for cards in (chunked.model_card, whole.model_card)
             )
             np.testing.assert_allclose(
@@ -205,29 +205,29 @@ def test_memory_is_that_of_one_leg_and_the_fit_that_of_one_pass() -> None:
     )
     factor = TriangularFactor.empty(terms).update(basis_rows(nu.T, None, terms), force)
     card = found.model_card["linear"]
-    assert card["samples"] == len(nu)
+    assert card.samples == len(nu)
     for axis in AXES:
         fit = solve_axis(factor, axis, model_named("linear").terms[axis])
         np.testing.assert_allclose(
-            list(card["solution"][axis].values()), fit.solution, rtol=1e-9, atol=1e-12
+            list(card.solution[axis].values()), fit.solution, rtol=1e-9, atol=1e-12
         )
-        assert card["axes"][axis]["j0"] == pytest.approx(fit.j0, rel=1e-12)
+        assert card.axes[axis].j0 == pytest.approx(fit.j0, rel=1e-12)
     conditions = axis_excitation(nu)
-    for name, item in card["conditions"].items():
-        assert item["rms"] == pytest.approx(conditions[name].rms, rel=1e-12)
+    for name, item in card.conditions.items():
+        assert item.rms == pytest.approx(conditions[name].rms, rel=1e-12)
 
 
 def test_triangular_factor_holds_the_gram_matrix_of_columns_and_forces() -> None:
     legs = noisy_legs()
     document = run(legs).triangular_factor
-    terms = [term for term in document["terms"] if term in basis_term_names()]
+    terms = [term for term in document.terms if term in basis_term_names()]
     columns = [
         np.column_stack([basis(nu, ratio, terms), np.ones(len(nu)), force])
         for nu, force, ratio in legs.values()
     ]
-    data, R = np.vstack(columns), np.array(document["factor"])
-    assert document["terms"] == [*terms, "constant", *AXES]
-    assert document["samples"] == len(data)
+    data, R = np.vstack(columns), np.array(document.factor)
+    assert document.terms == [*terms, "constant", *AXES]
+    assert document.samples == len(data)
     np.testing.assert_allclose(
         R.T @ R, data.T @ data, rtol=1e-9, atol=1e-9 * np.abs(data.T @ data).max()
     )
@@ -237,11 +237,11 @@ def test_terms_with_eta_do_not_apply_without_a_propeller_speed() -> None:
     found = run(noisy_legs(with_ratio=False), vehicle="bluerov2_heavy")
     for model in MODELS:
         card, short = found.model_card[model.name], without_propeller_terms(model)
-        assert (card["n_bar"], card["n_bar_declared"]) == (short.n_bar, model.n_bar)
-        assert len(card["not_applicable"]) == model.n_bar - short.n_bar
+        assert (card.n_bar, card.n_bar_declared) == (short.n_bar, model.n_bar)
+        assert len(card.not_applicable) == model.n_bar - short.n_bar
     card = found.model_card["gertler_hagen"]
-    assert len(card["not_applicable"]) == 15
-    assert "K (u*u)*(eta-1)" in card["not_applicable"]
+    assert len(card.not_applicable) == 15
+    assert "K (u*u)*(eta-1)" in card.not_applicable
     notes = [
         block["text"]
         for block in found.section["blocks"]
@@ -254,7 +254,7 @@ def test_terms_with_eta_do_not_apply_without_a_propeller_speed() -> None:
 def test_one_leg_without_the_ratio_takes_it_from_all() -> None:
     legs = noisy_legs()
     legs["two"] = (*legs["two"][:2], None)
-    assert run(legs, models=("gertler_hagen",)).model_card["gertler_hagen"]["n_bar"] == 73
+    assert run(legs, models=("gertler_hagen",)).model_card["gertler_hagen"].n_bar == 73
 
 
 def test_rank_deficient_model_names_its_terms_and_gives_the_rest() -> None:
@@ -270,19 +270,19 @@ def test_rank_deficient_model_names_its_terms_and_gives_the_rest() -> None:
         {"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy"
     ).model_card["uncoupled"]
     surge, heave, yaw = (
-        {item["term"]: item for item in card["axes"][axis]["terms"]} for axis in ("X", "Z", "N")
+        {item.term: item for item in card.axes[axis].terms} for axis in ("X", "Z", "N")
     )
-    assert {item["verdict"] for item in surge.values()} == {"inseparable"}
-    sums = {frozenset(item["weights"]): item["value"] for item in card["axes"]["X"]["combinations"]}
+    assert {item.verdict for item in surge.values()} == {"inseparable"}
+    sums = {frozenset(item.weights): item.value for item in card.axes["X"].combinations}
     assert sums == {
         frozenset({"u", "|u|"}): pytest.approx(-20.0),
         frozenset({"u*u", "u*|u|"}): pytest.approx(-30.0),
     }
-    assert heave["w"]["value"] == pytest.approx(-40.0)
-    assert {item["verdict"] for item in yaw.values()} == {"not excited"}
-    assert all(item["value"] is None for item in yaw.values())
-    assert card["rank"] == 2 + 4
-    assert card["axes"]["N"]["excitation"] == "not excited"
+    assert heave["w"].value == pytest.approx(-40.0)
+    assert {item.verdict for item in yaw.values()} == {"not excited"}
+    assert all(item.value is None for item in yaw.values())
+    assert card.rank == 2 + 4
+    assert card.axes["N"].excitation == "not excited"
 
 
 def test_spikes_do_not_make_a_velocity_excited() -> None:
@@ -298,18 +298,18 @@ def test_spikes_do_not_make_a_velocity_excited() -> None:
     force[:, 5] = -50.0 * nu[:, 5] * np.abs(nu[:, 5])
     found = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy")
     for card in found.model_card.values():
-        for axis, part in card["axes"].items():
-            assert not any("r" in term for item in part["combinations"] for term in item["weights"])
-            for item in part["terms"]:
-                if "r" in item["term"]:
-                    assert (card["name"], axis, item["term"], item["verdict"]) == (
-                        card["name"],
+        for axis, part in card.axes.items():
+            assert not any("r" in term for item in part.combinations for term in item.weights)
+            for item in part.terms:
+                if "r" in item.term:
+                    assert (card.name, axis, item.term, item.verdict) == (
+                        card.name,
                         axis,
-                        item["term"],
+                        item.term,
                         "not excited",
                     )
-                    assert item["value"] is None
-    assert found.model_card["fossen"]["solution"]["N"]["r*|r|"] == pytest.approx(
+                    assert item.value is None
+    assert found.model_card["fossen"].solution["N"]["r*|r|"] == pytest.approx(
         -50.0, rel=1e-6
     )  # what predictions are made with
 
@@ -330,19 +330,19 @@ def test_velocity_that_hardly_reverses_leaves_the_sum_only() -> None:
     card = run(
         {"one": (nu, force, None)}, models=("uncoupled",), vehicle="bluerov2_heavy"
     ).model_card["uncoupled"]
-    assert card["rank"] == 24
-    surge = {item["term"]: item for item in card["axes"]["X"]["terms"]}
-    assert {term: item["inseparable_from"] for term, item in surge.items()} == {
+    assert card.rank == 24
+    surge = {item.term: item for item in card.axes["X"].terms}
+    assert {term: item.inseparable_from for term, item in surge.items()} == {
         "u": ["|u|"],
         "|u|": ["u"],
         "u*u": ["u*|u|"],
         "u*|u|": ["u*u"],
     }
-    assert all(item["value"] is None for item in surge.values())
-    for item, true in zip(card["axes"]["X"]["combinations"], (-20.0, -30.0), strict=True):
-        assert abs(item["value"] - true) < 5.0 * item["standard_error"]
-        assert item["standard_error"] < 5.0
-    assert "identified" in {item["verdict"] for item in card["axes"]["Z"]["terms"]}
+    assert all(item.value is None for item in surge.values())
+    for item, true in zip(card.axes["X"].combinations, (-20.0, -30.0), strict=True):
+        assert abs(item.value - true) < 5.0 * item.standard_error
+        assert item.standard_error < 5.0
+    assert "identified" in {item.verdict for item in card.axes["Z"].terms}
 
 
 def test_inseparability_is_mutual() -> None:
@@ -355,8 +355,8 @@ def test_inseparability_is_mutual() -> None:
     for model, card in run(
         {"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True
     ).model_card.items():
-        for axis, part in card["axes"].items():
-            partners = {item["term"]: item.get("inseparable_from") for item in part["terms"]}
+        for axis, part in card.axes.items():
+            partners = {item.term: item.inseparable_from for item in part.terms}
             for term, others in partners.items():
                 for other in others or ():
                     assert term in (partners[other] or ()), (model, axis, term, other)
@@ -408,11 +408,11 @@ def test_trim_takes_the_constant_and_does_not_count_as_a_term() -> None:
     card = run(
         {"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy", trim=True
     ).model_card["linear"]
-    assert (card["n_bar"], card["rank"], card["trim"]) == (36, 36, True)
-    assert [card["solution"][axis]["constant"] for axis in AXES] == pytest.approx(
+    assert (card.n_bar, card.rank, card.trim) == (36, 36, True)
+    assert [card.solution[axis]["constant"] for axis in AXES] == pytest.approx(
         [1.0, 2.0, -4.5, 0.1, 0.2, 0.3]
     )
-    assert card["axes"]["Z"]["terms"][-1]["verdict"] == "identified"
+    assert card.axes["Z"].terms[-1].verdict == "identified"
 
 
 def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
@@ -429,10 +429,10 @@ def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
         {"one": (nu, -20.0 * nu + noise, None)}, models=("linear",), vehicle="bluerov2_heavy"
     ).model_card["linear"]
     score = [
-        (item["value"] - (-20.0 if axis == AXES["uvwpqr".index(item["term"])] else 0.0))
-        / item["standard_error"]
+        (item.value - (-20.0 if axis == AXES["uvwpqr".index(item.term)] else 0.0))
+        / item.standard_error
         for axis in AXES
-        for item in card["axes"][axis]["terms"]
+        for item in card.axes[axis].terms
     ]
     assert (
         0.5 < np.sqrt(np.mean(np.square(score))) < 2.0
@@ -454,10 +454,10 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
         for item in (table, known)
     ]
     exact, wide = (item.model_card["linear"] for item in cards)
-    assert not exact["velocity_errors"]
-    assert wide["velocity_errors"]
-    assert wide["solution"] == exact["solution"]
-    before, after = (card["axes"]["Y"]["covariance"]["lower"] for card in (exact, wide))
+    assert not exact.velocity_errors
+    assert wide.velocity_errors
+    assert wide.solution == exact.solution
+    before, after = (card.axes["Y"].covariance.lower for card in (exact, wide))
     assert all(new[-1] >= old[-1] for old, new in zip(before, after, strict=True))
     assert after[1][1] > 1.5 * before[1][1]  # of v, whose error is the largest
     assert "Velocities count as exact" in str(cards[0].section)
@@ -471,8 +471,8 @@ def test_fewer_samples_than_terms_gives_numbers_without_errors() -> None:
         models=("mcfarland", "fossen"),
         vehicle="bluerov2_heavy",
     )
-    assert found.model_card["mcfarland"]["rank"] == 6 * 10
-    assert found.model_card["fossen"]["axes"]["Y"]["terms"][0]["standard_error"] is not None
+    assert found.model_card["mcfarland"].rank == 6 * 10
+    assert found.model_card["fossen"].axes["Y"].terms[0].standard_error is not None
 
 
 def test_no_training_leg_is_refused() -> None:
@@ -523,8 +523,8 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
     assert "prior" not in plain
     found = run(legs, models=("prestero",), prior="strip_theory", prior_sd=0.2)
     card = found.model_card["prestero"]
-    means = card["prior"]["means"]
-    assert (card["prior"]["source"], card["prior"]["relative_sd"]) == ("strip_theory", 0.2)
+    means = card.prior.means
+    assert (card.prior.source, card.prior.relative_sd) == ("strip_theory", 0.2)
     assert set(means["Y"]) == {
         "u*v",
         "u*r",
@@ -533,15 +533,15 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
     }  # w*p and p*q are not in strip theory
     for axis, terms in means.items():  # as a whole nearer to the prior than the data alone
         near, far = (
-            sum((one["solution"][axis][term] / mean - 1.0) ** 2 for term, mean in terms.items())
+            sum((one.solution[axis][term] / mean - 1.0) ** 2 for term, mean in terms.items())
             for one in (card, plain)
         )
         assert near < far
     for axis in AXES:  # verdicts are those of the data alone
-        assert [item["verdict"] for item in card["axes"][axis]["terms"]] == [
-            item["verdict"] for item in plain["axes"][axis]["terms"]
+        assert [item.verdict for item in card.axes[axis].terms] == [
+            item.verdict for item in plain.axes[axis].terms
         ]
-        assert card["axes"][axis]["j"] >= plain["axes"][axis]["j"]
+        assert card.axes[axis].j >= plain.axes[axis].j
     assert any(
         "a prior was used" in str(block.get("text", "")) for block in found.section["blocks"]
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED, STREAMS, csv_dialects
 from auvid.data_schemas.units import convertible, factor_and_offset
@@ -82,7 +83,7 @@ class ColumnMap:
     columns: tuple[MappedColumn, ...]
     held: frozenset[str]
     missing: tuple[str, ...]
-    accelerometer: str | None
+    accelerometer: Accelerometer | None
 
 
 def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:

@@ -4,7 +4,6 @@ identified model.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import pytest
 import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.control.closed_loop import fly, force_field, limited, linear_response, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import (
@@ -32,7 +32,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
-CARD = json.loads((ROOT / "campaigns/vt690_control/linear.json").read_text())
+CARD = ModelCard.model_validate_json((ROOT / "campaigns/vt690_control/linear.json").read_text())
 LIMITS = {"fin_limit_rad": np.radians(20.0), "fin_rate_rad_s": 1.0}
 HAUV = hybrid_plant(
     hybrid_vehicle(
@@ -89,10 +89,10 @@ def test_linearisation_agrees_with_central_differences(plant: Plant) -> None:
 
 
 def test_terms_with_propulsion_ratio_are_differentiated_too() -> None:
-    card = json.loads(json.dumps(CARD))
-    card["solution"]["Y"]["(u*v)*(eta-1)"] = -12.0
-    card["solution"]["K"]["(u*u)*(eta-1)"] = 0.4
-    card["solution"]["Z"]["w*V"] = -30.0
+    card = CARD.model_copy(deep=True)
+    card.solution["Y"]["(u*v)*(eta-1)"] = -12.0
+    card.solution["K"]["(u*u)*(eta-1)"] = 0.4
+    card.solution["Z"]["w*V"] = -30.0
     plant = identified_plant(VT690_VEHICLE, card, **LIMITS)
     chi = np.random.default_rng(1).normal(size=(4, 12)) * 0.2
     chi[:, 0] += 1.8

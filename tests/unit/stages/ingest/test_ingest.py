@@ -79,7 +79,7 @@ def test_a_real_log_has_the_streams_that_it_should() -> None:
     check_document(info, "log_info")
     check_document(outputs.section, "section")
     check_document(outputs.views, "views")
-    assert {name: item["source"] for name, item in info["streams"].items()} == {
+    assert {name: item.source for name, item in info.streams.items()} == {
         "imu": "IMU",
         "attitude": "ATT",
         "depth": "BARO[1]",
@@ -90,15 +90,13 @@ def test_a_real_log_has_the_streams_that_it_should() -> None:
     }
     assert outputs.imu is not None
     assert outputs.imu.num_rows == 594
-    assert info["streams"]["imu"]["rate_hz"] == pytest.approx(25.0, abs=0.01)
-    assert info["vehicle"].startswith("ArduSub V4.1.0")
-    assert info["parameters"]["FRAME_CONFIG"] == 1.0
-    assert info["accelerometer"] == "specific_force"
-    part = info["files"][0]
+    assert info.streams["imu"].rate_hz == pytest.approx(25.0, abs=0.01)
+    assert info.vehicle.startswith("ArduSub V4.1.0")
+    assert info.parameters["FRAME_CONFIG"] == 1.0
+    assert info.accelerometer == "specific_force"
+    part = info.files[0]
     assert (
-        part["record_bytes"]
-        + part["definition_bytes"]
-        + sum(item["bytes"] for item in part["skipped"])
+        part.record_bytes + part.definition_bytes + sum(item["bytes"] for item in part.skipped)
         == SMALL.stat().st_size
     )
     # Still on the bench: gravity on the accelerometer, within the bias of a cheap unit.
@@ -110,13 +108,13 @@ def test_legs_count_from_the_first_record_whatever_its_type() -> None:
     # The first time-stamped record of this log is a parameter, 25 ms before the first
     # sample.
     info = run(raw_file(SMALL)).log_info
-    assert info["start_us"] == 265_648_719
-    assert info["start_us"] < min(item["start_us"] for item in info["streams"].values())
+    assert info.start_us == 265_648_719
+    assert info.start_us < min(item.start_us for item in info.streams.values())
 
 
 def test_the_same_dive_as_csv_gives_the_same_streams() -> None:
     log, csv = campaign_log("bluerov2_dvl"), campaign_log("bluerov2_dvl_csv")
-    start = log.log_info["start_us"] - csv.log_info["start_us"]
+    start = log.log_info.start_us - csv.log_info.start_us
     for stream in STREAMS:
         ours, theirs = getattr(log, stream), getattr(csv, stream)
         assert (column(ours, "time_us") - start == column(theirs, "time_us")).all()
@@ -136,15 +134,15 @@ def test_the_csv_of_the_dive_is_what_its_script_writes() -> None:
     spec.loader.exec_module(module)
     outputs = campaign_log("bluerov2_dvl")
     for name, columns in module.FILES.items():
-        text = module.csv_text(getattr(outputs, name), columns, outputs.log_info["start_us"])
+        text = module.csv_text(getattr(outputs, name), columns, outputs.log_info.start_us)
         assert (script.parent / "logs" / f"{name}.csv").read_text() == text
 
 
 def test_files_of_one_log_are_merged() -> None:
     outputs = run(depth_csv(), range_csv())
-    assert outputs.log_info["start_us"] == 1_000_000
+    assert outputs.log_info.start_us == 1_000_000
     assert column(outputs.range, "time_us").tolist() == [1.5e6, 2.5e6]
-    assert [item["name"] for item in outputs.log_info["files"]] == ["depth.csv", "range.csv"]
+    assert [item.name for item in outputs.log_info.files] == ["depth.csv", "range.csv"]
 
 
 def test_a_stream_of_two_files_needs_a_choice() -> None:
@@ -161,7 +159,7 @@ def test_a_stream_of_two_files_needs_a_choice() -> None:
 
 def test_the_manifest_chooses_sources() -> None:
     assert (
-        run(raw_file(SMALL), sources={"depth": "BARO[0]"}).log_info["streams"]["depth"]["source"]
+        run(raw_file(SMALL), sources={"depth": "BARO[0]"}).log_info.streams["depth"].source
         == "BARO[0]"
     )
     assert run(raw_file(SMALL), sources={"depth": "none"}).depth is None
@@ -183,17 +181,17 @@ def test_the_vehicle_names_its_barometer() -> None:
     vehicle = vehicle_from_document(
         {**vehicle_document("bluerov2_heavy"), "sensors": {"depth": {"barometer_instance": 0}}}
     )
-    assert run(raw_file(SMALL), vehicle=vehicle).log_info["streams"]["depth"]["source"] == "BARO[0]"
+    assert run(raw_file(SMALL), vehicle=vehicle).log_info.streams["depth"].source == "BARO[0]"
     assert (
-        run(raw_file(SMALL), vehicle=vehicle, sources={"depth": "BARO[1]"}).log_info["streams"][
-            "depth"
-        ]["source"]
+        run(raw_file(SMALL), vehicle=vehicle, sources={"depth": "BARO[1]"})
+        .log_info.streams["depth"]
+        .source
         == "BARO[1]"
     )
 
 
 def test_declared_start_of_a_csv_log() -> None:
-    assert run(depth_csv(start=0)).log_info["start_us"] == 0
+    assert run(depth_csv(start=0)).log_info.start_us == 0
     with pytest.raises(CampaignError, match=r"time.start.*found 'noon'"):
         run(depth_csv(start="noon"))
 
@@ -202,7 +200,7 @@ def test_files_on_different_clocks() -> None:
     unix = range_csv("t,h\n1700000001.5,2\n1700000002.5,3\n", epoch="unix")
     with pytest.raises(LogError, match="not on one clock"):
         run(depth_csv(), unix)
-    assert run(unix).log_info["utc_offset_us"] == 0
+    assert run(unix).log_info.utc_offset_us == 0
 
 
 def test_nothing_but_definitions() -> None:
@@ -246,4 +244,4 @@ def test_gyro_without_accelerometer_has_the_columns_all_the_same() -> None:
     ]
     outputs = run(csv_log("gyro.csv", "t,x,y,z\n0,1,2,3\n1,1,2,3\n", columns))
     assert np.isnan(column(outputs.imu, "accel_x_m_s2")).all()
-    assert outputs.log_info["accelerometer"] is None
+    assert outputs.log_info.accelerometer is None

@@ -231,7 +231,7 @@ def test_logs_begin_at_rest_before_the_leg_and_are_whole(
     streams: dict[str, ingest.Outputs],
 ) -> None:
     for name, log in streams.items():
-        assert log.log_info["status"] == "complete"
+        assert log.log_info.status == "complete"
         assert not [row for row in log.dropped.to_pylist() if row["count"]]
         assert (
             np.abs(matrix(log.imu, ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"))[:95]).max()

@@ -133,7 +133,7 @@ def test_our_readers_give_back_what_the_sensors_recorded(
                     np.max(np.abs(found - values)) <= (1e-12 if format == "csv" else 4e-7) * largest
                 ), field
     info = streams.log_info
-    assert (info["status"], info["start_us"], info["accelerometer"]) == (
+    assert (info.status, info.start_us, info.accelerometer) == (
         "complete",
         10_000_000,
         "specific_force",
@@ -286,7 +286,7 @@ def test_inertial_csv_has_gravity_taken_off_by_the_ahrs() -> None:
     """
     outputs = run(format="csv", accelerometer="inertial")
     streams = ingested(outputs, "csv", "inertial")
-    assert streams.log_info["accelerometer"] == "inertial"
+    assert streams.log_info.accelerometer == "inertial"
     assert streams.imu is not None
     assert np.abs(matrix(streams.imu, ["accel_z_m_s2"])[:50].mean()) < 0.7
 

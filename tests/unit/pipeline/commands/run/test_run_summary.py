@@ -32,6 +32,10 @@ from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
 
 FILE = {
     "name": "a.log",
+    "format": "text",
+    "size_bytes": 100,
+    "record_bytes": 60,
+    "definition_bytes": 0,
     "status": "truncated",
     "skipped": [{"reason": "damaged bytes", "bytes": 40, "count": 1}],
     "seconds_lost": 1.25,

@@ -14,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.pipeline import cli
 from auvid.pipeline.commands.diff import diff_command as diff
@@ -135,10 +136,14 @@ def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
             },
         )
 
-    document = {"leg_start_s": 0.0, "log": "dive", "use": "training", "duration_s": 4.0}
+    document = SegmentRecord.model_construct(
+        leg_start_s=0.0, log="dive", use="training", duration_s=4.0
+    )
     one = Side("a", segments={"leg": document}, fused={"leg": fused(t)})
     two = Side(
-        "b", segments={"leg": {**document, "leg_start_s": 1.05}}, fused={"leg": fused(t[:20])}
+        "b",
+        segments={"leg": document.model_copy(update={"leg_start_s": 1.05})},
+        fused={"leg": fused(t[:20])},
     )
     found, alone = pairs(one, two)
     assert alone == []
@@ -146,7 +151,7 @@ def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
     np.testing.assert_allclose(
         found[0].difference, -2.1, atol=1e-9
     )  # the same ramp, 1.05 s later; rounding
-    apart = replace(two, segments={"leg": {**document, "leg_start_s": 100.0}})
+    apart = replace(two, segments={"leg": document.model_copy(update={"leg_start_s": 100.0})})
     assert pairs(one, apart) == ([], ["leg: state at no common time"])
 
 

@@ -81,11 +81,11 @@ def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(
 def test_segments_stand_at_their_place_and_logs_one_after_the_other(made: ExampleRun) -> None:
     logs = {
         "dive": made.logs["dive"],
-        "next": {**made.logs["dive"], "start_us": 5_000_000, "end_us": 8_000_000},
+        "next": made.logs["dive"].model_copy(update={"start_us": 5_000_000, "end_us": 8_000_000}),
     }
     segments = {
         **made.segments,
-        "later": {**made.segments["train"], "log": "next", "leg_start_s": 1.0},
+        "later": made.segments["train"].model_copy(update={"log": "next", "leg_start_s": 1.0}),
     }
     clock = make_clock(segments, logs)
     assert clock.segments == {"train": 0.0, "check": 6.0, "later": pytest.approx(9.0 + 10.0 + 1.0)}

@@ -8,30 +8,38 @@ from typing import Any
 
 import pytest
 
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    Combination,
+    ModelCard,
+    TermCard,
+    VelocityRange,
+)
+from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.report.summary.coefficient_text import findings
 
 
 def term(
     name: str, value: float | None, error: float | None, verdict: str = "identified"
-) -> dict[str, Any]:
-    return {"term": name, "value": value, "standard_error": error, "verdict": verdict}
+) -> TermCard:
+    return TermCard.model_validate(
+        {"term": name, "unit": "", "value": value, "standard_error": error, "verdict": verdict}
+    )
 
 
-def card(
-    combinations: list[dict[str, Any]] | None = None, **axes: list[dict[str, Any]]
-) -> dict[str, Any]:
+def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard]) -> ModelCard:
     parts = {
-        axis: {
-            "terms": axes.get(axis, []),
-            "combinations": combinations or [] if axis == "X" else [],
-        }
+        axis: AxisCard.model_construct(
+            terms=axes.get(axis, []),
+            combinations=[
+                Combination(reading="", **item) for item in combinations or [] if axis == "X"
+            ],
+        )
         for axis in "XYZKMN"
     }
-    return {
-        "axes": parts,
-        "conditions": {name: {"rms": 0.1, "low": -0.0125, "high": 0.222} for name in "uvwpqr"},
-    }
+    reach = VelocityRange(rms=0.1, low=-0.0125, high=0.222)
+    return ModelCard.model_construct(axes=parts, conditions=dict.fromkeys("uvwpqr", reach))
 
 
 @pytest.mark.parametrize(
@@ -87,8 +95,10 @@ def test_constant_forces_and_couplings_stand_apart() -> None:
     assert found[1].note.startswith("2 of them a hull symmetric to port and starboard cannot have")
 
 
-def segment(use: str, start: float, length: float, log: str = "dive") -> dict[str, Any]:
-    return {"use": use, "log": log, "leg_start_s": start, "duration_s": length, "rate_hz": 50.0}
+def segment(use: str, start: float, length: float, log: str = "dive") -> SegmentRecord:
+    return SegmentRecord.model_construct(
+        use=use, log=log, leg_start_s=start, duration_s=length, rate_hz=50.0
+    )
 
 
 def test_training_data_in_validation_are_named() -> None:

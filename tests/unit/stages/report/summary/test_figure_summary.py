@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from auvid.data_schemas.records.logs import FileInfo, LogInfo
 from auvid.stages.page.html import render
 from auvid.stages.presentation import remark, section
 from auvid.stages.report.summary.figure_summary import summarise_results
@@ -37,7 +38,8 @@ RESULTS = {
     },
 }
 VEHICLE: dict[str, Any] = {"title": "THAUS"}
-LOGS = {"tank": {"status": "damaged", "files": [{}, {}]}}
+FILE = FileInfo.model_construct()
+LOGS = {"tank": LogInfo.model_construct(status="damaged", files=[FILE, FILE])}
 
 
 def test_undetermined_figures_are_named_with_their_reason() -> None:
