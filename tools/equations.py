@@ -39,9 +39,9 @@ MENTION = re.compile(
 )
 HEAD = """# Where each equation is
 
-Written by `make declarations` from the docstrings of `hydro/` and `stages/`: edit those,
-not this page. A number appears once for every function or class that implements it. What
-differs from the print is marked *corrected*.
+Written by `make declarations` from the docstrings of `hydro/` and `stages/`: edit
+those, not this page. A number appears once for every function or class that implements
+it. What differs from the print is marked *corrected*.
 """
 
 
