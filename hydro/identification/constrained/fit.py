@@ -114,6 +114,14 @@ def fit_within(
     other, `PipelineError` for columns or unknowns that do not exist.
     """
     unknowns = equations.unknowns
+    for axis in AXES:
+        if factor.n_samples < len(equations.columns_of(axis)):
+            raise DataError(
+                "fewer samples than terms",
+                field=axis,
+                value=factor.n_samples,
+                allowed=f"at least {len(equations.columns_of(axis))}",
+            )
     blocks = {axis: _block(factor, equations, axis) for axis in AXES}
     s = _noise(factor, blocks, noise)
     weighted = [np.hstack([A, b[:, None]]) / s[i] for i, (A, b) in enumerate(blocks.values())]
@@ -147,6 +155,15 @@ def fit_within(
     )
 
 
+def force_error(factor: TriangularFactor, equations: ForceEquations, values: Array) -> Array:
+    """Return the RMS force error (6,) [N, N m] of values (p,) on the data of a factor.
+
+    Other data than the values were fitted to: a held-out leg.
+    """
+    blocks = {axis: _block(factor, equations, axis) for axis in AXES}
+    return _rms(blocks, values, factor.n_samples)
+
+
 def _block(factor: TriangularFactor, equations: ForceEquations, axis: str) -> tuple[Array, Array]:
     """Return A (k + 1, p), b (k + 1,) with |A x - b|^2 the sum of squares of an axis."""
     columns = equations.columns_of(axis)
@@ -158,13 +175,6 @@ def _block(factor: TriangularFactor, equations: ForceEquations, axis: str) -> tu
                 value=column,
                 remedy=nearest(column, known),
             )
-    if factor.n_samples < len(columns):
-        raise DataError(
-            "fewer samples than terms",
-            field=axis,
-            value=factor.n_samples,
-            allowed=f"at least {len(columns)}",
-        )
     index = [factor.columns.index(name) for name in (*columns, axis)]
     triangle = qr(factor.R[:, index], mode="r")[0][: len(index)]
     return triangle[:, :-1] @ equations.weights(axis, columns), triangle[:, -1]
@@ -220,7 +230,8 @@ def _data_variances(R: Array) -> Array:
 
 
 def _rms(blocks: Mapping[str, tuple[Array, Array]], x: Array, n: int) -> Array:
-    return np.array([np.linalg.norm(A @ x - b) for A, b in blocks.values()]) / np.sqrt(n)
+    lengths = np.array([np.linalg.norm(A @ x - b) for A, b in blocks.values()])
+    return np.asarray(lengths / np.sqrt(n))
 
 
 def _total(values: Array) -> float:

@@ -27,7 +27,7 @@ from auvid.hydro.identification.constrained.equations import (
 
 NEGATIVE = 1e-11
 """An eigenvalue of a scaled matrix counts as negative below minus this."""
-POWER_TOLERANCE = 1e-6
+POWER_TOLERANCE = 1e-4
 """Power that counts as none, as a share of the sum of the terms' powers."""
 CLIMBERS = 16
 TINY = 1e-12
