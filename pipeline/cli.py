@@ -506,7 +506,7 @@ def coefficients(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Print coefficients from strip theory and published ones, with formula and source."""
+    """Print coefficients of strip theory and published ones, with their sources."""
     from auvid.pipeline.commands.coefficients import print_coefficients
 
     print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)

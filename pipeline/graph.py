@@ -1,4 +1,4 @@
-"""The graph of stages: an input port is fed by the one stage that outputs its schema."""
+"""The graph of stages: an input port is fed by the stage that outputs its schema."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers, units, symbols and foreign strings as page, recording and terminal print them."""
+"""Numbers, units, symbols and foreign strings as page and terminal print them."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class TimedEntry(Model):
 
 
 class CylinderEntry(Model):
-    """Object that is a hollow cylinder lying down: (58) is the check of the pendulum."""
+    """Object that is a hollow cylinder lying down: the pendulum's check (58)."""
 
     length: Annotated[Quantity, Unit("m")]
     """L."""

@@ -49,7 +49,7 @@ Path = tuple[str | int, ...]
 
 
 class Model(BaseModel):
-    """A document, or a mapping inside one. Unknown keys are faults; nothing is coerced."""
+    """A document, or a mapping in one; unknown keys are faults, nothing is coerced."""
 
     model_config = ConfigDict(
         extra="forbid",

@@ -317,7 +317,7 @@ class DepthSensorEntry(MountedEntry):
 
 
 class SensorsEntry(Model):
-    """Where the sensors sit; what is not given is at the origin, aligned, without lag."""
+    """Places of the sensors; default: at the origin, aligned, without lag."""
 
     dvl: MountedEntry = MountedEntry()
     """Velocity sensor."""

@@ -42,7 +42,7 @@ class FileInfo(Model):
     """Time that the skipped bytes stand for."""
 
 
-class StreamSource(Model):
+class SourceRecord(Model):
     """One way in which the log could fill a stream."""
 
     source: str
@@ -58,7 +58,7 @@ class StreamInfo(Model):
 
     source: str
     """Message it was taken from."""
-    alternatives: list[StreamSource]
+    alternatives: list[SourceRecord]
     """Every way in which the log could fill it, in order of preference."""
     columns: list[str]
     """Fields that it has."""

@@ -36,7 +36,7 @@ class CovarianceCard(Model):
     """Rows of the lower triangle in SI."""
 
 
-class Combination(Model):
+class TermCombination(Model):
     """A combination of inseparable terms that the data determine."""
 
     weights: dict[str, float]
@@ -72,7 +72,7 @@ class AxisCard(Model):
     """Covariance of the coefficients for coloured residuals: terms, and the rows of the
     lower triangle.
     """
-    combinations: list[Combination]
+    combinations: list[TermCombination]
     """What the data determine of inseparable terms: weights per term and value."""
 
 

@@ -1,6 +1,4 @@
-"""Load a campaign: the manifest checked against its schema and in itself, its vehicle,
-and where its logs lie.
-"""
+"""Load a campaign: its checked manifest, its vehicle, and the places of its logs."""
 
 from __future__ import annotations
 
@@ -41,9 +39,7 @@ ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class LogFile:
-    """One file of a log: its name as the manifest writes it, where it lies, and its
-    checked column map.
-    """
+    """One file of a log: its name in the manifest, its path, its checked column map."""
 
     name: str
     path: Path
@@ -52,8 +48,9 @@ class LogFile:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A loaded campaign; in the order of the manifest. `twin`: the document of schema
-    `twin`, where logs are simulated.
+    """A loaded campaign, in the order of the manifest.
+
+    `twin`: the document of schema `twin`, where logs are simulated.
     """
 
     name: str
@@ -80,8 +77,10 @@ class Campaign:
         return {leg["id"]: leg for leg in self.document.get("legs", ())}
 
     def log_files(self, log: str) -> tuple[LogFile, ...]:
-        """The files of a log. Raises `CampaignError` or `PipelineError` for what is
-        missing, unreadable or outside the folder.
+        """Return the files of a log.
+
+        Raises `CampaignError` or `PipelineError` for what is missing, unreadable or
+        outside the folder.
         """
         entry = self.logs[log]
         files = entry.get("files") or [entry]
@@ -100,8 +99,9 @@ class Campaign:
         return LogFile(item["file"], inside(self.folder, item["file"], self.file.path), columns)
 
     def seen_by(self, log: str | None = None, leg: str | None = None) -> Mapping[str, Any]:
-        """The manifest as an item sees it: an item smaller than the campaign gets only
-        the entries that concern it.
+        """Return the manifest as an item sees it.
+
+        An item smaller than the campaign gets only the entries that concern it.
 
         So a changed leg or parameter does not rerun the logs that it has nothing to do
         with.
@@ -120,8 +120,9 @@ class Campaign:
 def load_campaign(
     folder: Path, *, kinds: Mapping[str, tuple[str, ...]], vehicles: Mapping[str, Path]
 ) -> Campaign:
-    """The campaign in a folder. `kinds`: stage names per kind; `vehicles`: vehicle
-    files by name.
+    """Load the campaign of a folder.
+
+    `kinds`: stage names per kind; `vehicles`: vehicle files by name.
 
     Raises `CampaignError` (all faults of the manifest together) or `SchemaError`.
     """
@@ -161,8 +162,9 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
-    """Check the manifest against its schema; the logs and legs of a twin, and of a
-    campaign without logs, are not in it.
+    """Check the manifest against its schema.
+
+    The logs and legs of a twin, and of a campaign without logs, are not in it.
     """
     value = file.value
     stages = kinds.get(str(value.get("kind")), ()) if isinstance(value, Mapping) else ()

@@ -1,6 +1,4 @@
-"""What a twin campaign needs from its files: the plan, the viscous truth, and the logs
-and legs that follow from the plan.
-"""
+"""What a twin campaign reads: the plan, the viscous truth, and its logs and legs."""
 
 from __future__ import annotations
 
@@ -31,8 +29,9 @@ def load_twin(
     folder: Path,
     file: object,
 ) -> dict[str, Any]:
-    """The document of schema `twin` for the key `simulate` of a manifest, its plan and
-    its truth read and checked.
+    """Return the document of schema `twin`, with plan and truth read and checked.
+
+    It belongs to the key `simulate` of a manifest.
 
     `plan` is the path of the plan, `file` the manifest (or command) that names it.
     Raises `CampaignError` or `SchemaError`.
@@ -127,8 +126,9 @@ def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
 
 
 def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
-    """Coefficients of a CSV file with columns axis, term, value: axis -> term -> value.
-    Raises `CampaignError`.
+    """Read coefficients from a CSV file: axis -> term -> value.
+
+    Its columns are axis, term, value. Raises `CampaignError`.
     """
     with readable(path, file=path, what="coefficients"):
         text = path.read_text(encoding="utf-8")

@@ -22,8 +22,9 @@ class VehicleFile:
 
 
 def load_vehicle(path: Path, *, named_in: object = None) -> VehicleFile:
-    """Read a vehicle file, with the moments of inertia of the document that its key
-    `rigid_body.measured_inertia` names.
+    """Read a vehicle file, with measured moments of inertia where it names them.
+
+    Its key `rigid_body.measured_inertia` names the document of these.
 
     That path counts from the vehicle file. Raises `PipelineError` for a file that
     cannot be read and for what cannot be a vehicle.

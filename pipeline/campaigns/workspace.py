@@ -1,6 +1,4 @@
-"""The workspace: the folder that holds params.yaml, campaigns/, vehicles/ and runs/,
-and the stage parameters that it sets.
-"""
+"""The folder of params.yaml, campaigns/, vehicles/ and runs/, and its parameters."""
 
 from __future__ import annotations
 
@@ -38,9 +36,7 @@ class Workspace:
         return self.runs / ".code"
 
     def campaign_folder(self, name: str) -> Path:
-        """The folder of a campaign given by name or by a path to its folder or
-        manifest.
-        """
+        """Return the folder of a campaign, given by name, folder or manifest."""
         given = Path(name).expanduser()
         if given.name == "campaign.yaml":
             return given.resolve().parent
@@ -103,8 +99,9 @@ def workspace_of(campaign: str) -> Workspace:
 
 
 def vehicle_file_of(name: str) -> Path:
-    """The file of a vehicle given by name, in the workspace here or among those that
-    come with auvid, or by a path to its file.
+    """Return the file of a vehicle, given by name or by its path.
+
+    Names are those of the workspace here and of the vehicles that come with auvid.
     """
     if name.endswith(".yaml"):
         return Path(name).expanduser()
@@ -120,8 +117,7 @@ def vehicle_file_of(name: str) -> Path:
 
 
 def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
-    """params.yaml, its sections checked against the stages; empty for a campaign
-    outside any workspace.
+    """Read params.yaml, checked against the stages; empty outside any workspace.
 
     Raises `CampaignError` for unknown sections or parameters.
     """

@@ -1,5 +1,6 @@
-"""YAML that a user writes: loaded safely, duplicate keys refused, with the line of
-every key for error messages.
+"""YAML that a user writes: loaded safely, with the line of every key.
+
+Duplicate keys are refused; error messages name the line.
 """
 
 from __future__ import annotations
@@ -19,9 +20,7 @@ from auvid.pipeline.store.atomic_files import readable
 
 @dataclass(frozen=True)
 class YamlFile:
-    """A loaded file: its path, its value, and the line (from 1) of every key by its
-    dotted path.
-    """
+    """A loaded file: path, value, and the line (from 1) of every dotted key."""
 
     path: Path
     value: Any
@@ -36,7 +35,7 @@ class YamlFile:
         return None
 
     def located(self, fault: PipelineError) -> PipelineError:
-        """Return the same fault with this file and its line, where the field is known."""
+        """Return the same fault with this file and its line, if the field is there."""
         if isinstance(fault, ManyFaults):
             return ManyFaults([self.located(each) for each in fault.faults], file=self.path)
         fault.file = self.path if fault.file is None else fault.file
@@ -58,8 +57,9 @@ class YamlFile:
 
 
 def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> YamlFile:
-    """Load a YAML file. `named_in` and `what` say which entry of which file asked for
-    it.
+    """Load a YAML file.
+
+    `named_in` and `what` say which entry of which file asked for it.
 
     Raises `CampaignError` for text that is no YAML or holds a key twice,
     `PipelineError` for a file that cannot be read.

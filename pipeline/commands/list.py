@@ -1,4 +1,4 @@
-"""`auvid stages`, `models`, `vehicles` and `schema`: what there is, from declarations."""
+"""`auvid stages`, `models`, `vehicles` and `schema`: lists from declarations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the commands share: a campaign opened as a run, and progress on this terminal."""
+"""What commands share: a campaign opened as a run, and progress in the terminal."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class Processes:
                 )
 
     def close(self) -> None:
-        """Stop the workers, at once where items are unfinished: no manifest has those."""
+        """Stop the workers, at once if items are unfinished: no manifest has those."""
         if self._pool is None:
             return
         if self._waiting:
@@ -80,7 +80,7 @@ class Processes:
 
 @contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: they inherit that and leave it to the parent."""
+    """Hold Ctrl-C back while workers start: it is left to the parent."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield

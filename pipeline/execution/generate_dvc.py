@@ -54,7 +54,7 @@ def bounds(meta: Mapping[str, Any]) -> str:
 
 
 def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
-    """Return params.yaml: every parameter at its default, with unit, bounds, meaning."""
+    """Return params.yaml: each parameter's default, unit, bounds and meaning."""
     lines = [
         (
             "# Defaults of every stage parameter, one section per stage. A campaign sets what"
@@ -99,7 +99,9 @@ def _scalar(value: Any) -> str:
 def dvc_yaml(
     stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], campaigns: Mapping[str, str]
 ) -> str:
-    """Return dvc.yaml: an entry per stage, over the campaigns (name -> kind) that have it.
+    """Return dvc.yaml: an entry per stage, over the campaigns that have it.
+
+    Campaigns are given as name -> kind.
 
     Where a stage has other inputs in another kind of campaign, it has an entry of its
     own there: `STAGE-simulated` for the kinds that simulate their logs, else
@@ -164,7 +166,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
 
 
 def _outs(stage: AnyStage) -> list[tuple[str, str]]:
-    """Return the paths that a stage leaves: its folder, or each artefact with a metric."""
+    """Return the paths that a stage leaves: its folder, or artefacts with a metric."""
     folder = f"runs/${{item}}/{stage.name}"
     specs = ports(stage.outputs)
     if (

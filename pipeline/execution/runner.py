@@ -1,5 +1,4 @@
-"""Run the stages of a campaign: find what is stale, run it, and vouch for the results
-in the manifests.
+"""Run stale stages of a campaign and record the results in the manifests.
 
 An item is fresh if its key (hash of inputs, parameters, schemas and code) is that of
 its record and its files still have the recorded hashes. Inputs count by content, so a
@@ -63,8 +62,9 @@ class StageFault(PipelineError):
 
 
 class InternalFault(Exception):
-    """A fault of auvid itself; `trace` is the Python traceback of the process where it
-    happened.
+    """A fault of auvid itself.
+
+    `trace` is the Python traceback of the process where it happened.
     """
 
     def __init__(self, message: str, trace: str) -> None:
@@ -174,8 +174,9 @@ class Run:
         return len(stale)
 
     def places(self, level: str) -> list[Place]:
-        """The items of a level, in the order of the manifest; segments in the order of
-        their legs.
+        """Return the items of a level, in the order of the manifest.
+
+        Segments come in the order of their legs.
         """
         legs = self.campaign.legs
         if level == WHOLE:
@@ -204,8 +205,9 @@ class Run:
         return next(stage for stage in self.graph.stages if stage.yields == "segment")
 
     def task(self, stage: AnyStage, place: Place) -> Task:
-        """The task of one item: its inputs found, its key formed. Raises `DataError`
-        where an input has not been made yet.
+        """Return the task of one item: its inputs, and its key.
+
+        Raises `DataError` where an input has not been made yet.
         """
         sources = {feed.port: self._source(stage, feed, place) for feed in self.graph.feeds(stage)}
         params, code = self.params[stage.name], self._codes[stage.name]
@@ -224,9 +226,7 @@ class Run:
         return Task(stage, place.item, params, sources, outputs, folder, key, code)
 
     def is_fresh(self, task: Task) -> bool:
-        """Whether the record of an item has this key and its files are what the record
-        says.
-        """
+        """Return whether an item's record has this key and its files are unchanged."""
         record = self.manifests[task.stage.name].records.get(task.item)
         if record is None or record.key != task.key:
             return False
@@ -243,8 +243,9 @@ class Run:
             return False
 
     def artefacts(self, stage: AnyStage) -> Iterator[tuple[Port, str, str | None, Artefact]]:
-        """All artefacts of a stage: port, item, key (None for a port with a single
-        one), artefact.
+        """Yield all artefacts of a stage: port, item, key, artefact.
+
+        The key is None for a port with a single one.
         """
         for port in self.graph.outputs:
             if port.stage is stage:
@@ -253,8 +254,9 @@ class Run:
                         yield port, item, key, artefact
 
     def artefacts_of(self, port: Port, item: str) -> dict[str | None, Artefact]:
-        """What a port gave for an item, by key (None for a single one); empty if it
-        gave none.
+        """Return what a port gave for an item, by key (None for a single one).
+
+        Empty if it gave none.
         """
         manifest = self.manifests[port.stage.name]
         record = manifest.records.get(item)
@@ -334,8 +336,10 @@ class Run:
         )
 
     def provenance(self) -> dict[str, Any]:
-        """Where the results come from: content hashes of the logs and the vehicle, code
-        and parameters of every stage, package versions.
+        """Return where the results come from.
+
+        Content hashes of the logs and the vehicle, code and parameters of every stage,
+        package versions.
         """
         logs = {log: self._log(log).fingerprint["files"] for log in self.campaign.logs}
         stages = {
@@ -350,8 +354,9 @@ class Run:
         }
 
     def _collected(self, feed: Feed) -> dict[str, Artefact]:
-        """Artefacts of a schema from all stages, keyed `stage/item`; tables
-        `stage/item/port`, several of a port `stage/item/port/key`.
+        """Return artefacts of a schema from all stages, keyed `stage/item`.
+
+        Tables by `stage/item/port`, several of a port by `stage/item/port/key`.
         """
         entries: dict[str, Artefact] = {}
         for producer in feed.producers:
@@ -371,8 +376,10 @@ class Run:
         return "/".join([*parts, *([str(key)] if producer.keyed else [])])
 
     def _produced(self, stage: AnyStage, feed: Feed, producer: Port, place: Place) -> Source:
-        """What a port delivers: the artefact of the item or of what it belongs to, or
-        all of them for a campaign stage.
+        """Return what a port delivers for an item.
+
+        The artefact of the item or of what it belongs to, or all of them for a campaign
+        stage.
         """
         items = self._items(producer.stage)
         if stage.maps_over == WHOLE and producer.level != WHOLE:
@@ -434,8 +441,9 @@ def _where(stage: AnyStage, item: str) -> str:
 
 
 def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
-    """Write the small file of each stage on which DVC depends in place of the code;
-    unchanged ones are left alone.
+    """Write the small file per stage on which DVC depends in place of the code.
+
+    Unchanged ones are left as they are.
     """
     for stage in stages:
         path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()

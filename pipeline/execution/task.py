@@ -41,7 +41,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of a task: a record, a user's fault, or the trace of a fault of auvid."""
+    """Result of a task: a record, a user's fault, or the trace of a fault of auvid."""
 
     item: str
     record: Record | None = None

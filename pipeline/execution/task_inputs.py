@@ -33,7 +33,8 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class Value:
-    """A document of the manifest, or None for an optional input that nothing feeds;
+    """A document of the manifest, or None for an optional input without a source.
+
     `written` is what its fingerprint is formed of, where the value has no plain form.
     """
 

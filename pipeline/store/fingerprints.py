@@ -184,7 +184,7 @@ def _source(module: str) -> Path | None:
 
 @dataclass(frozen=True)
 class _Scan:
-    """What a source file imports (statements that run) and which data files it names."""
+    """What a source file imports (statements that run) and which data it names."""
 
     imports: tuple[ast.Import | ast.ImportFrom, ...]
     data_names: frozenset[str]

@@ -38,7 +38,7 @@ class Record:
 
 
 class Manifest:
-    """The records of one stage of one campaign, in the order of the campaign's items."""
+    """The records of one stage of one campaign, in the order of its items."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -62,7 +62,7 @@ class Manifest:
         self.records = ordered
 
     def keys(self, item: str) -> list[str]:
-        """Return the keys of an item's artefacts over all ports, in the stage's order."""
+        """Return keys of an item's artefacts over all ports, in the stage's order."""
         record = self.records.get(item)
         found = (
             [hashes for hashes in record.outputs.values() if isinstance(hashes, dict)]

@@ -23,7 +23,7 @@ REASON = (
 
 
 def water_track(samples: pa.Table | None, span: tuple[float, float]) -> tuple[Array, Array] | None:
-    """Return times (n,) and the sensor's velocity through the water (n, 3) in a span [s].
+    """Return times (n,) and velocity through the water (n, 3) in a span [s].
 
     None for fewer than five samples.
     """

@@ -1,4 +1,4 @@
-"""Sensor signals of one segment at the body origin: lever arms and gyro bias removed."""
+"""Sensor signals of a segment at the body origin, without lever arms and gyro bias."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class SensorMotion:
 
 
 def low_pass(t_s: Array, values: Array, cutoff_hz: float | None) -> Array:
-    """Return values (n,) or (n, k) after the zero-phase low-pass; unchanged for None."""
+    """Return values (n,) or (n, k) after the zero-phase low-pass; None: as they are."""
     return values if cutoff_hz is None else zero_phase_lowpass(t_s, values, cutoff_hz=cutoff_hz)
 
 

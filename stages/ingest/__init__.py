@@ -41,7 +41,7 @@ from auvid.stages.ingest.streams.mapping import Stream
 
 @dataclass(frozen=True)
 class Inputs:
-    """One log; the manifest may name sources of its streams, the vehicle its barometer."""
+    """One log; the manifest may name sources of streams, the vehicle its barometer."""
 
     raw_log: RawLog = port("raw_log")
     campaign: Document | None = port("campaign", optional=True)
@@ -132,7 +132,7 @@ def _is_bench(campaign: Document | None) -> bool:
 
 
 def _columns(stream: Stream) -> Columns:
-    """Return the columns; NaN for a missing accelerometer, so that every reader finds it."""
+    """Return the columns, with NaN for a missing accelerometer."""
     absent = ACCELEROMETER if stream.name == "imu" else ()
     return {**dict.fromkeys(absent, np.full(len(stream), np.nan)), **stream.columns}
 

@@ -73,7 +73,7 @@ def forced_readers(log: RawLog, campaign: Document | None) -> Mapping[str, str]:
 
 
 def vehicle_sources(vehicle: Vehicle | None) -> Mapping[str, str]:
-    """Return the source of depth that the vehicle prefers: its barometer in the water."""
+    """Return the depth source that the vehicle prefers: its wet barometer."""
     instance = vehicle and vehicle.barometer_instance
     return {} if instance is None else {"depth": f"BARO[{instance}]"}
 
@@ -125,7 +125,7 @@ def _decode_csv(file: RawFile) -> DecodedFile:
 
 
 def _first_us(log: DecodedLog, rules: Rules) -> int | None:
-    """Return the time of the first record, in the order of the file, that has a time."""
+    """Return the time of the first record of the file that has a time."""
     first: list[tuple[int, int]] = []
     for messages in log.messages.values():
         stamps = rules.clock(messages, log) if len(messages) else None

@@ -29,7 +29,7 @@ HEAD_BYTES = 1 << 16
 
 
 def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
-    """Return the reader for a file: by its content, or the one that the manifest forces.
+    """Return the reader of a file: by content, or the one the manifest forces.
 
     Raises `LogError` if there is none.
     """

@@ -141,7 +141,7 @@ def increasing(stamps: Ints) -> Mask:
 
 
 def _longest(values: list[int]) -> list[int]:
-    """Return the indices of a longest strictly increasing subsequence (patience sort)."""
+    """Return indices of a longest strictly increasing subsequence (patience sort)."""
     tails: list[int] = []
     ends: list[int] = []
     previous = [-1] * len(values)

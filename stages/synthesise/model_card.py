@@ -10,11 +10,11 @@ import numpy as np
 
 from auvid.data_schemas.records.models import (
     AxisCard,
-    Combination,
     CovarianceCard,
     ModelCard,
     PriorCard,
     TermCard,
+    TermCombination,
     VelocityRange,
 )
 from auvid.hydro.arrays import AXES, Array
@@ -149,7 +149,7 @@ def _axis_entry(
         excitation=excitation_word(motion[VELOCITY_OF_AXIS[fit.axis]]),
         terms=terms,
         combinations=[
-            Combination(
+            TermCombination(
                 weights=dict(item.weights),
                 value=item.value,
                 standard_error=_finite(item.standard_error),

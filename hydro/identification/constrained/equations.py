@@ -115,7 +115,7 @@ def inertia_equations(names: Sequence[str]) -> ForceEquations:
 
 
 def lag_equations(axes: Sequence[str] | None = None) -> ForceEquations:
-    """Return what a lag T [s] of the actuators adds to the residual force: -T dtau_U/dt.
+    """Return what a lag T [s] of the actuators adds to the force: -T dtau_U/dt.
 
     The force acts T later than the command says: tau_U(t - T) = tau_U - T dtau_U/dt.
     One lag for all axes, or one for each of `axes`.

@@ -74,7 +74,7 @@ class ConstrainedFit:
 
     @property
     def normalised(self) -> float:
-        """Return J / J0 of the six axes together (N and N m mixed, as in the thesis)."""
+        """Return J / J0 of the six axes together (N and N m mixed, as McCarter)."""
         return _total(self.rms) / _total(self.j0)
 
     @property
@@ -165,7 +165,7 @@ def force_error(factor: TriangularFactor, equations: ForceEquations, values: Arr
 
 
 def _block(factor: TriangularFactor, equations: ForceEquations, axis: str) -> tuple[Array, Array]:
-    """Return A (k + 1, p), b (k + 1,) with |A x - b|^2 the sum of squares of an axis."""
+    """Return A (k + 1, p), b (k + 1,) with |A x - b|^2 an axis's sum of squares."""
     columns = equations.columns_of(axis)
     known = (*factor.terms, CONSTANT)
     for column in columns:

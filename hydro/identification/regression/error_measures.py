@@ -52,7 +52,7 @@ class ErrorMeasures:
 
 @dataclass(frozen=True)
 class ErrorSums:
-    """Sums over `n` samples, per axis (6,): e^2, |e|, and tau_bar^2 of the measured force.
+    """Sums over `n` samples, per axis (6,): e^2, |e|, and tau_bar^2 of the force.
 
     `sketches`: of each segment every so-manieth absolute error in order of size (k, 6),
     and how many samples each of them stands for.
@@ -146,7 +146,7 @@ class MiddleErrors:
         return cls(low, high, np.zeros(6))
 
     def add(self, measured: ArrayLike, predicted: ArrayLike) -> MiddleErrors:
-        """Return those with one more segment. Arguments and errors as `ErrorSums.of`."""
+        """Return the sums with one more segment; arguments as of `ErrorSums.of`."""
         size = np.abs(_checked(measured, predicted)[1])
         chosen = (size >= self.low) & (size <= self.high)
         inside = tuple(

@@ -1,5 +1,6 @@
-"""The health page in the terminal and as one HTML file. Texts that come from logs are
-stripped of control characters, or escaped.
+"""The health page in the terminal and as one HTML file.
+
+Texts that come from logs are stripped of control characters, or escaped.
 """
 
 from __future__ import annotations
@@ -118,8 +119,9 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
 
 
 def _together(names: Sequence[str], *, short: bool = False) -> str:
-    """Names of stages with the axes of `synthesise` behind one word (`short`: without
-    them).
+    """Return names of stages, the axes of `synthesise` behind one word.
+
+    `short`: without the axes.
     """
     axes = [name.removeprefix("synthesise ") for name in names if name.startswith("synthesise ")]
     others = [name for name in names if not name.startswith("synthesise ")]

@@ -117,5 +117,5 @@ def _signal(page: LogPage, stream: str, columns: tuple[str, ...]) -> Signal | No
 
 
 def _resolution_s(times_s: npt.NDArray[np.float64]) -> float:
-    """Return the step of which all times are multiples: 1 us, or what the log rounds to."""
+    """Return the step of which all times are multiples, in seconds."""
     return float(np.gcd.reduce(np.diff(np.rint(times_s * 1e6).astype(np.int64)))) / 1e6

@@ -92,7 +92,7 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
 def _page(
     name: str, log: str, files: Sequence[LogFile], campaign: Campaign | None = None
 ) -> LogPage:
-    """Decode one log and check it; a log that cannot be read is a page that says why."""
+    """Decode one log and check it; a log that cannot be read gives a page with why."""
     leg_entries: list[Document] = []
     reader = view = vehicle = None
     if campaign is not None:

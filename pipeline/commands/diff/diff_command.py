@@ -107,7 +107,7 @@ def diff(
     as_json: bool = False,
     relative: float = RELATIVE,
 ) -> bool:
-    """Print what changed, write recording or picture, and return whether all is equal."""
+    """Print changes, write recording or picture, and return whether all is equal."""
     one, two = read_operand(first), read_operand(second)
     partial = [item.side.name for item in (one, two) if item.partial]
     if partial:
@@ -190,7 +190,7 @@ def _tables_of_model(data: RunData) -> Tables:
 
 
 def _tolerances(one: RunData, two: RunData, old: Tables, new: Tables) -> dict[str, Tolerance]:
-    """Return those of the golden folder, if one operand is one; else the default ones."""
+    """Return those of the golden folder, if one operand is one; else the default."""
     for item in (one, two):
         if item.tolerances is not None and (item.tolerances / golden.TOLERANCES).is_file():
             return golden.read_tolerances(

@@ -28,7 +28,7 @@ VARIANTS = ".variants"
 
 @dataclass(frozen=True)
 class RunData:
-    """Results of a run, its error tables in golden layout, and the folder of tolerances.
+    """Results of a run, its error tables in golden layout, and its tolerances.
 
     `partial`: golden tables or a history entry, which hold tables and figures but no
     signals.

@@ -44,7 +44,9 @@ def show(campaign: str, *, number: int | None, as_json: bool, csv: Path | None =
 
 
 def to_csv(entries: Sequence[Entry]) -> bytes:
-    """Return a row per run and a column per parameter and figure, empty where a run has none.
+    """Return a row per run and a column per parameter and figure, as CSV.
+
+    A field is empty where a run has none.
 
     Columns are dotted paths: `parameters.fuse.cutoff_hz`.
     """

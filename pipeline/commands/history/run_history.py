@@ -33,8 +33,10 @@ KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
 
 @dataclass(frozen=True)
 class Entry:
-    """One finished run. `error_tables`: use -> model -> row, as golden tables;
-    `figures`: of, name -> value and standard error.
+    """One finished run.
+
+    `error_tables`: use -> model -> row, as golden tables; `figures`: of, name -> value
+    and standard error.
     """
 
     number: int
@@ -77,7 +79,7 @@ def add_entry(run: Run) -> None:
 
 
 def read(folder: Path) -> list[Entry]:
-    """Return the entries of a run folder, the oldest first; damaged files are skipped."""
+    """Return the entries of a run folder, oldest first; damaged files are skipped."""
     return [
         entry
         for path in sorted((folder / FOLDER).glob("*.json"))
@@ -154,7 +156,7 @@ def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
 
 
 def judged(entry: Entry) -> tuple[int, int]:
-    """Count the headline figures that are determined or within bounds, and all of them."""
+    """Count the headline figures that are determined or within bounds, and all."""
     with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
     shown = [item for item in with_verdict if item.get("headline")] or with_verdict
     return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(

@@ -1,1 +1,1 @@
-"""`auvid inspect`: a run or a log in the Rerun viewer, and the pictures of the gallery."""
+"""`auvid inspect`: a run or a log in the Rerun viewer, and pictures of the gallery."""

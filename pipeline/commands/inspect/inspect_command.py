@@ -27,7 +27,7 @@ MEMORY_PER_BYTE = 6.0
 
 @dataclass(frozen=True)
 class Subject:
-    """What is inspected: its name, its recording, and a preview that is quick to draw."""
+    """What is inspected: its name, its recording, and a preview quick to draw."""
 
     name: str
     content: Callable[[], bytes]
@@ -94,7 +94,7 @@ def find_subject(
 
 
 def campaign_subject(run: Run, tab: str = "") -> Subject:
-    """Return the recording of a campaign's run; one that is stale is shown with a note."""
+    """Return the recording of a campaign's run, with a note if it is stale."""
     stage = run.graph.stage("report")
     remedy = (
         f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name}"

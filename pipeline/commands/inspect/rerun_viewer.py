@@ -78,7 +78,7 @@ def show(recording: Path) -> None:
 
 
 def serve(recording: Path) -> None:
-    """Serve the viewer with a recording to browsers on this machine, until interrupted."""
+    """Serve the viewer with a recording to browsers here, until interrupted."""
     try:
         subprocess.run(
             [
@@ -105,7 +105,7 @@ def missing_for_pictures() -> str | None:
 
 
 def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
-    """Return a picture of how a recording opens, as PNG of `size` pixels with few colours.
+    """Return a PNG of how a recording opens, of `size` pixels with few colours.
 
     Raises `PipelineError` where programs are missing, the viewer fails, or the
     recording is from a version that it cannot read.

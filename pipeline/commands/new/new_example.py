@@ -1,5 +1,6 @@
-"""The made-up log of a new workspace's example campaign: a small vehicle with four
-thrusters, simulated and measured with noise.
+"""The made-up log of a new workspace's example: a small vehicle with thrusters.
+
+It has four of them, and is simulated and measured with noise.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ HEADER = (
 
 
 def example_log(vehicle: Vehicle) -> bytes:
-    """The log as CSV: pulses in microseconds, attitude in degrees, rates in rad/s,
-    depth in m, velocity in m/s; body FRD.
+    """Return the log as CSV, in body axes FRD.
+
+    Pulses in microseconds, attitude in degrees, rates in rad/s, depth in m, velocity in
+    m/s.
     """
     rng = np.random.default_rng(SEED)
     t_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
@@ -54,8 +57,9 @@ def example_log(vehicle: Vehicle) -> bytes:
 
 
 def simulate(vehicle: Vehicle, pulses: Array) -> Array:
-    """States [eta, nu] (n, 12) under pulses (n, 4), each held for one step of
-    Runge-Kutta; drag is linear and quadratic per axis.
+    """Return states [eta, nu] (n, 12) under pulses (n, 4).
+
+    Each pulse holds for one step of Runge-Kutta; drag is linear and quadratic per axis.
     """
 
     def drag(nu: Array) -> Array:

@@ -1,6 +1,4 @@
-"""Add one line to CHANGELOG.md, under the heading of the current version, beside the
-other entries of its stage.
-"""
+"""Add a line to CHANGELOG.md under the current version, by the others of its stage."""
 
 from __future__ import annotations
 
@@ -22,8 +20,9 @@ def current_version() -> str:
 
 
 def with_entry(path: Path, stage: str, words: str) -> bytes:
-    """The changelog with the line `- stage: words`. Raises `PipelineError` where it has
-    no heading for the current version.
+    """Return the changelog with the line `- stage: words`.
+
+    Raises `PipelineError` where it has no heading for the current version.
     """
     with readable(path, file=path, what="changelog"):
         text = path.read_bytes().decode("utf-8", errors="surrogateescape")

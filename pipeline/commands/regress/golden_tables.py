@@ -1,5 +1,6 @@
-"""Golden error tables: one small CSV per use in the layout of McCarter 5.1 and 5.2,
-with J/J0 per axis, and how far each cell may move.
+"""Golden error tables, and how far each cell may move.
+
+One small CSV per use in the layout of McCarter 5.1 and 5.2, with J/J0 per axis.
 
 Tables hold six significant digits, and figures are compared as printed. An undefined
 ratio (no force on that axis) is an empty cell.
@@ -76,8 +77,9 @@ def departure_rows(departures: Sequence[Departure]) -> tuple[list[str], list[lis
 
 
 def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """The golden tables of the rows of an error table (schema `error_table`): all legs
-    together, six significant digits.
+    """Return the golden tables of the rows of an error table.
+
+    All legs together, six significant digits.
     """
     found: dict[str, dict[str, dict[str, float | None]]] = {}
     for row in rows:
@@ -118,8 +120,9 @@ def to_csv(table: Mapping[str, Row]) -> bytes:
 
 
 def read_tables(folder: Path) -> dict[str, dict[str, dict[str, float | None]]]:
-    """The golden tables of a folder, empty if it holds none. Raises `CampaignError`
-    with file, row and field for what is malformed.
+    """Read the golden tables of a folder, empty if it holds none.
+
+    Raises `CampaignError` with file, row and field for what is malformed.
     """
     names = sorted(path.name for path in folder.glob("*.csv"))
     known = [f"{use}.csv" for use in USES]

@@ -1,5 +1,6 @@
-"""Hold the error tables of a campaign against its golden tables, and write those anew
-with a line in the changelog.
+"""Compare the error tables of a campaign with its golden tables, and renew these.
+
+New golden tables come with a line in the changelog.
 """
 
 from __future__ import annotations
@@ -31,9 +32,7 @@ DEFAULT_TOLERANCES = "default_tolerances.yaml"
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: campaign, the golden folder, the changelog that remembers, and
-    the tables of the run.
-    """
+    """What is compared: campaign, golden folder, changelog, tables of the run."""
 
     campaign: str
     folder: Path
@@ -57,9 +56,7 @@ def open_setting(campaign: str, baseline: Path | None) -> Setting:
 
 
 def default_folder(root: Path, campaign: Path) -> Path:
-    """Where the golden tables of a campaign are, or would be made where there are none
-    yet.
-    """
+    """Return the folder for the golden tables of a campaign."""
     shared, own = root / "tests" / "golden" / campaign.name, campaign / "golden"
     return next(
         (folder for folder in (shared, own) if folder.is_dir()),
@@ -148,8 +145,7 @@ def _without_partner(item: Departure) -> str:
 
 
 def update(setting: Setting, message: str, *, as_json: bool) -> None:
-    """Write the golden tables anew and the message into the changelog: all of them or
-    nothing.
+    """Write golden tables and the changelog's message: all of them or nothing.
 
     The message goes to the entries of the stage that it begins with (`fuse: why`), else
     of the one whose results moved the tables. Raises `PipelineError` for an empty
@@ -202,9 +198,7 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
 
 
 def _old_tables(folder: Path) -> Tables | None:
-    """The golden tables that are replaced; None if there are none, or none that can be
-    read.
-    """
+    """Return the golden tables to be replaced; None if there are none to read."""
     try:
         return golden.read_tables(folder) or None
     except PipelineError:
@@ -230,8 +224,9 @@ def _entry(setting: Setting, old: Tables | None, words: str) -> tuple[str, str, 
 
 
 def write_together(contents: Mapping[Path, bytes | None]) -> None:
-    """Write several files, or remove those whose content is None, so that all are new
-    or all stay. Raises `PipelineError`.
+    """Write several files, or remove those whose content is None.
+
+    All are new or all stay. Raises `PipelineError`.
 
     All contents are on the disk under temporary names before the first file is
     replaced; a replacement that fails is taken back.

@@ -1,4 +1,4 @@
-"""`auvid reproduce` for printed values: what a run found beside them, on the terminal."""
+"""`auvid reproduce` for printed values: those of a run next to them, as a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PUBLISHED = "published_values"
 
 
 def open_comparison(name: str) -> Run | None:
-    """Return the run of a campaign that names printed values and no variants, else None."""
+    """Return the run of a campaign with printed values but no variants, else None."""
     run = open_run(name)
     if PUBLISHED not in run.campaign.documents or (run.campaign.folder / FILE).is_file():
         return None

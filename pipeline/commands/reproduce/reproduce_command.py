@@ -93,7 +93,7 @@ def reproduce(
 def _run_variants(
     reproduction: Reproduction, engine: Engine, progress: Progress, *, force: bool
 ) -> tuple[dict[str, Run], int]:
-    """Run every variant of every plan; return them by `PLAN/VARIANT`, and the items run."""
+    """Run every variant of every plan; return them by `PLAN/VARIANT`, and the items."""
     count = 0
     runs: dict[str, Run] = {}
     document = reproduction.document.value
@@ -145,7 +145,7 @@ def _run(
     folder: Path,
     title: str = "",
 ) -> Run:
-    """Return a run of a kind over a folder; `values`: parameters that differ, by stage."""
+    """Return a run of a kind over a folder; `values`: changed parameters, by stage."""
     graph = Graph(stages_of_kind(STAGES, KINDS, kind))
     params = {
         stage.name: make_params(
@@ -163,7 +163,7 @@ def _run(
 
 
 def print_tables(done: Reproduced) -> None:
-    """Print J/J0 of the first plan beside the published, and the bounds that are missed."""
+    """Print J/J0 of the first plan next to the published, and missed bounds."""
     plan = done.errors[0]["plan"]
     rows = [row for row in done.errors if row["plan"] == plan]
     variants = list(dict.fromkeys(row["variant"] for row in rows))

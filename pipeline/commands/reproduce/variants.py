@@ -153,8 +153,10 @@ def with_text(reproduction: Reproduction) -> dict[str, Any]:
 
 
 def published_tables(reproduction: Reproduction) -> dict[str, Any]:
-    """Return the document `published_tables`: the rows of the CSV file, and the
-    coefficients published beside the vehicle file.
+    """Return the document `published_tables`.
+
+    It holds the rows of the CSV file, and the coefficients published with the vehicle
+    file.
     """
     name, manifest = reproduction.document.value["published"], reproduction.document.path
     path = inside(reproduction.campaign.folder, name, manifest)

@@ -81,7 +81,7 @@ def result_files(run: Run) -> dict[str, Path]:
 
 
 def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
-    """Return model, rank, and J/J0 on training and validation, over all axes and legs."""
+    """Return model, rank, and J/J0 on both uses, over all axes and legs."""
     rows: dict[str, dict[str, Any]] = {}
     for artefact in _of_schema(run, "error_table"):
         for row in artefact.to_pylist():
@@ -94,7 +94,9 @@ def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
 
 
 def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
-    """Return quantity, unit, and RMS error per axis of a twin's estimates, over all legs.
+    """Return quantity, unit, and RMS error per axis of a twin's estimates.
+
+    Over all legs.
 
     Models have their own table.
     """
@@ -123,7 +125,7 @@ def comparison_rows(run: Run) -> list[dict[str, Any]]:
 
 
 def losses(run: Run) -> list[str]:
-    """Return what of the logs did not reach the results: damage and rejected samples."""
+    """Return what of the logs did not reach the results: damage, rejected samples."""
     found = []
     for log, info in _per_item(run, "log_info"):
         if info.status != "complete":
@@ -145,7 +147,7 @@ def losses(run: Run) -> list[str]:
 
 
 def warnings(run: Run) -> list[str]:
-    """Return warnings of sections and Python, notes on segments, legs without segments."""
+    """Return warnings of sections and Python, notes on segments, legs without any."""
     found: Counter[str] = Counter()
     for document in _of_schema(run, "section"):
         found.update(

@@ -36,7 +36,7 @@ def cut_at_nul(text: Column) -> None:
 
 
 def split_by(key: npt.NDArray[np.signedinteger[Any]], count: int) -> list[Ints]:
-    """Return the indices of each key 0 ... count - 1, ascending; negative keys have none."""
+    """Return the indices of each key 0 ... count - 1, ascending; none for negative."""
     narrow = key.astype(np.int16) if count < 1 << 15 else key  # 16 bits are sorted by radix
     order = np.argsort(narrow, kind="stable")
     bounds = np.searchsorted(narrow, np.arange(count + 1), sorter=order)

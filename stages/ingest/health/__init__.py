@@ -1,1 +1,1 @@
-"""Findings about a log: damage, gaps, sensors that disagree, what it can be used for."""
+"""Findings about a log: damage, gaps, sensors that disagree, possible uses."""

@@ -1,4 +1,4 @@
-"""Description of a log: bytes, streams with rates and gaps, rejected samples, report."""
+"""Description of a log: bytes, streams, rates, gaps, rejected samples, report."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from auvid.data_schemas.records.logs import (
     FileInfo,
     LogInfo,
     SkippedInFile,
+    SourceRecord,
     StreamInfo,
-    StreamSource,
 )
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
@@ -140,7 +140,7 @@ def describe(stream: Stream, rejected: Sequence[Rejected], *, gap_s: float) -> S
     steps = np.diff(stamps) / 1e6
     return StreamInfo(
         source=stream.source,
-        alternatives=[StreamSource(**item) for item in stream.alternatives],
+        alternatives=[SourceRecord(**item) for item in stream.alternatives],
         columns=[name for name in stream.columns if name != "time_us"],
         rows=len(stream),
         rejected=sum(item.count for item in rejected if item.stream == stream.name),

@@ -1,4 +1,4 @@
-"""Checks of sensors against each other: gyro, accelerometer, attitude, depth, velocity."""
+"""Checks of gyro, accelerometer, attitude, depth and velocity against each other."""
 
 from __future__ import annotations
 

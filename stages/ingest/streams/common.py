@@ -1,4 +1,4 @@
-"""What the streams of all log formats share: geometry, outputs, modes, texts, scores."""
+"""What streams of all log formats share: geometry, outputs, modes, texts, scores."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def depth_m(
 
 
 def pulse_widths(messages: Messages, names: Mapping[int, str]) -> Columns:
-    """Return the pulse widths of outputs by number, from the columns `names` that exist."""
+    """Return pulse widths of outputs by number, from those of `names` present."""
     return {
         f"pwm_{number}_us": messages.floats(name)
         for number, name in names.items()

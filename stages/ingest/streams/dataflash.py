@@ -64,7 +64,7 @@ def displacement_over_interval(messages: Messages, time_us: Ints, log: DecodedLo
 
 
 def navigation_velocity(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
-    """Return the navigation filter's velocity in body axes, by the attitude it holds."""
+    """Return the navigation filter's velocity, by its attitude, in body axes."""
     angles = np.radians(vector(messages, ("Roll", "Pitch", "Yaw")))
     return to_body(vector(messages, ("VN", "VE", "VD")), *angles)
 
@@ -123,7 +123,7 @@ def battery(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
 
 
 def healthy(messages: Messages, log: DecodedLog) -> float:
-    """Return 0 for an inertial unit that calls itself healthy most of the time, else 1."""
+    """Return 0 for an inertial unit that mostly calls itself healthy, else 1."""
     flags = [messages.floats(name) for name in ("GH", "AH") if name in messages.columns]
     return float(any(np.mean(flag) < 0.5 for flag in flags))
 

@@ -174,7 +174,7 @@ def _numbers(log: DecodedLog, spec: FormatStreams) -> DecodedLog:
 
 
 def _candidates(stream: str, log: DecodedLog, rules: Rules) -> Iterator[Candidate]:
-    """Yield every source of a stream with every instance, in the order of the mapping."""
+    """Yield every source of a stream with every instance, in mapping order."""
     spec = rules.spec
 
     def refused(source: StreamSource, messages: Messages) -> str | None:

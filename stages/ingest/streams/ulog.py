@@ -108,7 +108,7 @@ def submerged(messages: Messages, log: DecodedLog) -> float:
 
 
 def servo_outputs(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
-    """Return pulse widths of outputs 1 to 16; outputs without any pulse are left out."""
+    """Return pulse widths of outputs 1 to 16, without those that have no pulse."""
     return live(pulse_widths(messages, {n: f"output[{n - 1}]" for n in PWM_OUTPUTS}))
 
 

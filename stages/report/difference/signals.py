@@ -249,7 +249,7 @@ def signal_changes(matched: list[Pair], relative: float) -> list[SignalChange]:
 def coefficient_changes(
     first: Side, second: Side, relative: float
 ) -> tuple[list[tuple[tuple[str], ReferenceCheck]], list[str]]:
-    """Return the coefficients and named figures of both sides, second held against first.
+    """Return coefficients and figures of both sides, the second against the first.
 
     Each after its model or stage, and met within a share of the first with the same
     verdict. Also returns sentences on those that have no partner.

@@ -40,7 +40,7 @@ UNREADABLE = "row with a cell that cannot be read"
 
 @dataclass(frozen=True)
 class Form:
-    """Layout of the rows: names of the columns, separator, decimal mark, missing values."""
+    """Layout of rows: column names, separator, decimal mark, missing values."""
 
     names: Sequence[str]
     delimiter: str

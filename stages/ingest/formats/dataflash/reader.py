@@ -127,7 +127,7 @@ def build_index(buffer: Buffer) -> Index:
 
 
 def _touching_gaps(proposals: Proposals, chain: Chain) -> Mask:
-    """Return which FMT records touch damaged bytes: they may be halves of two others."""
+    """Return which FMT records touch damaged bytes: maybe halves of two."""
     edges = [edge for gap in chain.gaps for edge in (gap.start - layout.FMT_BYTES, gap.stop)]
     return np.isin(proposals.offset, np.array(edges, np.int64))
 

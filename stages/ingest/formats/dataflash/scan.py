@@ -61,7 +61,7 @@ class Chain:
 
 
 def candidates(buffer: Buffer) -> Ints:
-    """Return the offsets of all magic byte pairs with a type id behind them, ascending."""
+    """Return the offsets of all magic byte pairs with a type id, ascending."""
     places = [np.zeros(0, np.int64)]
     first, second = layout.MAGIC
     for start in range(0, buffer.size, BLOCK):
@@ -72,7 +72,7 @@ def candidates(buffer: Buffer) -> Ints:
 
 
 def header_at(buffer: Buffer, offset: Ints) -> Mask:
-    """Return where the magic bytes stand at `offset`; False past the end of the file."""
+    """Return where magic bytes stand at `offset`; False past the end of the file."""
     inside = np.minimum(offset, buffer.size - 2)
     there: Mask = (
         (buffer[inside] == layout.MAGIC[0])
@@ -134,7 +134,7 @@ class Walk:
 
     @cached_property
     def confirmed(self) -> Ints:
-        """Return the candidates right before a header or the end, and sound definitions."""
+        """Return candidates right before a header or the end, and sound definitions."""
         followed = self.valid & (header_at(self.buffer, self.end) | (self.end == self.size))
         followed[self.offset.searchsorted(self.sound)] = True
         return np.flatnonzero(followed)
@@ -146,7 +146,7 @@ class Walk:
 
     @cached_property
     def pairs(self) -> Ints:
-        """Count pairs of types that follow each other, at number first * 256 + second."""
+        """Count pairs of types that follow each other, at first * 256 + second."""
         return np.bincount(self.type[:-1].astype(np.uint16) << 8 | self.type[1:], minlength=1 << 16)
 
     def run(self) -> Chain:
@@ -248,7 +248,7 @@ class Walk:
         return int(self.offset[index]) if index < self.count else self.size
 
     def _next_confirmed(self, index: int) -> int:
-        """Return the first confirmed candidate from `index` on, or the number of all."""
+        """Return the first confirmed candidate from `index`, or their number."""
         place = int(self.confirmed.searchsorted(index))
         return int(self.confirmed[place]) if place < self.confirmed.size else self.count
 
@@ -298,14 +298,14 @@ class Walk:
         return int(self.pairs[int(self.type[last - 1]) << 8 | int(self.type[last])]) <= 1
 
     def _out_of_time(self, last: int, resume: int) -> bool:
-        """Return whether the time stamp of record `last` does not fit the clock around it."""
+        """Return whether the time stamp of record `last` does not fit its clock."""
         if last == 0 or not self.clock[self.entry[last]]:
             return False
         low, high = self._window(last - 1, resume)
         return low <= high and not low <= self.times_us[last] <= high
 
     def _window(self, before: int, after: int) -> tuple[int, int]:
-        """Return the times that a record between candidates `before` and `after` can have.
+        """Return the times that a record between `before` and `after` can have.
 
         No time is possible if neither side shows a clock.
         """
@@ -336,7 +336,7 @@ class Walk:
         return steps
 
     def _fill(self, start: int, stop: int, before: int, after: int, undefined: int = -1) -> None:
-        """Account for `start:stop`: candidates whose time fits the clock there, else gaps.
+        """Account for `start:stop`: candidates whose time fits the clock, else gaps.
 
         The candidates are those between `before` and `after`.
         """

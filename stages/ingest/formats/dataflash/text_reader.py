@@ -90,7 +90,7 @@ class TextLines:
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a FMT line stands in the first bytes of a file that is not binary."""
+    """Return whether a FMT line stands in the first bytes of a text file."""
     return head[:2] != layout.MAGIC and FMT_LINE.search(head) is not None
 
 
@@ -266,7 +266,7 @@ def _by_layout(declared: Declared, index: Ints) -> list[tuple[layout.Definition,
 
 
 def _is_text(char: str) -> bool:
-    """Return whether a field is text: modes are printed by name, arrays as the logger likes."""
+    """Return whether a field is text: modes are printed by name, arrays freely."""
     return layout.FIELD_FORMATS[char].is_text or char in "Ma"
 
 
@@ -361,7 +361,7 @@ def _parse_block(block: bytes, definition: layout.Definition) -> dict[str, Colum
 
 
 def _fitted(values: Column, dtype: np.dtype[np.generic]) -> Column:
-    """Return float64 numbers of an integer field as integers, if all are whole and exact."""
+    """Return whole, exact float64 numbers of an integer field as integers."""
     if values.dtype == dtype or dtype.kind == "f":
         return values
     numbers = values.astype(np.float64)

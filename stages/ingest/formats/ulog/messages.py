@@ -1,4 +1,4 @@
-"""Contents of ULog messages that are not data: whether they are credible, what they say.
+"""Contents of ULog messages that are not data: what they mean, if credible.
 
 ULog has no checksum. Every function here returns None (or False) for content that
 breaks a rule of its type, so that a reader which lost the chain does not take damage

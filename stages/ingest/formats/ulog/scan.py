@@ -120,7 +120,7 @@ class Numbers:
         self.put(0, id, written, stream)
 
     def sizes(self, id: int) -> list[int]:
-        """Return the sizes that data of this number have had, the subscribed one first."""
+        """Return the sizes that data of this number have had, the subscribed first."""
         return [size for size in self.size[:, id].tolist() if size]
 
     def match(self, id: int, size: int) -> int | None:
@@ -248,7 +248,7 @@ class Scan:
     # ---- single messages
 
     def _data_at(self, place: int) -> tuple[int, int]:
-        """Return stream and end of the data message at `place`; end -1 if there is none."""
+        """Return stream and end of the data message at `place`; end -1: none there."""
         if place + layout.DATA_HEADER_BYTES > self.limit or self.bytes[place + 2] != layout.DATA:
             return 0, -1
         size, _, id = struct.unpack_from("<HBH", self.bytes, place)
@@ -559,7 +559,7 @@ class Scan:
             start = end
 
     def _search(self, start: int) -> int:
-        """Return the first place from `start` on with a credible message, or the limit."""
+        """Return the first place from `start` with a credible message, or the limit."""
         step = FIRST_SEARCH
         while start < self.limit:
             stop = min(start + step, self.limit)

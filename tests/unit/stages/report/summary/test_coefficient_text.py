@@ -10,9 +10,9 @@ import pytest
 
 from auvid.data_schemas.records.models import (
     AxisCard,
-    Combination,
     ModelCard,
     TermCard,
+    TermCombination,
     VelocityRange,
 )
 from auvid.data_schemas.records.motion import SegmentRecord
@@ -33,7 +33,7 @@ def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard
         axis: AxisCard.model_construct(
             terms=axes.get(axis, []),
             combinations=[
-                Combination(reading="", **item) for item in combinations or [] if axis == "X"
+                TermCombination(reading="", **item) for item in combinations or [] if axis == "X"
             ],
         )
         for axis in "XYZKMN"

@@ -1,0 +1,160 @@
+"""Names and docstrings: one class per name, names that say what a value is, one line first."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PRODUCT = ("data_schemas", "hydro", "stages", "pipeline")
+NOT_YET = ("hydro/control/", "hydro/dynamics/", "stages/control/", "stages/simulate/")
+"""Rooms whose names and docstrings are still to be changed; class names count there too."""
+DOCUMENTS = ("data_schemas/documents/", "data_schemas/records/")
+"""Fields here are keys of YAML and JSON."""
+SAYS_NOTHING = {
+    "found",
+    "told",
+    "held",
+    "said",
+    "says",
+    "shown",
+    "asked",
+    "alone",
+    "beside",
+    "apart",
+}
+"""A name says what a value is; these say how somebody came by it."""
+NAMES_NOT_YET: frozenset[str] = frozenset(
+    {
+        "hydro/identification/constrained/fit.py",
+        "pipeline/campaigns/campaign.py",
+        "pipeline/campaigns/twin.py",
+        "pipeline/campaigns/workspace.py",
+        "pipeline/commands/check/check_page.py",
+        "pipeline/commands/history/run_history.py",
+        "pipeline/commands/inspect/rerun_viewer.py",
+        "pipeline/commands/regress/changelog.py",
+        "pipeline/commands/regress/golden_tables.py",
+        "pipeline/commands/regress/regress_command.py",
+        "pipeline/commands/reproduce/reproduce_command.py",
+        "pipeline/commands/run/run_summary.py",
+        "pipeline/execution/generate_dvc.py",
+        "pipeline/execution/runner.py",
+        "pipeline/graph.py",
+        "pipeline/store/artefacts.py",
+        "pipeline/store/fingerprints.py",
+        "pipeline/store/manifest.py",
+        "stages/check_truth/errors.py",
+        "stages/ingest/formats/csv/column_map.py",
+        "stages/report/difference/recording.py",
+        "stages/report/difference/signals.py",
+    }
+)
+"""Files with such names still; one without any has to leave the list."""
+PER_STAGE = {"Inputs", "Params", "Outputs"}
+"""Every stage has its own."""
+WIDTH = 88
+
+Module = tuple[str, str]
+
+
+def modules() -> Iterator[Module]:
+    """Yield path and source of every file of the product."""
+    for floor in PRODUCT:
+        for path in sorted((ROOT / floor).rglob("*.py")):
+            yield str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+
+
+def empty_names(files: Iterable[Module]) -> list[str]:
+    """Return names of files, values, arguments, functions and classes that say nothing."""
+    offenders = []
+    for path, source in files:
+        if Path(path).stem in SAYS_NOTHING:
+            offenders.append(path)
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                name = node.id
+            elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+                name = node.name
+            elif isinstance(node, ast.arg):
+                name = node.arg
+            else:
+                continue
+            if name.lower().strip("_") in SAYS_NOTHING:
+                offenders.append(f"{path}:{node.lineno} {name}")
+    return offenders
+
+
+def repeated_classes(files: Iterable[Module]) -> set[str]:
+    """Return the public class names that occur more than once."""
+    counts = Counter(
+        node.name
+        for _, source in files
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    return {name for name, count in counts.items() if count > 1} - PER_STAGE
+
+
+def long_summaries(files: Iterable[Module]) -> list[str]:
+    """Return the docstrings whose summary takes more than one line of `WIDTH` columns."""
+    offenders = []
+    for path, source in files:
+        lines = source.split("\n")
+        for node in ast.walk(ast.parse(source)):
+            if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                continue
+            text = ast.get_docstring(node)
+            if text is None:
+                continue
+            row = node.body[0].lineno
+            goes_on = "\n" in text and text.split("\n")[1].strip() != ""
+            if goes_on or len(lines[row - 1]) > WIDTH:
+                offenders.append(f"{path}:{row} {lines[row - 1].strip()}")
+    return offenders
+
+
+def test_no_name_says_nothing() -> None:
+    files = [item for item in modules() if not item[0].startswith((*NOT_YET, *DOCUMENTS))]
+    assert empty_names(item for item in files if item[0] not in NAMES_NOT_YET) == []
+    assert {path for path, source in files if empty_names([(path, source)])} == NAMES_NOT_YET
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    assert repeated_classes(modules()) == set()
+
+
+def test_docstrings_begin_with_one_line() -> None:
+    assert long_summaries(item for item in modules() if not item[0].startswith(NOT_YET)) == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "found = 1",
+        "def told(): ...",
+        "def name(held): ...",
+        "class Shown: ...",
+        "for said in (): ...",
+    ],
+)
+def test_each_kind_of_empty_name_is_an_offence(source: str) -> None:
+    assert len(empty_names([("stages/x.py", source)])) == 1
+    assert len(empty_names([("stages/shown.py", "")])) == 1
+
+
+def test_a_class_in_two_files_is_an_offence() -> None:
+    files = [("stages/x.py", "class Limits: ..."), ("hydro/y.py", "class Limits: ...")]
+    assert repeated_classes(files) == {"Limits"}
+
+
+@pytest.mark.parametrize(
+    "source",
+    ['"""One\ntwo."""', 'def f():\n    """One\n    two.\n    """', f'"""{"w" * WIDTH}"""'],
+)
+def test_a_summary_of_two_lines_or_too_wide_is_an_offence(source: str) -> None:
+    assert len(long_summaries([("stages/x.py", source)])) == 1
