@@ -50,8 +50,9 @@ class ConstrainedFit:
 
     free: the same problem without limits. covariance (p, p): of the values given the
     active limits, 0 for what they fix; it takes force errors as independent from sample
-    to sample unless `noise` says otherwise. data_variances: those without limits and
-    prior, inf where the data leave an unknown open. rms, rms_free, j0 (6,) [N, N m]:
+    to sample unless `noise` says otherwise. free_covariance: without limits.
+    data_variances (p,): without limits and prior, inf where the data leave an unknown
+    open. rms, rms_free, j0 (6,) [N, N m]:
     residual force with and without limits, and measured force, prior not counted.
     """
 
@@ -59,6 +60,7 @@ class ConstrainedFit:
     values: Array
     free: Array
     covariance: Array
+    free_covariance: Array
     data_variances: Array
     active: tuple[ActiveLimit, ...]
     rms: Array
@@ -142,6 +144,7 @@ def fit_within(
         values=values,
         free=free,
         covariance=_covariance(R, held),
+        free_covariance=_covariance(R, np.zeros((0, len(unknowns)))),
         data_variances=_data_variances(data[:, :-1]),
         active=tuple(
             ActiveLimit(name, tuple(unknowns[j] for j in np.flatnonzero(row)), float(force))

@@ -1,0 +1,119 @@
+"""Inertia against thrust lag: two unknowns that answer to the same motion.
+
+More inertia and a later thrust both let the vehicle answer later. A short dive often
+takes one for the other, so each is fitted with and without the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES
+from auvid.hydro.identification.constrained.equations import (
+    ForceEquations,
+    Unknown,
+    inertia_equations,
+    lag_equations,
+)
+from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within
+from auvid.hydro.identification.regression.least_squares import TriangularFactor
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    INSEPARABLE,
+    T_LIMIT,
+    VIF_LIMIT,
+    WEAK,
+)
+
+
+@dataclass(frozen=True)
+class Trade:
+    """An added mass beyond the file's and a lag on the same axis, alone and together.
+
+    values, standard errors: (2,) inertia [kg, kg m, kg m^2; McCarter's sign] and lag
+    [s]; correlation of the two estimates. gain (3,): by how much the sum of squares of
+    the axis falls, as a share, by inertia, by lag, by both. verdict: of the inertia.
+    """
+
+    inertia: Unknown
+    lag: Unknown
+    alone: tuple[float, float]
+    alone_errors: tuple[float, float]
+    together: tuple[float, float]
+    together_errors: tuple[float, float]
+    correlation: float
+    gain: tuple[float, float, float]
+    verdict: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.inertia} {self.alone[0]:.3g} +- {self.alone_errors[0]:.2g} without a lag,"
+            f" {self.together[0]:.3g} +- {self.together_errors[0]:.2g} beside a lag of"
+            f" {self.together[1]:.2g} +- {self.together_errors[1]:.2g} s (correlation"
+            f" {self.correlation:.2f}): {self.verdict}"
+            + (f" from the {self.lag}" if self.verdict == INSEPARABLE else "")
+        )
+
+
+def inertia_against_lag(
+    factor: TriangularFactor,
+    equations: ForceEquations,
+    name: str,
+    *,
+    noise: Mapping[str, float] | None = None,
+) -> Trade:
+    """Return what the data say of one added mass (`N_rdot`) and of a lag on its axis.
+
+    equations: of the viscous model. Identified: clear beside the lag, too. Inseparable:
+    clear alone, but not beside the lag, or the two estimates are one (their correlation
+    is that of a variance inflation above `VIF_LIMIT`). Otherwise weak. `noise` as in
+    `fit_within`.
+    """
+    mass = inertia_equations([name])
+    (inertia,) = mass.unknowns
+    delay = lag_equations([inertia.axis])
+    (lag,) = delay.unknowns
+    fits = {
+        "none": fit_within(factor, equations, noise=noise),
+        "inertia": fit_within(factor, equations.with_unknowns_of(mass), noise=noise),
+        "lag": fit_within(factor, equations.with_unknowns_of(delay), noise=noise),
+        "both": fit_within(
+            factor, equations.with_unknowns_of(mass).with_unknowns_of(delay), noise=noise
+        ),
+    }
+    values = {key: (_read(fit, inertia), _read(fit, lag)) for key, fit in fits.items()}
+    both = fits["both"]
+    i, j = both.unknowns.index(inertia), both.unknowns.index(lag)
+    errors = both.standard_errors
+    correlation = float(both.covariance[i, j] / (errors[i] * errors[j]))
+    axis = AXES.index(inertia.axis)
+    gain = [1.0 - float(fits[key].rms[axis] / fits["none"].rms[axis]) ** 2 for key in fits]
+    (alone, alone_error), (beside, beside_error) = values["inertia"][0], values["both"][0]
+    if 1.0 - correlation**2 < 1.0 / VIF_LIMIT:
+        verdict = INSEPARABLE
+    elif abs(beside) >= T_LIMIT * beside_error:
+        verdict = IDENTIFIED
+    else:
+        verdict = INSEPARABLE if abs(alone) >= T_LIMIT * alone_error else WEAK
+    return Trade(
+        inertia=inertia,
+        lag=lag,
+        alone=(alone, values["lag"][1][0]),
+        alone_errors=(alone_error, values["lag"][1][1]),
+        together=(beside, values["both"][1][0]),
+        together_errors=(beside_error, values["both"][1][1]),
+        correlation=correlation,
+        gain=(gain[1], gain[2], gain[3]),
+        verdict=verdict,
+    )
+
+
+def _read(fit: ConstrainedFit, unknown: Unknown) -> tuple[float, float]:
+    """Return value and standard error; nan for an unknown that was not fitted."""
+    if unknown not in fit.unknowns:
+        return np.nan, np.nan
+    i = fit.unknowns.index(unknown)
+    return float(fit.values[i]), float(fit.standard_errors[i])
