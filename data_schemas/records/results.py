@@ -56,6 +56,6 @@ class SimulationRecord(Model):
     format: str
     """Kind of log files."""
     legs: list[dict[str, object]]
-    """Per leg: id, rpm, level_speed_m_s, start_s, end_s (null if it was never reached),
-    stopped (null or why), biases.
+    """Per leg: id, rpm and level_speed_m_s (of an ROV its modes), start_s, end_s (null if
+    it was never reached), stopped (null or why), biases.
     """

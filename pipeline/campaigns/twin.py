@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.pipeline.store.atomic_files import readable
 from auvid.stages.simulate.bench_plans import bench_entries, bench_plan
+from auvid.stages.simulate.flights import FORMS
 from auvid.stages.simulate.plans import manifest_entries, plan_from_document
+from auvid.stages.simulate.rov.dive_plans import dive_entries, dive_plan, is_dive_plan
 
 PHYSICS = "physics"
 REFIT = "refit:"
@@ -62,10 +63,14 @@ def load_twin(
 def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> YamlFile:
     """A plan that agrees with its schema and that this vehicle can fly."""
     found = load_yaml(path, named_in=file, what="plan")
-    found.check("plan")
+    dives = isinstance(found.value, Mapping) and is_dive_plan(found.value)
+    found.check("dive_plan" if dives else "plan")
     try:
-        check = bench_plan if "bench" in found.value else plan_from_document
-        check(found.value, vehicle, file=path)
+        if dives:
+            dive_plan(found.value, vehicle, file=path)
+        else:
+            check = bench_plan if "bench" in found.value else plan_from_document
+            check(found.value, vehicle, file=path)
     except CampaignError as fault:
         raise found.located(fault) from None
     return found
@@ -87,16 +92,15 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
     published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]
     if text.startswith(REFIT):
-        known = tuple(model.name for model in MODELS)
         name = text.removeprefix(REFIT)
-        if name not in known:
+        if name not in FORMS:
             raise CampaignError(
                 "no such model",
                 file=file,
                 field="simulate.truth",
                 value=text,
-                allowed=[f"{REFIT}{each}" for each in known],
-                remedy=nearest(name, known),
+                allowed=[f"{REFIT}{each}" for each in FORMS],
+                remedy=nearest(name, FORMS),
             )
         return {"kind": "refit", "name": name, "source": "refitted to the flow physics"}
     if text.endswith(".json"):
@@ -157,8 +161,18 @@ def _of_card(path: Path, file: object) -> dict[str, Any]:
     }
 
 
+def entries_of(plan: Mapping[str, Any]) -> Callable[..., Entries]:
+    """Return what gives the logs and legs of a plan of this kind."""
+    if is_dive_plan(plan):
+        return dive_entries
+    return bench_entries if "bench" in plan else manifest_entries
+
+
+Entries = tuple[list[dict[str, Any]], list[dict[str, Any]]]
+"""The logs and the legs of a manifest."""
+
+
 def with_logs_of_plan(manifest: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
     """The manifest with the logs and legs of the plan."""
-    entries = bench_entries if "bench" in twin["plan"] else manifest_entries
-    logs, legs = entries(twin["plan"], format=twin["format"])
+    logs, legs = entries_of(twin["plan"])(twin["plan"], format=twin["format"])
     return {**manifest, "logs": logs, "legs": legs}

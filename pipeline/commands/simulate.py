@@ -11,14 +11,13 @@ import pyarrow.csv as pc
 import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
-from auvid.pipeline.campaigns.twin import PHYSICS, load_twin
+from auvid.pipeline.campaigns.twin import PHYSICS, entries_of, load_twin
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages import simulate
 from auvid.stages.simulate.csv_writer import column_maps
-from auvid.stages.simulate.plans import CSV_PARTS, manifest_entries
 
 
 def write_campaign(
@@ -80,8 +79,9 @@ def write_campaign(
         write_atomically(folder / "logs" / name, content)
     if format == "csv":
         maps = column_maps(accelerometer=accelerometer)
-        for name in CSV_PARTS:
-            write_atomically(folder / "columns" / f"{name}.yaml", _yaml(maps[name]))
+        logs, _ = entries_of(twin["plan"])(twin["plan"], format=format)
+        for name in {item["columns"] for log in logs for item in log["files"]}:
+            write_atomically(folder / name, _yaml(maps[Path(name).stem]))
     for leg, table in results.truth.items():
         write_atomically(folder / "truth" / f"{leg}.parquet", encode(table, "truth", file=leg))
         sink = io.BytesIO()
@@ -107,7 +107,7 @@ ACCELEROMETERS = ("specific_force", "inertial")
 def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
     """Return a manifest over the legs that were reached, each cut where it stopped."""
     ends = {leg["id"]: leg["end_s"] for leg in simulation["legs"] if leg["end_s"] is not None}
-    logs, legs = manifest_entries(twin["plan"], format=twin["format"])
+    logs, legs = entries_of(twin["plan"])(twin["plan"], format=twin["format"])
     for log in logs:
         for item in log.get("files", [log]):
             item["file"] = f"logs/{item['file']}"

@@ -27,6 +27,9 @@ from auvid.stages.simulate.csv_writer import write_csv
 from auvid.stages.simulate.dataflash_writer import write_dataflash
 from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
 from auvid.stages.simulate.plans import log_name, plan_from_document
+from auvid.stages.simulate.rov.dive_plans import is_dive_plan
+from auvid.stages.simulate.rov.dive_report import dive_section, dive_views
+from auvid.stages.simulate.rov.dives import fly_plan
 from auvid.stages.simulate.sensing import Recorded, record, truth_table
 from auvid.stages.simulate.tlog_writer import write_tlog
 
@@ -66,6 +69,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     impossible, and `DataError` where no leg was reached at all.
     """
     vehicle, twin = inputs.vehicle, inputs.twin
+    if is_dive_plan(twin["plan"]):
+        return _dives(vehicle, twin)
     check_document(twin["plan"], "plan", file="the plan")
     if "bench" in twin["plan"]:
         return _bench(vehicle, twin, inputs.apparatus)
@@ -94,6 +99,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             axis: dict(terms) for axis, terms in simulated.truth.coefficients.items()
         }
     return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
+
+
+def _dives(vehicle: Vehicle, twin: Document) -> Outputs:
+    result = fly_plan(vehicle, twin)
+    logs: dict[str, bytes] = {}
+    for item in result.recorded.values():
+        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    return Outputs(
+        logs, result.truth, result.document, dive_section(result), dive_views(result.truth)
+    )
 
 
 def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outputs:

@@ -23,6 +23,9 @@ PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "dvl": (("velocity", VELOCITY[:3]),),
     "depth": (("depth", ("depth_m",)),),
     "actuators": (("actuators", ("propeller_rev_s", *FINS)),),
+    "imu": (("imu", (*GYRO, *ACCEL)),),
+    "attitude": (("attitude", POSE[3:]),),
+    "battery": (("battery", ("voltage_v", "current_a")),),
     "outputs": (("actuators", tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1))),),
 }
 """File -> the streams in it with their fields; columns have the names of the fields."""
@@ -33,6 +36,8 @@ UNIT_OF_SUFFIX = (
     ("_rev_s", "1/s"),
     ("_m_s", "m/s"),
     ("_rad", "rad"),
+    ("_v", "V"),
+    ("_a", "A"),
     ("_m", "m"),
 )
 
@@ -44,6 +49,7 @@ def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> di
     errors included.
     """
     files = {}
+    joint = _same_clock(recorded)
     for part in PARTS:
         if any(
             name not in recorded.streams.get(stream, ())
@@ -51,11 +57,13 @@ def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> di
             for name in fields
         ):
             continue
+        if part in AHRS_PARTS[joint]:
+            continue
         columns: dict[str, Any] = {TIME: recorded.streams[PARTS[part][0][0]]["time_us"] / 1e6}
         for stream, fields in PARTS[part]:
             columns |= {name: recorded.streams[stream][name] for name in fields}
-        if part == "ahrs" and accelerometer == "inertial":
-            attitude = np.column_stack([columns[name] for name in POSE[3:]])
+        if part in ("ahrs", "imu") and accelerometer == "inertial":
+            attitude = _attitude_at(recorded, recorded.streams["imu"]["time_us"])
             accel = without_gravity(
                 np.column_stack([columns[name] for name in ACCEL]),
                 attitude,
@@ -65,6 +73,23 @@ def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> di
             columns |= dict(zip(ACCEL, accel.T, strict=True))
         files[csv_name(recorded.leg, part)] = _text(columns)
     return files
+
+
+AHRS_PARTS: Mapping[bool, tuple[str, ...]] = {True: ("imu", "attitude"), False: ("ahrs",)}
+"""Whether gyro and attitude share a clock -> the parts that are then not written."""
+
+
+def _same_clock(recorded: Recorded) -> bool:
+    """Whether gyro and attitude of a log stand in one file."""
+    times = [recorded.streams[name]["time_us"] for name in ("imu", "attitude")]
+    return bool(np.array_equal(times[0], times[1]))
+
+
+def _attitude_at(recorded: Recorded, time_us: Any) -> Array:
+    """The AHRS's attitude (n, 3) at times [us], by straight lines."""
+    attitude = recorded.streams["attitude"]
+    angles = [np.unwrap(attitude[name]) for name in POSE[3:]]
+    return np.column_stack([np.interp(time_us, attitude["time_us"], values) for values in angles])
 
 
 def _text(columns: Mapping[str, Array]) -> bytes:
@@ -89,7 +114,7 @@ def column_maps(*, accelerometer: str) -> dict[str, dict[str, Any]]:
             "time": {"column": TIME, "unit": "s", "epoch": "boot", "start": BOOT_US / 1e6},
             "columns": entries,
         }
-    maps["ahrs"]["accelerometer"] = accelerometer
+    maps["ahrs"]["accelerometer"] = maps["imu"]["accelerometer"] = accelerometer
     return maps
 
 

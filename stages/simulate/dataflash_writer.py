@@ -33,6 +33,11 @@ UNITS = {
     "n": "m/s",
     "%": "%",
     "Y": "us",
+    "v": "V",
+    "A": "A",
+    "w": "Ohm",
+    "a": "Ah",
+    "X": "W.h",
 }
 MULTIPLIERS = {"-": 0.0, "0": 1.0, "F": 1e-6, "C": 1e-3, "B": 1e-2}
 FRESH_WATER_PA_M = FRESH_WATER_KG_M3 * STANDARD_GRAVITY
@@ -50,6 +55,15 @@ BARO = define(
 )
 VISO = define(168, "VISO", "Qffffffff", "TimeUS,dt,AngDX,AngDY,AngDZ,PosDX,PosDY,PosDZ,conf")
 ACTU = define(200, "ACTU", "Qfffff", "TimeUS,RevS,FinS,FinP,FinB,FinT")
+BAT = define(
+    208,
+    "BAT",
+    "QBfffffcfBBB",
+    "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res,RemPct,H,SH",
+)
+MODE = define(209, "MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn")
+ARM = define(210, "ARM", "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method")
+PARM = define(71, "PARM", "QNff", "TimeUS,Name,Value,Default")
 RCOU = define(
     132, "RCOU", "QHHHHHHHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10,C11,C12,C13,C14"
 )
@@ -60,6 +74,7 @@ COMMON: tuple[tuple[Definition, str, str], ...] = (
     (FMTU, "s---", "F---"),
     (MSG, "s-", "F-"),
 )
+OF_PARAMETERS: tuple[Definition, str, str] = (PARM, "s---", "F---")
 OF_STREAMS: tuple[tuple[Definition, str, str], ...] = (
     (IMU, "s#EEEooo--O--zz", "F-000000--0--00"),
     (ATT, "sdddddd-", "F000000-"),
@@ -67,17 +82,21 @@ OF_STREAMS: tuple[tuple[Definition, str, str], ...] = (
     (VISO, "ssdddmmm%", "F00000000"),
     (ACTU, "szrrrr", "F00000"),
     (RCOU, "sYYYYYYYYYYYYYY", "F--------------"),
+    (BAT, "s#vvAaXOw%--", "F-000CF00---"),
+    (MODE, "s---", "F---"),
+    (ARM, "s----", "F----"),
 )
 """Every message type with the letters of its units and multipliers."""
 
 
 def write_dataflash(recorded: Recorded) -> bytes:
-    """The whole log as bytes. Records with equal times keep the order MSG, IMU, ATT,
-    VISO, BARO, ACTU, RCOU.
+    """The whole log as bytes. Records with equal times keep the order MSG, PARM, IMU,
+    ATT, VISO, BARO, ACTU, RCOU, BAT, MODE, ARM.
     """
     tables = _tables(recorded)
     present = {definition.id for definition, *_ in tables}
     types = [*COMMON, *(item for item in OF_STREAMS if item[0].id in present)]
+    types += [OF_PARAMETERS] if recorded.parameters else []
     head = b"".join(item.pack() for item, _, _ in types)
     used = {key for _, units, _ in types for key in units}
     letters = [
@@ -99,9 +118,14 @@ def write_dataflash(recorded: Recorded) -> bytes:
         if units
     ]
     words = _rows(MSG, {"Message": [recorded.text.encode()[:64]]}, _start())
+    parameters = [
+        _rows(PARM, {"Name": [name.encode()], "Value": [value], "Default": [np.nan]}, _start())
+        for name, value in recorded.parameters.items()
+    ]
     return (
         head
         + words.tobytes()
+        + b"".join(item.tobytes() for item in parameters)
         + b"".join(item.tobytes() for item in letters)
         + in_order(_records(tables))
     )
@@ -147,10 +171,14 @@ def _tables(
         ("velocity", _velocity),
         ("depth", _depth),
         ("actuators", _actuators),
+        ("battery", _battery),
+        ("mode", _mode),
     ):
         if stream in recorded.streams:
             columns = recorded.streams[stream]
             made.append((*table(columns), np.asarray(columns["time_us"])))
+    if "mode" in recorded.streams:
+        made.append((ARM, {"ArmState": 1}, _start()))
     return made
 
 
@@ -209,6 +237,24 @@ def _actuators(actuators: Columns) -> tuple[Definition, Mapping[str, Any]]:
     return ACTU, {"RevS": actuators["propeller_rev_s"]} | {
         f"Fin{name.upper()}": actuators[f"fin_{name}_rad"] for name in "spbt"
     }
+
+
+def _battery(battery: Columns) -> tuple[Definition, Mapping[str, Any]]:
+    """The current drawn so far is summed from that of the samples."""
+    hours = np.diff(battery["time_us"], prepend=battery["time_us"][0]) / 3.6e9
+    return BAT, {
+        "Volt": battery["voltage_v"],
+        "VoltR": battery["voltage_v"],
+        "Curr": battery["current_a"],
+        "CurrTot": 1000.0 * np.cumsum(hours * battery["current_a"]),
+        "EnrgTot": np.cumsum(hours * battery["current_a"] * battery["voltage_v"]),
+        "RemPct": 255,
+        "H": 1,
+    }
+
+
+def _mode(mode: Columns) -> tuple[Definition, Mapping[str, Any]]:
+    return MODE, {"Mode": mode["mode"], "ModeNum": mode["mode"], "Rsn": 1}
 
 
 def _records(

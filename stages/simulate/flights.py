@@ -27,7 +27,8 @@ from auvid.hydro.dynamics.simulation.simulation import (
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, eta_ratio
-from auvid.hydro.dynamics.viscous.models import IdentifiedModel, model_named
+from auvid.hydro.dynamics.viscous.models import MODELS, IdentifiedModel, ViscousModel
+from auvid.hydro.dynamics.viscous.structures import diagonal, symmetric
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.stages.simulate.plans import Leg, Plan
 
@@ -39,6 +40,27 @@ SPREAD = np.array([0.05, 0.05, 0.05, 0.3, 0.05, 0.05])
 """Standard deviation of u v w [m/s] and p q r [rad/s] about the flown motion, where a
 model is refitted.
 """
+
+
+FORMS: Mapping[str, ViscousModel] = {
+    model.name: model
+    for model in (
+        *MODELS,
+        diagonal(),
+        diagonal(quadratic=True),
+        symmetric(),
+        symmetric(quadratic=True),
+    )
+}
+"""The forms that a truth can be refitted in, by name."""
+
+
+def form_named(name: str) -> ViscousModel:
+    """Return the form of this name. Raises `CampaignError` for an unknown one."""
+    if name not in FORMS:
+        remedy = nearest(name, FORMS)
+        raise CampaignError("no such model", value=name, allowed=tuple(FORMS), remedy=remedy)
+    return FORMS[name]
 
 
 @dataclass(frozen=True)
@@ -195,7 +217,7 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
     carries the force and the others are 0.
     """
     assert vehicle.propeller is not None
-    model = model_named(name)
+    model = form_named(name)
     simulated = SimulatedVehicle(vehicle, physical_viscous(vehicle))
     factor = TriangularFactor.empty(model.distinct_terms)
     for leg in plan.legs:

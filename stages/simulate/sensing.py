@@ -5,7 +5,7 @@ its own clock, and the true motion beside them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,13 +34,14 @@ Times = npt.NDArray[np.int64]
 @dataclass(frozen=True)
 class Recorded:
     """The streams of one log: stream -> column -> values (n,), `time_us` among them,
-    named as in the schemas of the streams.
+    named as in the schemas of the streams; `parameters` of the autopilot that it has.
     """
 
     leg: str
     streams: Mapping[str, Mapping[str, npt.NDArray[Any]]]
     biases: Mapping[str, Array]
     text: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:

@@ -42,11 +42,23 @@ def write_tlog(recorded: Recorded) -> bytes:
 def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int, Any]]:
     streams = recorded.streams
     end = max(int(stream["time_us"][-1]) for stream in streams.values())
-    for time_us in range(BOOT_US, end, HEARTBEAT_US):
+    beats = np.arange(BOOT_US, end, HEARTBEAT_US)
+    for time_us, mode in zip(beats.tolist(), _modes(streams, beats), strict=True):
         yield (
             time_us,
             mav.heartbeat_encode(
-                mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 128, 0, 4
+                mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 128, mode, 4
+            ),
+        )
+    for index, (name, value) in enumerate(recorded.parameters.items()):
+        yield (
+            BOOT_US,
+            mav.param_value_encode(
+                name.encode(),
+                value,
+                mavlink.MAV_PARAM_TYPE_REAL32,
+                len(recorded.parameters),
+                index,
             ),
         )
     yield BOOT_US, mav.statustext_encode(mavlink.MAV_SEVERITY_INFO, recorded.text.encode()[:50])
@@ -56,6 +68,7 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int,
         ("velocity", _velocity),
         ("depth", _depth),
         ("actuators", _actuators),
+        ("battery", _battery),
     ):
         if stream in streams:
             yield from encode(mav, streams)
@@ -72,7 +85,9 @@ def _imu(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
 def _attitude(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
     attitude = streams["attitude"]
     angles = (attitude[f"{name}_rad"] for name in ("phi", "theta", "psi"))
-    for t, *values in _rows(attitude["time_us"], *angles, *_gyro(streams["imu"])):
+    imu = streams["imu"]
+    gyro = [np.interp(attitude["time_us"], imu["time_us"], rate) for rate in _gyro(imu)]
+    for t, *values in _rows(attitude["time_us"], *angles, *gyro):
         yield int(t), mav.attitude_encode(int(t) // 1000, *values)
 
 
@@ -111,6 +126,24 @@ def _actuators(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
                 int(t), ARRAY_NAME, ARRAY_ID, [*values, *[0.0] * (ARRAY_LENGTH - len(values))]
             ),
         )
+
+
+def _battery(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+    """Yield BATTERY_STATUS with the whole pack in the first cell, as ArduPilot does."""
+    battery = streams["battery"]
+    unused = [65535] * 9
+    for t, volt, ampere in _rows(battery["time_us"], battery["voltage_v"], battery["current_a"]):
+        cells = [round(volt * 1000.0), *unused]
+        current = round(ampere * 100.0)
+        yield int(t), mav.battery_status_encode(0, 0, 0, 32767, cells, current, -1, -1, -1)
+
+
+def _modes(streams: Streams, time_us: Any) -> list[int]:
+    """The number of the mode at times; 0 where the twin has none."""
+    if "mode" not in streams:
+        return [0] * len(time_us)
+    at = np.searchsorted(streams["mode"]["time_us"], time_us, side="right") - 1
+    return [int(mode) for mode in streams["mode"]["mode"][np.maximum(at, 0)]]
 
 
 def _gyro(imu: Mapping[str, Any]) -> list[Any]:

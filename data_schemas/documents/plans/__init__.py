@@ -1,0 +1,1 @@
+"""Plans: what a twin flies, and with which sensors it is watched."""

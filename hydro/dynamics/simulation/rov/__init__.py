@@ -1,0 +1,1 @@
+"""A remotely operated vehicle with thrusters: physical truth, autopilot, dive, sensors."""

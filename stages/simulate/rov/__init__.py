@@ -1,0 +1,1 @@
+"""Dives of the twin of an ROV: plans, truths, logs, truth tables and report."""
