@@ -88,6 +88,7 @@ def test_every_schema_is_used() -> None:
     }
     assert set(schema_names()) - used - set(MANIFEST_PORTS) == {
         "column_map",
+        "dive_plan",
         "plan",
         "tolerances",
     }
