@@ -160,7 +160,7 @@ def printed_rows(
         labelled.append(((*labels, *(row[name] for name in more)), check_of(row)))
     heads = ("quantity", "unit", "printed", "corrected", "to be found", "ours")
     return check_rows(
-        (*heads, "printed error", "our error", *more), labelled, ("required", "verdict")
+        (*heads, "printed error %", "our error %", *more), labelled, ("required", "verdict")
     )
 
 
@@ -168,7 +168,7 @@ VALUES = ("printed", "corrected", "truth", "ours")
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{as_printed(100.0 * share, places=2, sign='+')} %"
+    return "" if share is None else as_printed(100.0 * share, places=2)
 
 
 BOUNDS = ("most_relative_error", "least", "most", "verdict")
