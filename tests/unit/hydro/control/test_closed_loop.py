@@ -298,7 +298,7 @@ def test_wrong_weights_words_and_cards_are_named(trimmed: Equilibrium) -> None:
     with pytest.raises(CampaignError, match="unknown way"):
         equilibrium(HAUV, TURN, method="guess")
     with pytest.raises(CampaignError, match="another vehicle"):
-        identified_plant(VT690_VEHICLE, {**CARD, "vehicle": "remus100"}, **LIMITS)
+        identified_plant(VT690_VEHICLE, CARD.model_copy(update={"vehicle": "remus100"}), **LIMITS)
     with pytest.raises(CampaignError, match="three components"):
         force_field(TURN.t_s, {"constant_N": [1.0, 2.0]})
 
