@@ -138,7 +138,7 @@ def test_uncoupled_names_the_pairs_that_ahead_motion_cannot_separate() -> None:
         block for block in fitted.section["blocks"] if "inseparable terms" in block.get("title", "")
     ]
     assert len(tables_shown[0]["rows"]) == 2
-    assert all(len(card.axes[axis]["terms"]) == card.axes[axis]["rank"] for axis in "YZKMN")
+    assert all(len(card.axes[axis].terms) == card.axes[axis].rank for axis in "YZKMN")
 
 
 def test_ranks_of_all_models_on_one_motion(
