@@ -172,8 +172,12 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
         log_document(),
     )
     cut = residual.run(given, residual.Params()).residual
-    np.testing.assert_array_equal(
-        matrix(cut, whole.column_names), matrix(whole, whole.column_names)[rows]
+    # the last bit depends on where a row falls in a vector register of numpy
+    np.testing.assert_allclose(
+        matrix(cut, whole.column_names),
+        matrix(whole, whole.column_names)[rows],
+        rtol=1e-14,
+        atol=1e-13,
     )
 
 
