@@ -30,8 +30,6 @@ SAYS_NOTHING = {
 """A name says what a value is; these say how somebody came by it."""
 NAMES_NOT_YET: frozenset[str] = frozenset(
     {
-        "hydro/identification/constrained/fit.py",
-        "hydro/identification/selection/ranking.py",
         "pipeline/campaigns/campaign.py",
         "pipeline/campaigns/twin.py",
         "pipeline/campaigns/workspace.py",

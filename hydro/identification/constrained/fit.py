@@ -88,6 +88,17 @@ class ConstrainedFit:
         """Return the value of one unknown."""
         return float(self.values[self.unknowns.index(Unknown(axis, term))])
 
+    def as_prior(self, source: str) -> NormalPrior:
+        """Return what this fit says without limits, as a prior for other data.
+
+        With its full covariance, constants left out: trim is that of the dive.
+        """
+        kept = [i for i, unknown in enumerate(self.unknowns) if unknown.term != CONSTANT]
+        covariance = self.free_covariance[np.ix_(kept, kept)]
+        return NormalPrior(
+            source, tuple(self.unknowns[i] for i in kept), self.free[kept], covariance
+        )
+
     def by_axis(self) -> dict[str, dict[str, float]]:
         """Return axis -> term -> value of all unknowns, constants included."""
         table: dict[str, dict[str, float]] = {}
@@ -136,19 +147,19 @@ def fit_within(
     free = minimise(R, d).x
     best = minimise(R, d, limits, cuts=cuts) if limits or cuts else None
     values = free if best is None else best.x
-    held = np.zeros((0, len(unknowns))) if best is None else best.rows
+    active_rows = np.zeros((0, len(unknowns))) if best is None else best.rows
     names = () if best is None else best.active
     rise = np.zeros(0) if best is None else best.multipliers
     return ConstrainedFit(
         unknowns=unknowns,
         values=values,
         free=free,
-        covariance=_covariance(R, held),
+        covariance=_covariance(R, active_rows),
         free_covariance=_covariance(R, np.zeros((0, len(unknowns)))),
         data_variances=_data_variances(data[:, :-1]),
         active=tuple(
             ActiveLimit(name, tuple(unknowns[j] for j in np.flatnonzero(row)), float(force))
-            for name, row, force in zip(names, held, rise, strict=True)
+            for name, row, force in zip(names, active_rows, rise, strict=True)
         ),
         rms=_rms(blocks, values, factor.n_samples),
         rms_free=_rms(blocks, free, factor.n_samples),
@@ -212,10 +223,10 @@ def _ridge(R: Array) -> Array:
     return np.asarray(RIDGE * np.diag(scale))
 
 
-def _covariance(R: Array, held: Array) -> Array:
+def _covariance(R: Array, active_rows: Array) -> Array:
     """Return Z (Z' R'R Z)^-1 Z' with Z the directions that active rows leave open."""
     scale = np.linalg.norm(R, axis=0)
-    Z = null_space(held / scale) if len(held) else np.eye(R.shape[1])
+    Z = null_space(active_rows / scale) if len(active_rows) else np.eye(R.shape[1])
     T = qr(R / scale @ Z, mode="r")[0][: Z.shape[1]]
     half = Z @ solve_triangular(T, np.eye(len(T))) if Z.shape[1] else np.zeros((len(scale), 0))
     return np.asarray(half @ half.T / np.outer(scale, scale))

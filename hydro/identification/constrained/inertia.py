@@ -33,26 +33,27 @@ from auvid.hydro.identification.regression.verdicts import (
 class Trade:
     """An added mass beyond the file's and a lag on the same axis, alone and together.
 
-    values, standard errors: (2,) inertia [kg, kg m, kg m^2; McCarter's sign] and lag
-    [s]; correlation of the two estimates. gain (3,): by how much the sum of squares of
+    single: fitted one without the other, joint: with it; (2,) inertia [kg, kg m,
+    kg m^2; McCarter's sign] and lag [s], with standard errors. correlation: of the two
+    joint estimates. gain (3,): by how much the sum of squares of
     the axis falls, as a share, by inertia, by lag, by both. verdict: of the inertia.
     """
 
     inertia: Unknown
     lag: Unknown
-    alone: tuple[float, float]
-    alone_errors: tuple[float, float]
-    together: tuple[float, float]
-    together_errors: tuple[float, float]
+    single: tuple[float, float]
+    single_errors: tuple[float, float]
+    joint: tuple[float, float]
+    joint_errors: tuple[float, float]
     correlation: float
     gain: tuple[float, float, float]
     verdict: str
 
     def __str__(self) -> str:
         return (
-            f"{self.inertia} {self.alone[0]:.3g} +- {self.alone_errors[0]:.2g} without a lag,"
-            f" {self.together[0]:.3g} +- {self.together_errors[0]:.2g} beside a lag of"
-            f" {self.together[1]:.2g} +- {self.together_errors[1]:.2g} s (correlation"
+            f"{self.inertia} {self.single[0]:.3g} +- {self.single_errors[0]:.2g} without a lag,"
+            f" {self.joint[0]:.3g} +- {self.joint_errors[0]:.2g} beside a lag of"
+            f" {self.joint[1]:.2g} +- {self.joint_errors[1]:.2g} s (correlation"
             f" {self.correlation:.2f}): {self.verdict}"
             + (f" from the {self.lag}" if self.verdict == INSEPARABLE else "")
         )
@@ -91,20 +92,20 @@ def inertia_against_lag(
     correlation = float(both.covariance[i, j] / (errors[i] * errors[j]))
     axis = AXES.index(inertia.axis)
     gain = [1.0 - float(fits[key].rms[axis] / fits["none"].rms[axis]) ** 2 for key in fits]
-    (alone, alone_error), (beside, beside_error) = values["inertia"][0], values["both"][0]
+    (single, single_error), (joint, joint_error) = values["inertia"][0], values["both"][0]
     if 1.0 - correlation**2 < 1.0 / VIF_LIMIT:
         verdict = INSEPARABLE
-    elif abs(beside) >= T_LIMIT * beside_error:
+    elif abs(joint) >= T_LIMIT * joint_error:
         verdict = IDENTIFIED
     else:
-        verdict = INSEPARABLE if abs(alone) >= T_LIMIT * alone_error else WEAK
+        verdict = INSEPARABLE if abs(single) >= T_LIMIT * single_error else WEAK
     return Trade(
         inertia=inertia,
         lag=lag,
-        alone=(alone, values["lag"][1][0]),
-        alone_errors=(alone_error, values["lag"][1][1]),
-        together=(beside, values["both"][1][0]),
-        together_errors=(beside_error, values["both"][1][1]),
+        single=(single, values["lag"][1][0]),
+        single_errors=(single_error, values["lag"][1][1]),
+        joint=(joint, values["both"][1][0]),
+        joint_errors=(joint_error, values["both"][1][1]),
         correlation=correlation,
         gain=(gain[1], gain[2], gain[3]),
         verdict=verdict,

@@ -15,6 +15,7 @@ from scipy.linalg import solve_triangular
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.viscous.models import Coefficients
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.limits import place_of
 
@@ -36,6 +37,21 @@ class NormalPrior:
         mean = np.array([m for m, _ in values.values()])
         deviation = np.array([sd for _, sd in values.values()])
         return cls(source, tuple(values), mean, np.diag(deviation**2))
+
+    @classmethod
+    def relative(cls, source: str, means: Coefficients, *, relative_sd: float) -> NormalPrior:
+        """Return the prior of coefficients with deviations relative to each.
+
+        means: axis -> term -> mean, as strip theory and vehicle files have them; one of
+        0 says nothing and is left out.
+        """
+        values = {
+            Unknown(axis, term): (mean, relative_sd * abs(mean))
+            for axis, terms in means.items()
+            for term, mean in terms.items()
+            if mean != 0.0
+        }
+        return cls.independent(source, values)
 
     def of(self, unknowns: Sequence[Unknown]) -> NormalPrior:
         """Return the prior of those of its unknowns that a model has.

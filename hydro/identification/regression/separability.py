@@ -16,6 +16,7 @@ import numpy as np
 
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
 from auvid.hydro.identification.regression.excitation import VelocityExcitation, term_floors
 from auvid.hydro.identification.regression.least_squares import AxisFit, Combination
 from auvid.hydro.identification.regression.verdicts import (
@@ -127,9 +128,7 @@ def breaks_symmetry(axis: str, term: str) -> bool:
     Mirrored, v, p, r and Vv turn their sign, and so do Y, K and N; moduli and V do not.
     A constant force counts as unsigned.
     """
-    factors = BASIS_TERMS[term].factors if term in BASIS_TERMS else ()
-    odd = sum(factor in ("v", "p", "r", "Vv") for factor in factors) % 2 == 1
-    return odd != (axis in ("Y", "K", "N"))
+    return not allows(axis, term, (PORT_STARBOARD,))
 
 
 def _moves(term: str, motion: VelocityExcitations) -> bool:

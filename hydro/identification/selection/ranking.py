@@ -76,7 +76,7 @@ def rank_models(
     ranked = []
     for name, equations in models.items():
         result = fit(whole, equations)
-        held = [
+        leg_errors = [
             _total(force_error(leg, equations, fit(fold, equations).values))
             / _total(leg.column_rms[-6:])
             for leg, fold in zip(legs[: len(folds)], folds, strict=True)
@@ -85,7 +85,7 @@ def rank_models(
             RankedModel(
                 name,
                 len(equations.unknowns) - len({u for a in result.active for u in a.unknowns}),
-                np.array(held) if held else np.full(1, np.nan),
+                np.array(leg_errors) if leg_errors else np.full(1, np.nan),
                 _information(result, equations, per_one),
                 result,
                 physical(result),

@@ -232,6 +232,30 @@ def test_a_prior_with_its_covariance_is_the_posterior_of_the_normal_model(dive, 
     assert np.all(fit.standard_errors[places] <= alone.standard_errors[places])
 
 
+def test_the_posterior_of_one_dive_is_the_prior_of_the_next():
+    first, second = Dive(800, seed=1), Dive(800, seed=2)
+    equations = viscous_equations(symmetric())
+    noise = dict.fromkeys(AXES, 0.5)
+    both = fit_within(first.factor().merge(second.factor()), equations, noise=noise)
+    prior = fit_within(first.factor(), equations, noise=noise).as_prior("campaign")
+    after = fit_within(second.factor(), equations, priors=[prior], noise=noise)
+    np.testing.assert_allclose(after.values, both.values, rtol=1e-8)
+    np.testing.assert_allclose(after.covariance, both.covariance, rtol=1e-7)
+    # Constants are of the dive and stay behind; a smaller model takes its part.
+    with_trim = viscous_equations(symmetric(), trim=True)
+    whole = fit_within(first.factor(), with_trim, noise=noise).as_prior("campaign")
+    assert len(whole.unknowns) == 18
+    few = viscous_equations(diagonal())
+    assert fit_within(second.factor(), few, priors=[whole.of(few.unknowns)]).cost == 0.0
+
+
+def test_relative_priors_leave_out_what_says_nothing():
+    means = {"K": {"p": -2.0, "v": 0.0}, "M": {"q": -4.0}}
+    prior = NormalPrior.relative("strip_theory", means, relative_sd=0.5)
+    assert prior.unknowns == (Unknown("K", "p"), Unknown("M", "q"))
+    np.testing.assert_allclose(prior.covariance, np.diag([1.0, 4.0]))
+
+
 def test_what_nothing_determines_gets_the_shortest_solution(dive):
     still = Dive(size=np.array([0.2, 0.1, 0.1, 0.0, 0.05, 0.2]))
     fit = fit_within(still.factor(), viscous_equations(symmetric()))

@@ -56,8 +56,8 @@ def test_inertia_is_identified_beside_a_lag_where_the_motion_tells_them_apart():
     dive = Dive(change=np.diag([0.0, 0, 0, 0, 0, -2.5]), lag_s=0.1, noise=0.2)
     trade = inertia_against_lag(dive.factor(), EQUATIONS, "N_rdot")
     assert trade.verdict == IDENTIFIED
-    assert trade.together[0] == pytest.approx(-2.5, abs=4 * trade.together_errors[0])
-    assert trade.together[1] == pytest.approx(0.1, abs=4 * trade.together_errors[1])
+    assert trade.joint[0] == pytest.approx(-2.5, abs=4 * trade.joint_errors[0])
+    assert trade.joint[1] == pytest.approx(0.1, abs=4 * trade.joint_errors[1])
     assert trade.gain[2] >= max(trade.gain[:2])
     assert "beside a lag of 0.1" in str(trade)
 
@@ -73,7 +73,7 @@ def test_inertia_is_inseparable_where_thrust_follows_the_acceleration():
     assert trade.verdict == INSEPARABLE
     assert abs(trade.correlation) > 0.9
     assert "inseparable from the thrust lag of N" in str(trade)
-    assert trade.alone[0] == pytest.approx(-2.5, abs=0.2)
+    assert trade.single[0] == pytest.approx(-2.5, abs=0.2)
 
 
 def test_inertia_that_the_data_do_not_show_is_weak():
