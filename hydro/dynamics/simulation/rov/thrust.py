@@ -35,7 +35,8 @@ def delivered_components(
     right = 0.5 * (loss[0] * (bollard + size) - loss[1] * (bollard - size))
     jet = np.sqrt(size * loss[3]) + loss[4]
     along = vx * axis[0] + vy * axis[1] + vz * axis[2]
-    return left - right * loss[2] * np.tanh(along / jet)
+    taken: Array = right * loss[2] * np.tanh(along / jet)
+    return left - taken
 
 
 @dataclass(frozen=True)
