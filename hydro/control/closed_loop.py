@@ -24,7 +24,7 @@ from auvid.hydro.control.controllers import Schedule
 from auvid.hydro.control.equilibrium import Equilibrium
 from auvid.hydro.control.observer import D, N
 from auvid.hydro.control.paths.trajectories import Trajectory, tracking_error
-from auvid.hydro.control.plants import Inputs, Plant
+from auvid.hydro.control.plants import ControlledPlant, InputLimits
 from auvid.hydro.control.reference import ModeSwitch, Reference, Waiting
 from auvid.hydro.control.riccati import exponential
 
@@ -73,7 +73,7 @@ def force_field(t_s: Array, given: Mapping[str, Any]) -> Array:
 
 
 def fly(
-    plant: Plant,
+    plant: ControlledPlant,
     schedules: Schedule | Sequence[Schedule],
     *,
     start: ArrayLike | None = None,
@@ -178,8 +178,8 @@ def fly(
     return flown
 
 
-def limited(wanted: Array, before: Array, limits: Inputs, step_s: float) -> Array:
-    """Inputs (..., m) within their limits and no further from the last ones than their
+def limited(wanted: Array, before: Array, limits: InputLimits, step_s: float) -> Array:
+    """InputLimits (..., m) within their limits and no further from the last ones than their
     rate allows.
     """
     reach = limits.rate * step_s
@@ -187,7 +187,7 @@ def limited(wanted: Array, before: Array, limits: Inputs, step_s: float) -> Arra
 
 
 def _advance(
-    plant: Plant,
+    plant: ControlledPlant,
     chi: Array,
     U: Array,
     mass: ArrayLike,
@@ -251,7 +251,7 @@ def performance(
     trajectory: Trajectory,
     flights: Flights,
     found_chi: Array,
-    inputs: Inputs,
+    inputs: InputLimits,
     *,
     after_s: float = 0.0,
 ) -> Performance:

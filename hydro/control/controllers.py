@@ -25,7 +25,7 @@ from auvid.hydro.control.observer import (
     kalman_gain,
     placed_gain,
 )
-from auvid.hydro.control.plants import Plant
+from auvid.hydro.control.plants import ControlledPlant
 from auvid.hydro.control.riccati import (
     backward_riccati,
     closed_loop_eigenvalues,
@@ -95,7 +95,7 @@ class Schedule:
 
 
 def design(
-    plant: Plant,
+    plant: ControlledPlant,
     found: Equilibrium,
     weights: Weights,
     *,

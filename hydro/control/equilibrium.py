@@ -18,17 +18,12 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.paths.trajectories import Trajectory
-from auvid.hydro.control.plants import HybridPlant, Plant
+from auvid.hydro.control.plants import GLIDE_SPEED_M_S, ControlledPlant
 from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
     rotation_body_to_ned,
 )
 
-GLIDE_SPEED_M_S, THRUST_SPEED_M_S = 0.2, 1.5
-GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)
-"""Slower trajectories are glided, faster ones flown by the propeller: the thesis says
-`around` 0.2 and 1.5 m/s.
-"""
 GLIDE_PITCH_RAD, GLIDE_HEAVE_M_S = 0.2796, 0.0402
 METHODS = ("algorithm_1", "trimmed")
 ITERATIONS = 40
@@ -61,15 +56,8 @@ class Equilibrium:
         return float(self.t_s[1] - self.t_s[0])
 
 
-def is_glide(plant: Plant, trajectory: Trajectory) -> bool:
-    """Whether the trajectory is flown without thrust: the speed decides (3.11), for a
-    vehicle that has a buoyancy engine.
-    """
-    return isinstance(plant, HybridPlant) and float(np.median(trajectory.speed)) < GLIDE_BELOW_M_S
-
-
 def equilibrium(
-    plant: Plant,
+    plant: ControlledPlant,
     trajectory: Trajectory,
     *,
     method: str = "trimmed",
@@ -86,17 +74,12 @@ def equilibrium(
         raise CampaignError(
             "unknown way to the equilibrium", field="equilibrium", value=method, allowed=METHODS
         )
-    glides = is_glide(plant, trajectory)
+    glides = plant.glides(float(np.median(trajectory.speed)))
     pitch = trajectory.attitude[:, 1]
     mass = np.full(len(pitch), plant.neutral_kg)
-    if glides and isinstance(plant, HybridPlant):
-        mass = plant.hybrid.engine.glide_mass(pitch, epsilon_rad=epsilon_rad)
-    offset = np.zeros((len(pitch), 2))
-    U = np.clip(
-        np.zeros((len(pitch), len(plant.inputs.names))), plant.inputs.low, plant.inputs.high
-    )
-    if plant.inputs.names[0] == "propeller":
-        U[:, 0] = np.interp(trajectory.speed, *_level_table(plant))
+    if glides:
+        mass = plant.glide_mass(pitch, epsilon_rad=epsilon_rad)
+    offset, U = np.zeros((len(pitch), 2)), plant.level_inputs(trajectory.speed)
     force = (
         None
         if force_ned_N is None
@@ -109,9 +92,7 @@ def equilibrium(
             chi[:, 0], chi[:, 2] = GLIDE_SPEED_M_S, -GLIDE_HEAVE_M_S * share
             chi[:, 10] = GLIDE_PITCH_RAD * share
         nu_dot = np.gradient(chi[:, :6], trajectory.t_s, axis=0)
-        for _ in range(
-            ITERATIONS if plant.inputs.names[0] == "propeller" else 1
-        ):  # linear in U but for a propeller and fin drag
+        for _ in range(1 if plant.is_affine else ITERATIONS):
             B = plant.linear(chi, U, mass_kg=mass)[1][:, :6]
             U = U + _solved(B, nu_dot - _acceleration(plant, chi, U, mass, force))
         return _result(plant, trajectory, chi, U, mass, nu_dot, force, glides)
@@ -120,11 +101,6 @@ def equilibrium(
     nu_dot = np.gradient(_states(trajectory, offset)[:, :6], trajectory.t_s, axis=0)
     offset, U = _trim(plant, trajectory, offset, U, mass, nu_dot, force)
     return _result(plant, trajectory, _states(trajectory, offset), U, mass, nu_dot, force, glides)
-
-
-def _level_table(plant: Plant) -> tuple[Array, Array]:
-    propeller = plant.vehicle.propeller  # type: ignore[attr-defined]
-    return propeller.level_speed_m_s, propeller.level_speed_rev_s
 
 
 def _states(trajectory: Trajectory, offset: Array) -> Array:
@@ -138,7 +114,9 @@ def _states(trajectory: Trajectory, offset: Array) -> Array:
     return np.concatenate([velocity, turning, trajectory.position, attitude], axis=1)
 
 
-def _acceleration(plant: Plant, chi: Array, U: Array, mass: Array, force: Array | None) -> Array:
+def _acceleration(
+    plant: ControlledPlant, chi: Array, U: Array, mass: Array, force: Array | None
+) -> Array:
     return plant.rate(chi, U, mass_kg=mass, force_ned_N=force, current_ned_m_s=None)[:, :6]
 
 
@@ -148,7 +126,7 @@ def _solved(system: Array, right: Array) -> Array:
 
 
 def _trim(
-    plant: Plant,
+    plant: ControlledPlant,
     trajectory: Trajectory,
     offset: Array,
     U: Array,
@@ -216,7 +194,7 @@ def _trim(
 
 
 def _result(
-    plant: Plant,
+    plant: ControlledPlant,
     trajectory: Trajectory,
     chi: Array,
     U: Array,
@@ -237,7 +215,7 @@ def at_every(found: Equilibrium, stride: int) -> Equilibrium:
 
 
 def require_reachable(
-    plant: Plant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05
+    plant: ControlledPlant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05
 ) -> None:
     """Raises `CampaignError` where a trimmed trajectory is beyond the vehicle: steeper
     than `largest_pitch_rad`, or where an input stands at its limit and more than
@@ -274,7 +252,7 @@ def require_reachable(
     )
 
 
-def _tightest(plant: Plant, found: Equilibrium) -> str:
+def _tightest(plant: ControlledPlant, found: Equilibrium) -> str:
     speed = float(np.median(np.sqrt(np.sum(found.chi[:, :3] ** 2, axis=1))))
     try:
         radius = minimum_turning_radius(plant, speed)
@@ -286,7 +264,7 @@ def _tightest(plant: Plant, found: Equilibrium) -> str:
     )
 
 
-def minimum_turning_radius(plant: Plant, speed_m_s: float) -> float:
+def minimum_turning_radius(plant: ControlledPlant, speed_m_s: float) -> float:
     """The radius [m] of the tightest level turn to starboard that the inputs can hold
     at this speed; by bisection to 1 %.
 
@@ -304,7 +282,7 @@ def minimum_turning_radius(plant: Plant, speed_m_s: float) -> float:
     return high
 
 
-def _turns(plant: Plant, speed: float, radius: float) -> bool:
+def _turns(plant: ControlledPlant, speed: float, radius: float) -> bool:
     t = np.linspace(0.0, 0.2, 5)
     psi = speed * t / radius
     zero = np.zeros_like(t)

@@ -1,5 +1,4 @@
-"""What is controlled: a vehicle with a model, its inputs and their limits, its motion
-and the derivatives of that motion.
+"""Controlled plants: a vehicle with a model, its limited inputs, its motion (linear too).
 
 State chi = [nu, eta] (12) as in Al Makdah 2016 (3.1). `HybridPlant` is the H-AUV with
 its buoyancy engine; `IdentifiedPlant` is any vehicle with a viscous model from a model
@@ -8,7 +7,7 @@ card, on the general equations of motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -18,7 +17,12 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, Array, cross, matrix_product, read_only
-from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.actuators.fins import fin_derivatives
+from auvid.hydro.dynamics.actuators.propeller import (
+    level_speed,
+    level_speed_slope,
+    propeller_derivatives,
+)
 from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
 from auvid.hydro.dynamics.hybrid_vehicle import INPUTS, HybridVehicle, chi_dot
@@ -35,10 +39,16 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 
 FIN_LIMIT_RAD = float(np.radians(20.0))
+GLIDE_SPEED_M_S, THRUST_SPEED_M_S = 0.2, 1.5
+GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)
+"""Slower paths are glided, faster ones flown by the propeller.
+
+The thesis has `around` 0.2 and 1.5 m/s.
+"""
 
 
 @dataclass(frozen=True)
-class Inputs:
+class InputLimits:
     """Names, units, limits and rate limits [per s] of the inputs U (m,)."""
 
     names: tuple[str, ...]
@@ -48,22 +58,57 @@ class Inputs:
     rate: Array
 
 
-class Plant(Protocol):
-    """A controlled vehicle. Leading dimensions of chi (..., 12) and U (..., m) are the
-    batch.
+class ControlledPlant(Protocol):
+    """A controlled vehicle.
+
+    Leading dimensions of chi (..., 12) and U (..., m) are the batch.
     """
 
     @property
     def title(self) -> str: ...
 
     @property
-    def inputs(self) -> Inputs: ...
+    def inputs(self) -> InputLimits: ...
 
     @property
     def neutral_kg(self) -> float: ...
 
     @property
     def gravity(self) -> float: ...
+
+    @property
+    def is_identified(self) -> bool:
+        """Whether the viscous coefficients are those of a model card."""
+        ...
+
+    @property
+    def terms(self) -> tuple[str, ...]: ...
+
+    @property
+    def viscous(self) -> Array:
+        """K (..., 6, n) of (3.12) for the terms."""
+        ...
+
+    @property
+    def is_affine(self) -> bool:
+        """Whether forces are affine in U at a given state, fin drag apart."""
+        ...
+
+    def with_viscous(self, viscous: Array) -> ControlledPlant:
+        """Return the same plant with other coefficients of its terms."""
+        ...
+
+    def glides(self, speed_m_s: float) -> bool:
+        """Return whether a path at this speed is flown without thrust (3.11)."""
+        ...
+
+    def glide_mass(self, pitch_rad: Array, *, epsilon_rad: float) -> Array:
+        """Return the mass (n,) [kg] of a glide along these pitch angles (3.13)."""
+        ...
+
+    def level_inputs(self, speed_m_s: Array) -> Array:
+        """Return U (n, m) near level running at these speeds, within the limits."""
+        ...
 
     def rate(
         self,
@@ -74,28 +119,33 @@ class Plant(Protocol):
         force_ned_N: ArrayLike | None,
         current_ned_m_s: ArrayLike | None,
     ) -> Array:
-        """chi_dot (..., 12) at masses (...), with a force field at the centre of
-        gravity and a steady current (..., 3).
+        """Return chi_dot (..., 12) at masses (...).
+
+        With a force field at the centre of gravity and a steady current (..., 3).
         """
         ...
 
     def linear(self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike) -> tuple[Array, Array]:
-        """A (..., 12, 12) and B (..., 12, m) of (3.19), analytic."""
+        """Return A (..., 12, 12) and B (..., 12, m) of (3.19), analytic."""
         ...
 
     def mass_matrix(self, mass_kg: ArrayLike) -> Array:
-        """M = M_RB - M_A (..., 6, 6)."""
+        """Return M = M_RB - M_A (..., 6, 6)."""
         ...
 
 
 @dataclass(frozen=True)
 class HybridPlant:
-    """The H-AUV: U = [X_thrust, delta_r, delta_s_right, delta_s_left]; its mass is a
-    given of the glide, not an input of the regulator.
+    """The H-AUV: U = [X_thrust, delta_r, delta_s_right, delta_s_left].
+
+    Its mass follows the glide; it is no input of the regulator.
     """
 
     hybrid: HybridVehicle
-    inputs: Inputs
+    inputs: InputLimits
+
+    is_identified = False
+    is_affine = True
 
     @property
     def title(self) -> str:
@@ -108,6 +158,26 @@ class HybridPlant:
     @property
     def gravity(self) -> float:
         return self.hybrid.vehicle.gravity
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        return self.hybrid.terms
+
+    @property
+    def viscous(self) -> Array:
+        return self.hybrid.viscous
+
+    def with_viscous(self, viscous: Array) -> HybridPlant:
+        return replace(self, hybrid=replace(self.hybrid, viscous=viscous))
+
+    def glides(self, speed_m_s: float) -> bool:
+        return speed_m_s < GLIDE_BELOW_M_S
+
+    def glide_mass(self, pitch_rad: Array, *, epsilon_rad: float) -> Array:
+        return self.hybrid.engine.glide_mass(pitch_rad, epsilon_rad=epsilon_rad)
+
+    def level_inputs(self, speed_m_s: Array) -> Array:
+        return _nearest_to_zero(self.inputs, len(speed_m_s))
 
     def rate(
         self,
@@ -147,6 +217,10 @@ class HybridPlant:
         return _assemble(M, eta, nu, by_nu, by_eta, by_U)
 
 
+def _nearest_to_zero(inputs: InputLimits, samples: int) -> Array:
+    return np.clip(np.zeros((samples, len(inputs.names))), inputs.low, inputs.high)
+
+
 def _assemble(
     M: Array, eta: Array, nu: Array, by_nu: Array, by_eta: Array, by_U: Array
 ) -> tuple[Array, Array]:
@@ -161,10 +235,11 @@ def _assemble(
 def hybrid_plant(
     hybrid: HybridVehicle, *, fin_limit_rad: float, thrust_rate_N_s: float, fin_rate_rad_s: float
 ) -> HybridPlant:
-    """The plant with its limits: thrust from 0 to the vehicle's maximum, fins within
-    +-`fin_limit_rad`, and how fast each may change.
+    """Return the plant with the limits of its inputs and of their rates.
+
+    Thrust from 0 to the vehicle's maximum, fins within +-`fin_limit_rad`.
     """
-    inputs = Inputs(
+    inputs = InputLimits(
         names=INPUTS,
         units=("N", "rad", "rad", "rad"),
         low=read_only([0.0, -fin_limit_rad, -fin_limit_rad, -fin_limit_rad]),
@@ -176,9 +251,9 @@ def hybrid_plant(
 
 @dataclass(frozen=True)
 class IdentifiedPlant:
-    """A vehicle with viscous coefficients `viscous` (..., 6, n) of `terms` and a
-    constant force `trim` (..., 6) [N, N m].
+    """A vehicle with a fitted viscous model: `viscous` (..., 6, n) of `terms`.
 
+    `trim` (..., 6) [N, N m]: a constant force.
     Inputs, as far as the vehicle has them: propeller [rev/s], four fins [rad], thruster
     forces [N].
     """
@@ -188,8 +263,10 @@ class IdentifiedPlant:
     terms: tuple[str, ...]
     viscous: Array
     trim: Array
-    inputs: Inputs
+    inputs: InputLimits
     minimum_speed: float = 0.05
+
+    is_identified = True
 
     @property
     def title(self) -> str:
@@ -202,6 +279,26 @@ class IdentifiedPlant:
     @property
     def gravity(self) -> float:
         return self.vehicle.gravity
+
+    @property
+    def is_affine(self) -> bool:
+        return self.vehicle.propeller is None
+
+    def with_viscous(self, viscous: Array) -> IdentifiedPlant:
+        return replace(self, viscous=viscous)
+
+    def glides(self, speed_m_s: float) -> bool:
+        return False
+
+    def glide_mass(self, pitch_rad: Array, *, epsilon_rad: float) -> Array:
+        return np.full(len(pitch_rad), self.neutral_kg)
+
+    def level_inputs(self, speed_m_s: Array) -> Array:
+        U, propeller = _nearest_to_zero(self.inputs, len(speed_m_s)), self.vehicle.propeller
+        if propeller is not None:
+            table = propeller.level_speed_m_s, propeller.level_speed_rev_s
+            U[:, 0] = np.interp(speed_m_s, *table)
+        return U
 
     @cached_property
     def _needs_ratio(self) -> bool:
@@ -266,48 +363,31 @@ class IdentifiedPlant:
         by_nu = by_nu - coriolis_jacobian(v.mass_matrix, nu)
         by_eta = restoring_jacobian(eta, weight=v.weight, buoyancy=v.buoyancy, r_G=v.r_G, r_B=v.r_B)
         by_U = np.zeros((*chi.shape[:-1], 6, len(self.inputs.names)))
-        at, u = 0, nu[..., 0]
+        at, rho = 0, v.water_density
         if v.propeller is not None:
-            p, n, at = v.propeller, U[..., 0], 1
-            speed = (1.0 - p.wake_fraction) / p.diameter_m
-            a = u * speed
-            for row, curve, power in ((0, p.thrust, 4), (3, p.torque, 5)):
-                size = v.water_density * p.diameter_m**power
-                by_nu[..., row, 0] += size * speed * (2.0 * curve[0] * a + curve[1] * np.abs(n))
-                by_U[..., row, 0] += size * (curve[1] * a * np.sign(n) + 2.0 * curve[2] * np.abs(n))
+            by_speed, by_spin = propeller_derivatives(v.propeller, nu, U[..., 0], water_density=rho)
+            by_nu[..., :, 0] += by_speed
+            by_U[..., 0] += by_spin
             if ratio is not None:
                 by_U[..., 0] += self._by_level_speed(nu, U)
+            at = 1
         if v.fins is not None:
-            delta = U[..., at : at + 4]
-            scale = (
-                0.5 * v.water_density * v.fins.length_m ** np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])
-            )
-            by_nu[..., :, 0] += (
-                2.0
-                * u[..., None]
-                * scale
-                * (delta @ v.fins.linear.T + delta**2 @ v.fins.quadratic.T)
-            )
-            slope = scale[:, None] * (v.fins.linear + 2.0 * v.fins.quadratic * delta[..., None, :])
-            by_U[..., at : at + 4] = np.square(u)[..., None, None] * slope
+            fins = slice(at, at + 4)
+            by_speed, by_U[..., fins] = fin_derivatives(v.fins, nu, U[..., fins], water_density=rho)
+            by_nu[..., :, 0] += by_speed
             at += 4
         if v.thrusters is not None:
             by_U[..., at:] = v.thrusters.allocation
         return _assemble(self.mass_matrix(np.zeros(chi.shape[:-1])), eta, nu, by_nu, by_eta, by_U)
 
     def _by_level_speed(self, nu: Array, U: Array) -> Array:
-        """d(tau_nu)/d(n) through u_c(n): the terms with (eta - 1) times the slope of
-        eta.
-        """
+        """Return d(tau_nu)/d(n) through u_c(n): terms with (eta - 1), slope of eta."""
         propeller = self.vehicle.propeller
         assert propeller is not None
-        rev_s, speeds = propeller.level_speed_rev_s, propeller.level_speed_m_s
-        place = np.clip(np.searchsorted(rev_s, U[..., 0], side="right") - 1, 0, len(rev_s) - 2)
-        slope = (np.diff(speeds) / np.diff(rev_s))[place]
+        slope = level_speed_slope(propeller, U[..., 0])
         columns = [i for i, term in enumerate(self.terms) if needs_propeller_speed(term)]
-        with_one = basis(
-            nu, np.full(nu.shape[:-1], 2.0), [self.terms[i] for i in columns]
-        )  # eta - 1 = 1 leaves the other factors
+        # eta - 1 = 1 leaves the other factors.
+        with_one = basis(nu, np.full(nu.shape[:-1], 2.0), [self.terms[i] for i in columns])
         total = matrix_product(self.viscous[..., columns], with_one)
         return np.asarray(total * eta_ratio(slope, nu, self.minimum_speed)[..., None])
 
@@ -315,11 +395,11 @@ class IdentifiedPlant:
 def identified_plant(
     vehicle: Vehicle, card: ModelCard, *, fin_limit_rad: float, fin_rate_rad_s: float
 ) -> IdentifiedPlant:
-    """The plant of a vehicle and a model card: the coefficients of its `solution`, a
-    constant force where one was fitted.
+    """Return the plant of a vehicle and the `solution` of a model card.
 
-    The propeller's speed is limited to the table of level speeds, thruster forces to
-    their curve. Raises `CampaignError` where the card belongs to another vehicle.
+    A constant force acts where one was fitted. The propeller's speed is limited to the
+    table of level speeds, thruster forces to their curve. Raises `CampaignError` where
+    the card belongs to another vehicle.
     """
     if card.vehicle != vehicle.name:
         raise CampaignError(
@@ -342,14 +422,14 @@ def identified_plant(
 
 
 def card_coefficients(card: ModelCard) -> tuple[dict[str, dict[str, float]], Array]:
-    """Axis -> term -> value and the constant force (6,) of a model card's `solution`."""
+    """Return axis -> term -> value and the constant force (6,) of a model card."""
     solution = {axis: dict(card.solution.get(axis, {})) for axis in AXES}
     trim = read_only([solution[axis].pop(CONSTANT, 0.0) for axis in AXES])
     return solution, trim
 
 
-def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> Inputs:
-    """Inputs and limits of a vehicle's own actuators; a propeller takes 2 s and a
+def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> InputLimits:
+    """Return inputs and limits of a vehicle's own actuators; a propeller takes 2 s and a
     thruster 0.5 s from end to end of its range.
     """
     names: list[str] = []
@@ -373,5 +453,5 @@ def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> 
         limits += [(float(force[0]), float(force[-1]), 2.0 * float(force[-1] - force[0]))] * len(
             vehicle.thrusters.outputs
         )
-    low_high_rate = read_only(limits).T
-    return Inputs(tuple(names), tuple(units), low_high_rate[0], low_high_rate[1], low_high_rate[2])
+    columns = read_only(limits).T
+    return InputLimits(tuple(names), tuple(units), columns[0], columns[1], columns[2])

@@ -13,7 +13,7 @@ import numpy as np
 from auvid.hydro.arrays import Array, matrix_product
 from auvid.hydro.control.controllers import Schedule
 from auvid.hydro.control.observer import N
-from auvid.hydro.control.plants import Plant
+from auvid.hydro.control.plants import ControlledPlant
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 
 
@@ -107,7 +107,9 @@ class Reference:
         self.time_s = np.minimum(self.time_s + pace * whole, self.schedules[0].equilibrium.t_s[-1])
         return ahead, ahead - self.value("chi")
 
-    def switch(self, rule: ModeSwitch, plant: Plant, chi: Array, d: Array, mass_kg: Array) -> bool:
+    def switch(
+        self, rule: ModeSwitch, plant: ControlledPlant, chi: Array, d: Array, mass_kg: Array
+    ) -> bool:
         """Choose each member's mode from its distance beside the path and the estimated
         disturbance `d` (b, 6); whether any changed.
         """

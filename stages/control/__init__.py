@@ -129,7 +129,7 @@ def _words(models: Models) -> str:
 
 
 def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
-    if isinstance(models.plant, HybridPlant):
+    if not models.plant.is_identified:
         return []
     return [
         remark(words, "warning")
@@ -175,7 +175,6 @@ def _spread(
             allowed=allowed,
         )
     duration, relative = asked.duration_s, asked.relative_sd
-    hybrid = isinstance(models.plant, HybridPlant)
     errors, track = monte_carlo(
         models,
         inputs.model_card,
@@ -186,9 +185,9 @@ def _spread(
         seed=params.seed,
     )
     source = (
-        f"a relative standard deviation of {relative:g}"
-        if hybrid
-        else "the covariance of the model card"
+        "the covariance of the model card"
+        if models.plant.is_identified
+        else f"a relative standard deviation of {relative:g}"
     )
     return monte_carlo_part(item, errors, track, source, duration)
 

@@ -18,8 +18,8 @@ from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import equilibrium, require_reachable
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
 from auvid.hydro.control.plants import (
+    ControlledPlant,
     HybridPlant,
-    Plant,
     card_coefficients,
     hybrid_plant,
     identified_plant,
@@ -47,8 +47,8 @@ class Models:
     name; the first is the vehicle itself or its card.
     """
 
-    plant: Plant
-    designs: Mapping[str, Plant]
+    plant: ControlledPlant
+    designs: Mapping[str, ControlledPlant]
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits:
             )
 
         true = plant(own)
-        designs: dict[str, Plant] = {own: true}
+        designs: dict[str, ControlledPlant] = {own: true}
         if card is not None:
             identified = true.hybrid.with_viscous(card_coefficients(card)[0], name=str(card.name))
             designs[f"identified ({card.name})"] = replace(true, hybrid=identified)
@@ -112,7 +112,7 @@ def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits:
     return Models(flown, {str(card.name): flown})
 
 
-def require_stable(plant: Plant, schedule: Schedule, *, allow: bool) -> list[str]:
+def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -> list[str]:
     """The modes of an identified model that grow, in words. Raises `PipelineError`
     where there are any and `allow` is false.
     """
@@ -159,7 +159,7 @@ def fly_case(
             continue
         trajectory = _trajectory(case)
         schedules = [_schedule(model, trajectory, case, weights[case.weights], limits)]
-        if index == 0 and not isinstance(models.plant, HybridPlant):
+        if index == 0 and models.plant.is_identified:
             require_stable(model, schedules[0], allow=allow_unstable)
         if case.powered is not None:
             faster = replace(
@@ -183,7 +183,11 @@ def _trajectory(case: TrajectoryCase) -> Trajectory:
 
 
 def _schedule(
-    plant: Plant, trajectory: Trajectory, case: TrajectoryCase, weights: Weights, limits: Limits
+    plant: ControlledPlant,
+    trajectory: Trajectory,
+    case: TrajectoryCase,
+    weights: Weights,
+    limits: Limits,
 ) -> Schedule:
     with in_cases(f"trajectories.{case.name}"):
         found = equilibrium(
@@ -224,7 +228,7 @@ def start_of(trajectory: Trajectory, schedule: Schedule) -> Array:
 
 
 def _fly_groups(
-    plant: Plant,
+    plant: ControlledPlant,
     designed_on: str,
     trajectory: Trajectory,
     schedules: Sequence[Schedule],
@@ -293,21 +297,18 @@ def monte_carlo(
     without one.
     """
     rng = np.random.default_rng(seed)
-    plant: Any = models.plant
-    case, schedule = flown.case, flown.schedule
-    values = plant.hybrid.viscous if isinstance(plant, HybridPlant) else plant.viscous
-    terms = plant.hybrid.terms if isinstance(plant, HybridPlant) else plant.terms
+    plant, case, schedule = models.plant, flown.case, flown.schedule
     drawn = _drawn(
-        values, terms, None if isinstance(plant, HybridPlant) else card, relative_sd, members, rng
+        plant.viscous,
+        plant.terms,
+        card if plant.is_identified else None,
+        relative_sd,
+        members,
+        rng,
     )
     found: list[Performance] = []
     for first in range(0, members, CHUNK):
-        some = drawn[first : first + CHUNK]
-        varied = (
-            replace(plant, hybrid=replace(plant.hybrid, viscous=some))
-            if isinstance(plant, HybridPlant)
-            else replace(plant, viscous=some)
-        )
+        varied = plant.with_viscous(drawn[first : first + CHUNK])
         clock = flown.flight.clock or case.waiting is None
         flights = fly(
             varied,
@@ -318,7 +319,7 @@ def monte_carlo(
             use_observer=flown.flight.observer,
             waiting=None if clock else case.waiting,
             duration_s=duration_s,
-            members=len(some),
+            members=len(varied.viscous),
         )
         found.append(
             performance(

@@ -14,7 +14,7 @@ import pyarrow as pa
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.closed_loop import Performance
-from auvid.hydro.control.plants import Inputs, Plant
+from auvid.hydro.control.plants import ControlledPlant, InputLimits
 from auvid.hydro.control.riccati import STATES
 from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
@@ -39,7 +39,7 @@ def input_column(name: str) -> str:
     return COLUMNS.get(name, f"{name}_rad" if name.startswith("fin_") else f"{name}_N")
 
 
-def flight_table(plant: Plant, item: Flown) -> pa.Table:
+def flight_table(plant: ControlledPlant, item: Flown) -> pa.Table:
     """One flight, ten samples per second."""
     flown, found = item.flown, item.schedule.equilibrium
     stride = max(1, round(1.0 / (SHOWN_HZ * item.case.step_s)))
@@ -70,7 +70,7 @@ def flight_table(plant: Plant, item: Flown) -> pa.Table:
     return make_table("closed_loop", columns)
 
 
-def gains_table(item: Flown, inputs: Inputs) -> pa.Table:
+def gains_table(item: Flown, inputs: InputLimits) -> pa.Table:
     """The schedule at the design instants, one row per input."""
     schedule = item.schedule
     k, U = schedule.k[:: schedule.stride], schedule.equilibrium.U[:: schedule.stride]
@@ -84,7 +84,7 @@ def gains_table(item: Flown, inputs: Inputs) -> pa.Table:
     return make_table("gains", columns)
 
 
-def tracking_table(flown: Sequence[Flown], inputs: Inputs) -> pa.Table:
+def tracking_table(flown: Sequence[Flown], inputs: InputLimits) -> pa.Table:
     """Errors of every flight."""
     fins = _fins(inputs)
     rows: list[dict[str, Any]] = []
@@ -111,11 +111,11 @@ def tracking_table(flown: Sequence[Flown], inputs: Inputs) -> pa.Table:
     return make_table("tracking_errors", {name: [row[name] for row in rows] for name in rows[0]})
 
 
-def _fins(inputs: Inputs) -> npt.NDArray[np.bool_]:
+def _fins(inputs: InputLimits) -> npt.NDArray[np.bool_]:
     return np.array([unit == "rad" for unit in inputs.units])
 
 
-def figures(flown: Sequence[Flown], inputs: Inputs) -> list[dict[str, Any]]:
+def figures(flown: Sequence[Flown], inputs: InputLimits) -> list[dict[str, Any]]:
     """Named figures: `QUANTITY, TRAJECTORY, FLIGHT[, designed on MODEL]`, in SI."""
     own, fins = flown[0].designed_on, _fins(inputs)
     rows: list[dict[str, Any]] = []
@@ -211,7 +211,7 @@ def _schedules(flown: Sequence[Flown]) -> list[Flown]:
     )[::-1]
 
 
-def tracking_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
+def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
     """The table of tracking errors, then per trajectory path, errors, attitude and
     inputs.
     """
@@ -273,7 +273,7 @@ def _rounded(value: Any) -> float | None:
     return float(f"{float(value):.4g}") if np.isfinite(value) else None
 
 
-def _trajectory_blocks(flown: Sequence[Flown], inputs: Inputs) -> list[Block]:
+def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
     case, found = flown[0].case, flown[0].schedule.equilibrium
     desired = found.chi[:, 6:9]
     kept = slice(0, int(max(item.flown.reference_s[-1] for item in flown) / found.step_s) + 1)
@@ -442,7 +442,7 @@ def monte_carlo_part(
     return blocks, rows
 
 
-def views_of(tables: Mapping[str, pa.Table], inputs: Inputs) -> dict[str, Any]:
+def views_of(tables: Mapping[str, pa.Table], inputs: InputLimits) -> dict[str, Any]:
     """Groups of the recording: errors, inputs and attitude of each flight."""
     groups = []
     for key in tables:
@@ -450,8 +450,8 @@ def views_of(tables: Mapping[str, pa.Table], inputs: Inputs) -> dict[str, Any]:
         for entity, chosen, unit, tab in (
             ("errors", ["cross_track_m", "position_error_m"], "m", "Tracking"),
             ("attitude", [*ATTITUDE], "rad", "Attitude"),
-            ("drive", columns[:1], inputs.units[0], "Inputs"),
-            ("fins", [c for c in columns if c.endswith("_rad")], "rad", "Inputs"),
+            ("drive", columns[:1], inputs.units[0], "InputLimits"),
+            ("fins", [c for c in columns if c.endswith("_rad")], "rad", "InputLimits"),
         ):
             if chosen:
                 names = [name.rsplit("_", 1)[0] for name in chosen]

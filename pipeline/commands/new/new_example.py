@@ -1,6 +1,6 @@
-"""The made-up log of a new workspace's example: a small vehicle with thrusters.
+"""The log of a new workspace's example campaign, from a simulated small vehicle.
 
-It has four of them, and is simulated and measured with noise.
+It has four thrusters; what its sensors measure carries noise.
 """
 
 from __future__ import annotations
@@ -9,9 +9,15 @@ import io
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.equations_of_motion import Control, actuator_force
+from auvid.hydro.dynamics.simulation.simulation import (
+    Actuation,
+    SimulatedVehicle,
+    integrate_open_loop,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 SEED, RATE_HZ, DURATION_S, HOLD_S = 7, 10.0, 90.0, 3.0
 LINEAR = np.array([-8.0, -14.0, -18.0, -0.6, -0.6, -0.9])
@@ -24,10 +30,10 @@ HEADER = (
 
 
 def example_log(vehicle: Vehicle) -> bytes:
-    """Return the log as CSV, in body axes FRD.
+    """Return the log as CSV.
 
     Pulses in microseconds, attitude in degrees, rates in rad/s, depth in m, velocity in
-    m/s.
+    m/s; body FRD.
     """
     rng = np.random.default_rng(SEED)
     t_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
@@ -57,23 +63,24 @@ def example_log(vehicle: Vehicle) -> bytes:
 
 
 def simulate(vehicle: Vehicle, pulses: Array) -> Array:
-    """Return states [eta, nu] (n, 12) under pulses (n, 4).
+    """Return states [eta, nu] (n, 12) under pulses (n, 4) that change every HOLD_S.
 
-    Each pulse holds for one step of Runge-Kutta; drag is linear and quadratic per axis.
+    Drag is linear and quadratic per axis.
     """
-
-    def drag(nu: Array) -> Array:
-        return np.asarray((LINEAR + QUADRATIC * np.abs(nu)) * nu)
-
-    state = np.zeros(12)
+    drag = {
+        axis: {name: float(linear), f"{name}*|{name}|": float(quadratic)}
+        for axis, name, linear, quadratic in zip(AXES, VELOCITIES, LINEAR, QUADRATIC, strict=True)
+    }
+    simulated = SimulatedVehicle(vehicle, IdentifiedModel("example", drag))
+    samples = int(HOLD_S * RATE_HZ)
+    control = Control(thruster_pwm_us=pulses[::samples])
+    state, states = np.zeros(12), []
     state[2] = 5.0
-    states, step = np.empty((len(pulses), 12)), 1.0 / RATE_HZ
-    for index, pulse in enumerate(pulses):
-        states[index] = state
-        control = Control(thruster_pwm_us=pulse)
-        first = state_derivative(vehicle, state, control, drag)
-        second = state_derivative(vehicle, state + step / 2 * first, control, drag)
-        third = state_derivative(vehicle, state + step / 2 * second, control, drag)
-        fourth = state_derivative(vehicle, state + step * third, control, drag)
-        state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
-    return states
+    for force in actuator_force(vehicle, np.zeros(6), control)["thrusters"]:
+        steady = Actuation(np.zeros(2), np.zeros((2, 4)), np.tile(force, (2, 1)))
+        path = integrate_open_loop(
+            simulated, state, steady, step_s=1.0 / RATE_HZ, steps_per_knot=samples
+        )
+        states.append(path[:-1])
+        state = path[-1]
+    return np.concatenate(states)

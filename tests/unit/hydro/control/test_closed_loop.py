@@ -24,7 +24,7 @@ from auvid.hydro.control.equilibrium import (
 )
 from auvid.hydro.control.paths.paths import helix, path_of_pieces, saw_tooth
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
-from auvid.hydro.control.plants import HybridPlant, Plant, hybrid_plant, identified_plant
+from auvid.hydro.control.plants import ControlledPlant, HybridPlant, hybrid_plant, identified_plant
 from auvid.hydro.control.reference import ModeSwitch, Waiting
 from auvid.hydro.control.riccati import uncontrollable_states
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
@@ -60,7 +60,7 @@ def schedule(trimmed: Equilibrium) -> Schedule:
 
 
 def central(
-    plant: Plant, chi: np.ndarray, U: np.ndarray, mass: np.ndarray
+    plant: ControlledPlant, chi: np.ndarray, U: np.ndarray, mass: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     def rate(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         return plant.rate(x, u, mass_kg=mass, force_ned_N=None, current_ned_m_s=None)
@@ -75,7 +75,7 @@ def central(
 
 
 @pytest.mark.parametrize("plant", [HAUV, VT690], ids=["hauv", "vt690"])
-def test_linearisation_agrees_with_central_differences(plant: Plant) -> None:
+def test_linearisation_agrees_with_central_differences(plant: ControlledPlant) -> None:
     random = np.random.default_rng(0)
     chi = random.normal(size=(6, 12)) * 0.3
     chi[:, 0] += 1.6
