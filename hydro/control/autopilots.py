@@ -1,5 +1,6 @@
-"""Autopilots of the twin: heading and depth held by four fins, with limits on
-deflection and rate.
+"""Autopilots of the twin: heading and depth by four fins.
+
+Deflection and rate of the fins are limited.
 
 The controller asks for a rudder and an elevator angle; the fins' own moment
 coefficients say how four fins give them. It knows the true state, so that a flight does
@@ -20,8 +21,10 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Gains:
-    """Rudder per rad of heading error, rad/s of yaw rate and rad s of its integral;
-    elevator likewise; pitch asked per m of depth error.
+    """Gains of rudder and elevator.
+
+    Rudder per rad of heading error, rad/s of yaw rate and rad s of its integral;
+    elevator likewise; desired pitch per m of depth error.
     """
 
     heading: float = 1.8
@@ -40,8 +43,9 @@ class Gains:
 
 
 def fin_mixing(vehicle: Vehicle) -> Array:
-    """Fin deflections (4, 2) per unit of elevator (moment M > 0, bow up) and rudder (N
-    > 0, bow to starboard).
+    """Return fin deflections (4, 2) per unit of elevator and rudder.
+
+    Elevator: moment M > 0, bow up; rudder: N > 0, bow to starboard.
 
     Least deflection that gives the moment alone (pseudo-inverse of the rows M, N of the
     linear fin coefficients), scaled so that the fin that moves most moves by 1. Raises
@@ -65,8 +69,9 @@ def fin_mixing(vehicle: Vehicle) -> Array:
 
 @dataclass
 class StepAutopilot:
-    """Holds heading `yaw_rad` (k,) and depth `depth_m` (k,), one value per tick. It
-    remembers its integrals: one autopilot per flight.
+    """An autopilot for heading `yaw_rad` (k,) and depth `depth_m` (k,) per tick.
+
+    It remembers its integrals: one autopilot per flight.
 
     Fins move at most `rate_rad_s` and stay within +-`limit_rad`; elevator and rudder
     are cut before mixing.
@@ -84,9 +89,7 @@ class StepAutopilot:
     pitch_sum: float = 0.0
 
     def __call__(self, tick: int, state: Array, fins: Array) -> Array:
-        """Where the fins (4,) [rad] are at the next tick, from the state [eta, nu]
-        (12,) at this one.
-        """
+        """Return the fins (4,) [rad] at the next tick from [eta, nu] (12,)."""
         g = self.gains
         z, theta, psi, q, r = (
             float(state[2]),

@@ -1,5 +1,7 @@
-"""Closed-loop flights of a batch: plant, schedule of a controller, limits of the
-inputs, disturbances, observer in the loop.
+"""Closed-loop flights of a batch of vehicles.
+
+Plant, schedule of a controller, limits of the inputs, disturbances, observer in the
+loop.
 
 The controller is asked once per tick and its inputs are held; the plant moves by
 Runge-Kutta 4 in between. Members of a batch share the trajectory and the schedule and
@@ -34,9 +36,11 @@ LOST_M = 1e4
 
 @dataclass(frozen=True)
 class Flights:
-    """`t_s` (n,), `chi` (..., n, 12), `U` (..., n, m) as applied, `disturbance` (...,
-    n, 6): the observer's estimate [m/s^2, rad/s^2], `reference_s` (..., n): the time on
-    the (first) trajectory at which the controller aims; `powered` (..., n): 1 while the
+    """Motion, inputs and estimates of flights over `t_s` (n,).
+
+    `chi` (..., n, 12), `U` (..., n, m) as applied, `disturbance` (..., n, 6): the
+    observer's estimate [m/s^2, rad/s^2], `reference_s` (..., n): the time on the
+    (first) trajectory at which the controller aims; `powered` (..., n): 1 while the
     second of two schedules is in force.
     """
 
@@ -85,8 +89,9 @@ def fly(
     duration_s: float | None = None,
     members: int | None = None,
 ) -> Flights:
-    """Fly a batch of b members along the schedule of a controller, for as long as the
-    (first) schedule lasts or for `duration_s`.
+    """Fly a batch of b members along the schedule of a controller.
+
+    It lasts as long as the (first) schedule, or `duration_s`.
 
     `start` (12,) or (b, 12): default on the trajectory. `force_ned_N` (n, 3) or (b, n,
     3) over time; `current_ned_m_s` (3,) or (b, 3); `use_observer` () or (b,).
@@ -179,9 +184,7 @@ def fly(
 
 
 def limited(wanted: Array, before: Array, limits: InputLimits, step_s: float) -> Array:
-    """InputLimits (..., m) within their limits and no further from the last ones than their
-    rate allows.
-    """
+    """Return inputs (..., m) within their limits and limits of their rates."""
     reach = limits.rate * step_s
     return np.clip(np.clip(wanted, before - reach, before + reach), limits.low, limits.high)
 
@@ -207,8 +210,9 @@ def _advance(
 def linear_response(
     found: Equilibrium, A: Array, B: Array, U: ArrayLike, *, start: ArrayLike
 ) -> Array:
-    """chi (n, 12) of the linear model (3.18) along an equilibrium, A (n, 12, 12), B (n,
-    12, m), under inputs U (n, m) from `start` (12,).
+    """Return chi (n, 12) of the linear model (3.18) along an equilibrium.
+
+    A (n, 12, 12), B (n, 12, m), under inputs U (n, m) from `start` (12,).
 
     Exact over each tick with A and B held. The equilibrium's own residual, which (3.18)
     leaves out, is left out here too.
@@ -228,8 +232,10 @@ def linear_response(
 
 @dataclass(frozen=True)
 class Performance:
-    """Of each member (...): errors after the transient [m], attitude RMS [rad] (...,
-    3), share of time at a limit and effort per input (..., m).
+    """Errors, inputs and effort of each member (...) of a batch.
+
+    Errors after the transient [m], attitude RMS [rad] (..., 3), share of time at a
+    limit and effort per input (..., m).
 
     `position_rms_m` is against the place of that time, `cross_track_rms_m` and
     `cross_track_max_m` against the nearest point of the path; `steady_m`: the largest
@@ -255,8 +261,9 @@ def performance(
     *,
     after_s: float = 0.0,
 ) -> Performance:
-    """What flights (..., n) achieved from `after_s` on. Effort is the RMS of an input.
-    A member that diverged has nan.
+    """Return the performance of flights (..., n) from `after_s` on.
+
+    Effort is the RMS of an input. A member that diverged has nan.
 
     Raises `CampaignError` where the flight is over by then.
     """

@@ -1,5 +1,6 @@
-"""A controller along a trajectory: equilibrium, regulator gains and, if asked for, a
-disturbance observer, as schedules over time.
+"""A controller along a trajectory, as schedules over time.
+
+Equilibrium, regulator gains and, if wanted, a disturbance observer.
 
 U = U_eq + Gamma d - k (chi_hat - chi_eq - Pi d), with d = 0 where there is no observer:
 Al Makdah 2016 (3.22), (5.9), corrected.
@@ -45,8 +46,9 @@ CHECKED = 40
 
 @dataclass(frozen=True)
 class Weights:
-    """Diagonals of Q (12,) and R (m,) of the regulator and of Q_Z (18,), R_Z (12,) of
-    the Kalman filter.
+    """Diagonals of the weights.
+
+    Q (12,) and R (m,) of the regulator, Q_Z (18,) and R_Z (12,) of the Kalman filter.
     """
 
     Q: Array
@@ -57,9 +59,11 @@ class Weights:
 
 @dataclass(frozen=True)
 class Observer:
-    """At the design instants, for one tick: Z[k+1] = phi Z[k] + by_input U[k] +
-    by_state Y[k] in deviations from the equilibrium, and the feed-forward `state` (d,
-    12, 6), `inputs` (d, m, 6) per unit of disturbance; `poles` (d, 18).
+    """A disturbance observer for one tick, at the design instants.
+
+    Z[k+1] = phi Z[k] + by_input U[k] + by_state Y[k] in deviations from the
+    equilibrium, and the feed-forward `state` (d, 12, 6), `inputs` (d, m, 6) per unit of
+    disturbance; `poles` (d, 18).
     """
 
     phi: Array
@@ -72,8 +76,7 @@ class Observer:
 
 @dataclass(frozen=True)
 class Schedule:
-    """Along the clock of the equilibrium: gains `k` (n, m, 12), and an observer or
-    None.
+    """Gains `k` (n, m, 12) on the equilibrium's clock, and an observer or None.
 
     At the design instants `design_s` (d,), `stride` samples apart: A (d, 12, 12), B (d,
     12, m), eigenvalues (d, 12) of A - B k. At some of them, `checked_s` (c,):
@@ -104,8 +107,9 @@ def design(
     feed_forward: str = "target",
     stride: int = 5,
 ) -> Schedule:
-    """The controller of an equilibrium: gains every `stride` samples, linear between
-    them.
+    """Return the controller of an equilibrium.
+
+    Gains every `stride` samples, linear between them.
 
     `riccati`, `observer`, `feed_forward`: one of RICCATI, OBSERVERS, FEED_FORWARD.
     Raises `CampaignError` for other words and weights of the wrong size,
@@ -219,9 +223,7 @@ def _observer(
 
 
 def _along(t_s: Array, knots_s: Array, values: ArrayLike) -> Array:
-    """Linear interpolation of (d, ...) on the last axis of time; held beyond the last
-    knot.
-    """
+    """Interpolate (d, ...) linearly over time; constant beyond the last knot."""
     known = np.asarray(values)
     place = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, max(len(knots_s) - 2, 0))
     after = np.minimum(place + 1, len(knots_s) - 1)

@@ -1,5 +1,6 @@
-"""Equilibrium along a trajectory: mode, mass, states and inputs that satisfy it;
-Algorithm 1 of Al Makdah 2016 (3.5)-(3.17), corrected.
+"""Equilibrium along a trajectory. Algorithm 1 of Al Makdah 2016, corrected.
+
+Mode, mass, states and inputs that satisfy it (3.5)-(3.17).
 
 `algorithm_1` takes the states from the path's frame and the inputs by least squares:
 with four inputs a turning vehicle keeps a residual force, because sideslip and angle of
@@ -36,10 +37,11 @@ LARGEST_OFFSET_RAD = 1.2
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Along a uniform clock: `chi` (n, 12), `U` (n, m), `mass_kg` (n,), the
-    acceleration `nu_dot` (n, 6) that the trajectory asks for, and `residual` (n, 6) [N,
-    N m]: the force that is missing for it. `glides`: whether the buoyancy engine drives
-    the vehicle.
+    """States and inputs of an equilibrium along a uniform clock.
+
+    `chi` (n, 12), `U` (n, m), `mass_kg` (n,), the acceleration `nu_dot` (n, 6) of the
+    trajectory, and `residual` (n, 6) [N, N m]: the force that is missing for it.
+    `glides`: whether the buoyancy engine drives the vehicle.
     """
 
     t_s: Array
@@ -64,8 +66,9 @@ def equilibrium(
     epsilon_rad: float = 0.05,
     force_ned_N: ArrayLike | None = None,
 ) -> Equilibrium:
-    """Equilibrium states and inputs by one of METHODS. `epsilon_rad`: how fast the mass
-    changes over between dive and rise (3.11), (3.13).
+    """Return equilibrium states and inputs by one of METHODS.
+
+    `epsilon_rad`: how fast the mass changes over between dive and rise (3.11), (3.13).
 
     `force_ned_N` (n, 3) or (3,): a known force field that the trim shall meet. Raises
     `CampaignError` for an unknown method.
@@ -104,8 +107,9 @@ def equilibrium(
 
 
 def _states(trajectory: Trajectory, offset: Array) -> Array:
-    """chi (n, 12) on the trajectory with the vehicle turned from its path by `offset`
-    (n, 2): pitch, heading [rad] (3.10, corrected).
+    """Return chi (n, 12) on the trajectory (3.10, corrected).
+
+    The vehicle is turned from its path by `offset` (n, 2): pitch, heading [rad].
     """
     attitude = trajectory.attitude.copy()
     attitude[:, 1:] += offset
@@ -134,8 +138,9 @@ def _trim(
     nu_dot: Array,
     force: Array | None,
 ) -> tuple[Array, Array]:
-    """Gauss-Newton on pitch and heading offsets and inputs until the six equations of
-    motion hold, damped where a step does not help.
+    """Return pitch and heading offsets and inputs that meet the equations of motion.
+
+    Gauss-Newton, damped where a step does not help.
 
     Inputs stay within their limits; one that stands at its limit leaves the problem,
     and what is missing then is the residual.
@@ -217,10 +222,11 @@ def at_every(found: Equilibrium, stride: int) -> Equilibrium:
 def require_reachable(
     plant: ControlledPlant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05
 ) -> None:
-    """Raises `CampaignError` where a trimmed trajectory is beyond the vehicle: steeper
-    than `largest_pitch_rad`, or where an input stands at its limit and more than
-    `UNMET` of the weight is missing for more than `share` of the time; the input, value
-    and limit are named.
+    """Raise `CampaignError` where a trimmed trajectory is beyond the vehicle.
+
+    Steeper than `largest_pitch_rad`, or where an input stands at its limit and more
+    than `UNMET` of the weight is missing for more than `share` of the time; the input,
+    value and limit are named.
 
     A glide may miss more at its tips, where the buoyancy engine changes over and the
     fins have little effect: there the time is not held.
@@ -265,8 +271,9 @@ def _tightest(plant: ControlledPlant, found: Equilibrium) -> str:
 
 
 def minimum_turning_radius(plant: ControlledPlant, speed_m_s: float) -> float:
-    """The radius [m] of the tightest level turn to starboard that the inputs can hold
-    at this speed; by bisection to 1 %.
+    """Return the radius [m] of the tightest level turn to starboard at a speed.
+
+    The inputs must hold it; by bisection to 1 %.
 
     Raises `CampaignError` where even a turn of 2 km asks for more than the actuators
     have.

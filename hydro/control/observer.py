@@ -1,5 +1,6 @@
-"""Disturbance observer: Al Makdah 2016 (5.1)-(5.9), dimensions and signs corrected
-(errata M30-M32).
+"""Disturbance observer. Equations of Al Makdah 2016.
+
+(5.1)-(5.9), dimensions and signs corrected (errata M30-M32).
 
 The state chi (12,) is augmented by the unknown acceleration Delta d (6,) on the rows of
 nu: Z = [chi; Delta d], A_Z = [A, E; 0, 0], E = [I_6; 0], C_Z = [I_12, 0]. Everything of
@@ -36,8 +37,9 @@ def augmented(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
 def kalman_gain(
     A: ArrayLike, Q_Z: ArrayLike, R_Z: ArrayLike, *, step_s: float | None = None
 ) -> Array:
-    """L (t, 18, 12) = P_Z C_Z' R_Z^-1 (5.7) along A (t, 12, 12), with Q_Z (18, 18) and
-    R_Z (12, 12).
+    """Return L (t, 18, 12) = P_Z C_Z' R_Z^-1 (5.7) along A (t, 12, 12).
+
+    With Q_Z (18, 18) and R_Z (12, 12).
 
     With `step_s` P_Z follows (5.8) forward in time from its algebraic solution at the
     start; without, it is algebraic at every instant.
@@ -54,8 +56,9 @@ def kalman_gain(
 def placed_gain(
     A: ArrayLike, controller_eigenvalues: ArrayLike, *, faster: float = FASTER
 ) -> Array:
-    """L (t, 18, 12) that places all 18 poles of A_Z - L C_Z `faster` times as far left
-    as the fastest pole of the controller.
+    """Return L (t, 18, 12) that places all 18 poles of A_Z - L C_Z.
+
+    `faster` times as far left as the fastest pole of the controller.
 
     Since all of chi is measured, L = [A + diag(g); H] makes the error of each velocity
     and its disturbance s^2 + 2 l s + l^2 and that of each pose s + l, exactly and at
@@ -81,8 +84,9 @@ def placed_gain(
 
 
 def feed_forward_gain(B: ArrayLike) -> Array:
-    """k_d (..., m, 6) = B^+ E: the inputs that cancel the disturbance best in the sense
-    of least squares.
+    """Return k_d (..., m, 6) = B^+ E.
+
+    The inputs that cancel the disturbance best in the sense of least squares.
 
     U = U_eq - k (chi - chi_eq) - k_d Delta d takes the place of (5.9): a Riccati
     equation of the augmented pair has no stabilising solution.
@@ -93,8 +97,10 @@ def feed_forward_gain(B: ArrayLike) -> Array:
 def disturbance_target(
     A: ArrayLike, B: ArrayLike, *, weights: ArrayLike, input_weights: ArrayLike
 ) -> tuple[Array, Array]:
-    """Pi (..., 12, 6) and Gamma (..., m, 6): the offset of state and inputs per unit of
-    disturbance at which the vehicle stays on its path.
+    """Return Pi (..., 12, 6) and Gamma (..., m, 6).
+
+    The offset of state and inputs per unit of disturbance at which the vehicle stays on
+    its path.
 
     Among all solutions of 0 = A x + B U + E d with the position held (x, y, z rows of x
     are 0) the one that is least in the weighted sense (weights (9,) of velocities and

@@ -1,5 +1,6 @@
-"""Open-loop manoeuvres of a hybrid vehicle with constant inputs: Al Makdah 2016,
-section 4.1, and what its text says of each.
+"""Open-loop manoeuvres of a hybrid vehicle: Al Makdah 2016, section 4.1.
+
+Inputs are constant; statements of the text are compared with the runs.
 
 The cases stand in the cases document of a campaign under `open_loop`; here they are
 read, flown and compared with the statements.
@@ -29,9 +30,7 @@ STEADY_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Statement:
-    """What the text says: the value of a quantity, and how far ours may be from it for
-    the statement to hold.
-    """
+    """A statement of the text: the value of a quantity and its tolerance."""
 
     quantity: str
     value: float
@@ -42,8 +41,10 @@ class Statement:
 
 @dataclass(frozen=True)
 class OpenLoopCase:
-    """One manoeuvre from rest at the origin. Mass: `mass_kg`, or a sine about it with
-    `swing_kg` and `period_s` (period 0: constant).
+    """One manoeuvre from rest at the origin.
+
+    Mass: `mass_kg`, or a sine about it with `swing_kg` and `period_s` (period 0:
+    constant).
     """
 
     name: str
@@ -76,8 +77,9 @@ class OpenLoopCase:
 
 @dataclass(frozen=True)
 class OpenLoopRun:
-    """A manoeuvre as flown: t_s (n,), chi (n, 12), mass_kg (n,); `stop` says why it
-    ended early, if it did.
+    """A manoeuvre as flown: t_s (n,), chi (n, 12), mass_kg (n,).
+
+    `stop`: why it ended early, if it did.
     """
 
     case: OpenLoopCase
@@ -88,8 +90,9 @@ class OpenLoopRun:
     stop: str | None
 
     def quantity(self, name: str) -> float:
-        """One of QUANTITIES; nan for a run that ended early. Raises `CampaignError` for
-        another name.
+        """Return one of QUANTITIES; nan for a run that ended early.
+
+        Raises `CampaignError` for another name.
         """
         if name not in QUANTITIES:
             raise CampaignError(
@@ -132,8 +135,9 @@ second half; radius of the turn; depth at the end.
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement of the text beside what a parameter set gives; `holds` when they
-    agree within the statement's tolerance.
+    """A statement of the text and the value under a parameter set.
+
+    `holds` when they agree within the statement's tolerance.
     """
 
     case: str
@@ -219,8 +223,9 @@ def unit_of_quantity(quantity: str) -> str:
 
 
 def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 1.0) -> OpenLoopRun:
-    """Fly a case from rest: states every `step_s`, integrated with a variable step
-    (LSODA, relative tolerance 1e-9).
+    """Fly a case from rest: states every `step_s`.
+
+    Integrated with a variable step (LSODA, relative tolerance 1e-9).
 
     A run ends early, and says so, where the pitch leaves +-1.5 rad: the Euler angles
     mean little beyond.

@@ -429,8 +429,9 @@ def card_coefficients(card: ModelCard) -> tuple[dict[str, dict[str, float]], Arr
 
 
 def inputs_of(vehicle: Vehicle, fin_limit_rad: float, fin_rate_rad_s: float) -> InputLimits:
-    """Return inputs and limits of a vehicle's own actuators; a propeller takes 2 s and a
-    thruster 0.5 s from end to end of its range.
+    """Return inputs and limits of a vehicle's own actuators.
+
+    A propeller takes 2 s and a thruster 0.5 s from end to end of its range.
     """
     names: list[str] = []
     units: list[str] = []

@@ -1,5 +1,7 @@
-"""Where a controller aims while it flies: by the clock, waiting for the vehicle, and
-with which of two schedules (glide or propeller).
+"""The reference of a controller in flight.
+
+It follows the clock or waits for the vehicle, on one of two schedules (glide or
+propeller).
 """
 
 from __future__ import annotations
@@ -19,9 +21,10 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 
 @dataclass(frozen=True)
 class Waiting:
-    """A reference that waits for a vehicle whose thrust is at its limit: it moves along
-    the trajectory at 1 + lead / `lead_m` times its speed (lead < 0 where the vehicle
-    lags), plus (t - reference) / `catch_up_s`, within 0 and `fastest`.
+    """A reference that waits for a vehicle whose thrust is at its limit.
+
+    It moves along the trajectory at 1 + lead / `lead_m` times its speed (lead < 0 where
+    the vehicle lags), plus (t - reference) / `catch_up_s`, within 0 and `fastest`.
     """
 
     lead_m: float
@@ -31,8 +34,9 @@ class Waiting:
 
 @dataclass(frozen=True)
 class ModeSwitch:
-    """When a gliding vehicle starts its propeller (second schedule) and stops it again
-    (first schedule).
+    """Rule for starting and stopping the propeller of a gliding vehicle.
+
+    The second schedule is flown with it, the first without.
 
     On: further than `on_m` beside the path, or the observer's estimate of the
     horizontal force above `on_N`. Off: nearer than `off_m` and the estimate below
@@ -46,8 +50,10 @@ class ModeSwitch:
 
 
 class Reference:
-    """The references of b members. Without waiting all aim at one sample of one
-    schedule; else each has a place of its own.
+    """The references of b members.
+
+    Without waiting all aim at one sample of one schedule; else each has a place of its
+    own.
 
     `time_s` (b,) is the place as time on the first schedule; a second schedule has the
     same path at another speed.
@@ -67,8 +73,10 @@ class Reference:
         self.tangent = velocity / np.sqrt(np.sum(velocity**2, axis=1))[:, None]
 
     def value(self, name: str) -> Array:
-        """What the schedules hold at the reference: `chi`, `U`, `mass_kg` linear
-        between samples, gains at a sample, the observer's at a design instant.
+        """Return a value of the schedules at the reference.
+
+        `chi`, `U`, `mass_kg` linear between samples, gains at a sample, the observer's
+        at a design instant.
 
         With a waiting reference the members are in front.
         """
@@ -93,8 +101,9 @@ class Reference:
         return np.asarray(self.tangent[place])
 
     def advance(self, chi: Array, now_s: float) -> tuple[Array, Array]:
-        """Move on by a tick: chi_eq a whole tick ahead, and how far the chosen
-        reference stays behind it (chi_eq ahead - chi_eq).
+        """Move on by a tick: return chi_eq a tick ahead, and the shift.
+
+        The shift is how far the chosen reference stays behind (chi_eq ahead - chi_eq).
         """
         whole = self.step_s / self.ratio[self.mode]
         ahead = self._at("chi", self.time_s + whole)
@@ -110,8 +119,9 @@ class Reference:
     def switch(
         self, rule: ModeSwitch, plant: ControlledPlant, chi: Array, d: Array, mass_kg: Array
     ) -> bool:
-        """Choose each member's mode from its distance beside the path and the estimated
-        disturbance `d` (b, 6); whether any changed.
+        """Choose each member's mode; return whether any changed.
+
+        From its distance to the path and the estimated disturbance `d` (b, 6).
         """
         away = chi[:, 6:9] - self.value("chi")[:, 6:9]
         tangent = self._tangent()

@@ -1,5 +1,6 @@
-"""Linear quadratic regulators along a trajectory: Al Makdah 2016 (3.22)-(3.25), signs
-corrected (errata M28).
+"""Linear quadratic regulators along a trajectory. Equations of Al Makdah 2016.
+
+(3.22)-(3.25), signs corrected (errata M28).
 
 U = U_eq - k (chi - chi_eq), k = R^-1 B' P, -P_dot = A' P + P A + Q - P B R^-1 B' P,
 backward in time from the algebraic solution at the end.
@@ -28,8 +29,9 @@ Hamiltonian times the step is below this (exp(2 x 4) of the 16 digits are lost).
 
 
 def exponential(matrices: ArrayLike) -> Array:
-    """exp of a batch (..., n, n): Taylor to order 16 after halving the largest 1-norm
-    below 0.5, then squaring.
+    """Return exp of a batch (..., n, n).
+
+    Taylor to order 16 after halving the largest 1-norm below 0.5, then squaring.
 
     For hundreds of small matrices at once; relative error of the order 1e-15 times 2 to
     the number of squarings, `scipy.linalg.expm` to rounding but twenty times faster.
@@ -67,8 +69,9 @@ def algebraic_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) ->
 
 
 def frozen_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Array:
-    """P (t, n, n): the algebraic solution at every instant, as if A (t, n, n) and B (t,
-    n, m) stood still.
+    """Return P (t, n, n), the algebraic solution at every instant.
+
+    As if A (t, n, n) and B (t, n, m) stood still.
     """
     return np.stack(
         [algebraic_riccati(a, b, Q, R) for a, b in zip(np.asarray(A), np.asarray(B), strict=True)]
@@ -84,8 +87,9 @@ def backward_riccati(
     step_s: float,
     end: ArrayLike | None = None,
 ) -> Array:
-    """P (t, n, n) of (3.25) backward in time on a uniform clock, from `end` (default:
-    the algebraic solution at the last instant).
+    """Return P (t, n, n) of (3.25) backward in time on a uniform clock.
+
+    From `end` (default: the algebraic solution at the last instant).
 
     Over each step A and B are the means of both ends and the solution is exact: [X; Y]
     = exp(H h) [I; P], P = Y X^-1 with the Hamiltonian H = [-A, G; Q, A'] of reversed
@@ -119,8 +123,9 @@ def backward_riccati(
 def forward_riccati(
     A: ArrayLike, C: ArrayLike, Q: ArrayLike, R: ArrayLike, *, step_s: float
 ) -> Array:
-    """P (t, n, n) of the filter, P_dot = A P + P A' + Q - P C' R^-1 C P (5.8), forward
-    from the algebraic solution at the start.
+    """Return P (t, n, n) of the filter (5.8) forward in time.
+
+    P_dot = A P + P A' + Q - P C' R^-1 C P, from the algebraic solution at the start.
 
     The dual of `backward_riccati` in reversed time; `C` (m, n) is constant.
     """
@@ -145,8 +150,9 @@ def closed_loop_eigenvalues(A: ArrayLike, B: ArrayLike, k: ArrayLike) -> Array:
 def uncontrollable_states(
     A: ArrayLike, B: ArrayLike, *, names: Sequence[str] = STATES, unstable_only: bool = False
 ) -> list[str]:
-    """States that the inputs cannot move, by the test of Popov, Belevitch and Hautus on
-    scaled A (n, n), B (n, m).
+    """Return the states that the inputs cannot move.
+
+    By the test of Popov, Belevitch and Hautus on scaled A (n, n), B (n, m).
 
     For each eigenvalue lambda, [A - lambda I, B] must have full rank; where it has not,
     the state with the largest part in the left null vector is named. `unstable_only`:
@@ -185,8 +191,9 @@ def require_controllable(
 def stability_margins(
     A: ArrayLike, B: ArrayLike, k: ArrayLike, *, points: int = 400
 ) -> tuple[float, float, float]:
-    """Gain margins (lower, upper as factors) and phase margin [rad] of all inputs at
-    once, from the least return difference.
+    """Return gain margins (lower, upper as factors) and phase margin [rad].
+
+    Of all inputs at once, from the least return difference.
 
     With a = min over frequency of the smallest singular value of I + k (j omega - A)^-1
     B at the plant input, the factors are 1/(1 + a) and 1/(1 - a) (infinite for a >= 1),

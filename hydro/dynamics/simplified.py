@@ -1,5 +1,6 @@
-"""The simplified model of THAUS and REMUS: Alberti 2015 (18)-(26), with its print
-errors corrected.
+"""The simplified model of THAUS and REMUS. Equations of Alberti 2015.
+
+(18)-(26), with their print errors corrected.
 
 Assumptions of the text: r_G = [0, 0, z_G], r_B = [0, 0, z_B], W = B, no products of
 inertia, diagonal added mass and diagonal damping. (26) drops all inertia terms with z_G
@@ -25,8 +26,10 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class SimplifiedModel:
-    """Numbers of (26) in SI: `inertia` (3,) I_x I_y I_z about the origin, `added_mass`,
-    `linear` and `quadratic` (6,), all <= 0.
+    """Numbers of (26) in SI.
+
+    `inertia` (3,) I_x I_y I_z about the origin, `added_mass`, `linear` and `quadratic`
+    (6,), all <= 0.
 
     `linear` and `quadratic` are X_u ... N_r and X_u|u| ... N_r|r|; `buoyancy` [N] is
     also the weight. `keep_z_G`: with the inertia terms in z_G.
@@ -44,8 +47,9 @@ class SimplifiedModel:
 
     @cached_property
     def mass_matrix(self) -> Array:
-        """M of (19)-(26), (6, 6): mass and inertia less added mass, with m z_G off the
-        diagonal where it is kept.
+        """Return M (6, 6) of (19)-(26).
+
+        Mass and inertia less added mass, with m z_G off the diagonal where it is kept.
         """
         matrix = np.diag(np.concatenate([np.full(3, self.mass), self.inertia]) - self.added_mass)
         if self.keep_z_G:
@@ -63,8 +67,9 @@ class SimplifiedModel:
 def simplified_of(
     vehicle: Vehicle, *, linear: ArrayLike, quadratic: ArrayLike, keep_z_G: bool = False
 ) -> SimplifiedModel:
-    """(26) with the numbers of a vehicle and damping (6,) each; buoyancy is its weight,
-    as the text assumes.
+    """Return (26) with the numbers of a vehicle and damping (6,) each.
+
+    Buoyancy is the weight, as the text assumes.
 
     Raises `CampaignError` for a vehicle outside of the assumptions: centres off the z
     axis, or coupled inertia or added mass.
@@ -134,8 +139,9 @@ def damping_force(model: SimplifiedModel, nu: ArrayLike) -> Array:
 
 
 def restoring_terms(model: SimplifiedModel, eta: ArrayLike) -> Array:
-    """g(eta) of (18) with W = B: F_BK = B (z_G - z_B) cos theta sin phi in K, F_BM = B
-    (z_G - z_B) sin theta in M, (..., 6) [N, N m].
+    """Return g(eta) of (18) with W = B: (..., 6) [N, N m].
+
+    F_BK = B (z_G - z_B) cos theta sin phi in K, F_BM = B (z_G - z_B) sin theta in M.
     """
     eta = np.asarray(eta, dtype=np.float64)
     phi, theta = eta[..., 3], eta[..., 4]
@@ -147,9 +153,7 @@ def restoring_terms(model: SimplifiedModel, eta: ArrayLike) -> Array:
 
 
 def acceleration(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, tau: ArrayLike) -> Array:
-    """nu_dot (..., 6) of (18) and (26) under propulsion `tau` (..., 6) [N, N m]: the
-    inverse of `propulsion`.
-    """
+    """Return nu_dot (..., 6) of (18), (26) under propulsion `tau` (..., 6)."""
     total = (
         np.asarray(tau, dtype=np.float64)
         - coriolis_terms(model, nu)

@@ -1,5 +1,6 @@
-"""Controllers on a model of the vehicle, flown along trajectories with and without
-disturbance: Al Makdah 2016, chapters 3 to 5.
+"""Controllers on a model of the vehicle: Al Makdah 2016, chapters 3 to 5.
+
+Flown along trajectories with and without disturbance.
 """
 
 from __future__ import annotations
@@ -59,7 +60,9 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    """`flights` by `trajectory-flight`, those of the vehicle's own design; `gains` by
+    """Flights, gains, tracking errors and results of a control campaign.
+
+    `flights` by `trajectory-flight`, those of the vehicle's own design; `gains` by
     trajectory; `tracking` of all designs.
     """
 
@@ -72,7 +75,9 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Raises `CampaignError` for cases that are missing or beyond the vehicle,
+    """Design the controllers of the cases and fly them.
+
+    Raises `CampaignError` for cases that are missing or beyond the vehicle,
     `PipelineError` for a model that cannot be controlled.
     """
     cases = inputs.cases
@@ -195,8 +200,9 @@ def _spread(
 def _hybrid(
     inputs: Inputs, models: Models, cases: Document
 ) -> tuple[list[Block], list[dict[str, Any]]]:
-    """Open-loop manoeuvres, linear against nonlinear, and strip theory, for a hybrid
-    vehicle with such cases.
+    """Return the parts that only a hybrid vehicle with such cases has.
+
+    Open-loop manoeuvres, linear against nonlinear, and strip theory.
     """
     if not isinstance(models.plant, HybridPlant) or not cases.get("open_loop"):
         return [], []

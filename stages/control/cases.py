@@ -1,5 +1,6 @@
-"""The cases document of a control campaign, read: trajectories with their controllers,
-flights, limits and weights.
+"""The cases document of a control campaign as values.
+
+Trajectories with their controllers, flights, limits and weights.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from auvid.stages.base import Document
 
 @dataclass(frozen=True)
 class FlightCase:
-    """One flight along a trajectory: a force field (`force_field`), a current (3,) or
-    None, whether the observer's estimate is used.
+    """One flight along a trajectory.
+
+    A force field (`force_field`), a current (3,) or None, whether the observer's
+    estimate is used.
     """
 
     name: str
@@ -87,9 +90,7 @@ MOST_TICKS = 200_000
 
 @contextmanager
 def in_cases(where: str = "") -> Iterator[None]:
-    """Faults of what is called get the document, and the place in it before their own
-    field.
-    """
+    """Add the document, and the place in it, to faults raised inside."""
     try:
         yield
     except CampaignError as fault:
@@ -124,8 +125,9 @@ def limits_of(cases: Document) -> Limits:
 
 @dataclass(frozen=True)
 class Spread:
-    """The Monte Carlo that is asked for; `relative_sd` holds where no card gives a
-    covariance.
+    """The Monte Carlo of the cases.
+
+    `relative_sd` holds where no card gives a covariance.
     """
 
     trajectory: str
@@ -135,8 +137,9 @@ class Spread:
 
 
 def spread_of(cases: Document) -> Spread | None:
-    """Key `monte_carlo`; None where there is none. Raises `CampaignError` for numbers
-    that are not above zero.
+    """Return key `monte_carlo`, or None where there is none.
+
+    Raises `CampaignError` for numbers that are not above zero.
     """
     asked = cases.get("monte_carlo")
     if not asked:

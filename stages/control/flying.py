@@ -1,5 +1,6 @@
-"""Controllers of a control campaign designed and flown: per trajectory, for every model
-that a controller is designed on.
+"""Controllers of a control campaign, designed and flown.
+
+Per trajectory, for every model of which a controller is designed.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ CHUNK = 250
 
 @dataclass(frozen=True)
 class Models:
-    """The vehicle that flies, and the models on which controllers are designed, by
-    name; the first is the vehicle itself or its card.
+    """The vehicle that flies, and the models of the designs by name.
+
+    The first is the vehicle itself or its card.
     """
 
     plant: ControlledPlant
@@ -53,9 +55,7 @@ class Models:
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight: what flew (arrays of one member), against which trajectory, with
-    which schedule.
-    """
+    """One flight: arrays of one member, its trajectory and its schedule."""
 
     case: TrajectoryCase
     flight: FlightCase
@@ -113,8 +113,9 @@ def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits:
 
 
 def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -> list[str]:
-    """The modes of an identified model that grow, in words. Raises `PipelineError`
-    where there are any and `allow` is false.
+    """Return the modes of an identified model that grow, in words.
+
+    Raises `PipelineError` where there are any and `allow` is false.
     """
     found: dict[str, float] = {}
     for index in np.unique(np.linspace(0, len(schedule.A) - 1, 5).astype(int)):
@@ -149,8 +150,9 @@ def fly_case(
     *,
     allow_unstable: bool,
 ) -> list[Flown]:
-    """All flights of a trajectory; on designs other than the first those marked
-    `redesign`.
+    """Fly all flights of a trajectory.
+
+    On designs other than the first those marked `redesign`.
     """
     flown: list[Flown] = []
     for index, (name, model) in enumerate(models.designs.items()):
@@ -217,8 +219,9 @@ def _schedule(
 
 
 def start_of(trajectory: Trajectory, schedule: Schedule) -> Array:
-    """At the first point in the path's frame (section 4.3); a glide starts at its
-    equilibrium.
+    """Return the start: the first point in the path's frame (section 4.3).
+
+    A glide starts at its equilibrium.
     """
     chi: Array = schedule.equilibrium.chi[0].copy()
     if not schedule.equilibrium.glides:
@@ -291,10 +294,11 @@ def monte_carlo(
     members: int,
     seed: int,
 ) -> tuple[Performance, Array]:
-    """Errors of `members` vehicles whose viscous coefficients are drawn, under the
-    controller of the nominal one: performance and cross-track error over time (members,
-    n). Draws follow the covariance of the card, or a relative standard deviation
-    without one.
+    """Return errors of `members` vehicles with drawn viscous coefficients.
+
+    Under the controller of the nominal one: performance and cross-track error over time
+    (members, n). Draws follow the covariance of the card, or a relative standard
+    deviation without one.
     """
     rng = np.random.default_rng(seed)
     plant, case, schedule = models.plant, flown.case, flown.schedule

@@ -1,5 +1,6 @@
-"""Linear against nonlinear model along open-loop manoeuvres, by both ways to the
-equilibrium: Al Makdah 2016, section 4.2.
+"""Linear against nonlinear model: Al Makdah 2016, section 4.2.
+
+Along open-loop manoeuvres, by both ways to the equilibrium.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ FROM_S, FOR_S, STEP_S = 5.0, 60.0, 0.1
 
 @dataclass(frozen=True)
 class Comparison:
-    """Nonlinear run and linear response (n, 12) at t_s (n,), from the same state under
-    the same inputs, by the way to the equilibrium.
+    """Nonlinear run and linear response (n, 12) at t_s (n,).
+
+    From the same state under the same inputs, by one way to the equilibrium.
     """
 
     run: OpenLoopRun
@@ -46,8 +48,9 @@ class Comparison:
 def linear_comparisons(
     plant: HybridPlant, runs: Sequence[OpenLoopRun], names: Sequence[str]
 ) -> list[Comparison]:
-    """The named open-loop runs against the linear model about their recorded paths
-    (Algorithm 1).
+    """Compare open-loop runs with the linear model about their recorded paths.
+
+    The linear model is that of Algorithm 1.
 
     Raises `CampaignError` for a name that is no open-loop case of this parameter set,
     and for a run shorter than `FROM_S` and a second.
@@ -69,8 +72,9 @@ def linear_comparisons(
 
 
 def _recorded(plant: HybridPlant, run: OpenLoopRun) -> OpenLoopRun:
-    """The run again, from `FROM_S` on and every `STEP_S`: a path drawn through the
-    seconds of a run has kinks that no vehicle can fly.
+    """Return the run again, from `FROM_S` on and every `STEP_S`.
+
+    A path through the seconds of a run has kinks that no vehicle can fly.
     """
     if run.t_s[-1] < FROM_S + 1.0:
         allowed = f"at least {FROM_S + 1.0:g} s"

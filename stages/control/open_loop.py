@@ -1,5 +1,6 @@
-"""The open-loop manoeuvres of a control campaign, and strip theory beside the printed
-coefficients: report blocks and named figures.
+"""Open-loop manoeuvres of a control campaign, and strip theory.
+
+Report blocks and named figures; strip theory is compared with the printed coefficients.
 """
 
 from __future__ import annotations
@@ -36,9 +37,7 @@ of 1000 s says no more than one of 200 s.
 
 @dataclass(frozen=True)
 class Part:
-    """What a part of the stage gives: report blocks, rows of `results`, and the runs
-    with the parameters of the simulations.
-    """
+    """Report blocks, rows of `results`, and runs under the simulations' parameters."""
 
     blocks: tuple[Block, ...]
     rows: tuple[dict[str, Any], ...]
@@ -46,8 +45,9 @@ class Part:
 
 
 def open_loop_part(cases: Document, vehicle: Vehicle) -> Part:
-    """Fly the cases under key `open_loop` of a cases document with every parameter set
-    of the vehicle that has them.
+    """Fly the cases under key `open_loop` of a cases document.
+
+    With every parameter set of the vehicle that has them.
 
     Figures are named `open loop CASE, QUANTITY, SET`, in SI. Errors as `hybrid_vehicle`
     and `open_loop_cases`.
@@ -69,8 +69,7 @@ def open_loop_part(cases: Document, vehicle: Vehicle) -> Part:
 
 
 def coefficients_part(vehicle: Vehicle) -> Part:
-    """Strip theory by the printed and by the corrected formulas beside the coefficients
-    that the vehicle file has as published.
+    """Compare strip theory, printed and corrected, with the published coefficients.
 
     Figures are named `NAME, as_printed` and `NAME, corrected`.
     """

@@ -1,5 +1,7 @@
-"""What a control campaign shows: tables of tracking, paths desired and flown, inputs,
-margins, Monte Carlo; views; named figures.
+"""Report and views of a control campaign.
+
+Tables of tracking, paths desired and flown, inputs, margins, Monte Carlo; named
+figures.
 """
 
 from __future__ import annotations
@@ -176,8 +178,9 @@ def figures(flown: Sequence[Flown], inputs: InputLimits) -> list[dict[str, Any]]
 
 
 def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
-    """The flight that differs by the observer alone; None for a flight without one, or
-    where there is no such flight.
+    """Return the flight that differs by the observer only.
+
+    None for a flight without one, or where there is no such flight.
     """
 
     def told(other: Flown) -> tuple[Any, ...]:
@@ -212,8 +215,9 @@ def _schedules(flown: Sequence[Flown]) -> list[Flown]:
 
 
 def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
-    """The table of tracking errors, then per trajectory path, errors, attitude and
-    inputs.
+    """Return the table of tracking errors, then the figures of each trajectory.
+
+    Path, errors, attitude and inputs.
     """
     fins = _fins(inputs)
     heads: list[str | tuple[str, str]] = [
@@ -349,9 +353,7 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
 
 
 def design_blocks(flown: Sequence[Flown]) -> list[Block]:
-    """Equilibrium residuals, eigenvalues and margins of the controller of each
-    trajectory.
-    """
+    """Return equilibrium residuals, eigenvalues and margins of each controller."""
     rows = []
     for item in _schedules(flown):
         s = item.schedule

@@ -1,6 +1,4 @@
-"""Fly a plan with a twin and write what its sensors record as real log files, with the
-truth beside them.
-"""
+"""Fly a plan with a twin and write real log files, with the truth."""
 
 from __future__ import annotations
 
@@ -36,8 +34,9 @@ from auvid.stages.simulate.tlog_writer import write_tlog
 
 @dataclass(frozen=True)
 class Inputs:
-    """The vehicle, what the manifest says of the twin (plan, truth, seed, format), and
-    the pendulums of a bench campaign.
+    """The vehicle, the twin of the manifest, and the pendulums of a bench campaign.
+
+    The twin is plan, truth, seed and format.
     """
 
     vehicle: Vehicle = port("vehicle")

@@ -1,5 +1,6 @@
-"""Fly the experiments of a bench plan, and record them as the vehicle's sensors or a
-Pixhawk on the pendulum would.
+"""Fly the experiments of a bench plan, and record them.
+
+As the vehicle's sensors or a Pixhawk on the pendulum would.
 """
 
 from __future__ import annotations
@@ -50,8 +51,9 @@ DOFS = ("surge", "sway", "heave")
 
 @dataclass(frozen=True)
 class FlownExperiment:
-    """A run with its motion (times from the start of its leg), the pulses of a tank
-    run, and its true numbers.
+    """A run with its motion, the pulses of a tank run, and its true numbers.
+
+    Times count from the start of its leg.
     """
 
     experiment: Experiment
@@ -64,8 +66,10 @@ class FlownExperiment:
 def fly_experiment(
     experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document | None
 ) -> FlownExperiment:
-    """One run. Raises `CampaignError` where the apparatus does not have what it names,
-    `DataError` where the motion cannot be.
+    """Fly one run.
+
+    Raises `CampaignError` where the apparatus does not have what it names, `DataError`
+    where the motion cannot be.
     """
     if experiment.kind == "tank":
         return _tank(experiment, plan, vehicle)
@@ -83,8 +87,9 @@ def fly_experiment(
 
 
 def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExperiment:
-    """From rest, every command held until the next; thrust follows the whole pulses
-    that are logged.
+    """Fly a tank run from rest, every command constant until the next.
+
+    Thrust follows the whole pulses that are logged.
     """
     assert vehicle.thrusters is not None
     commands = experiment.entry["commands"]
@@ -140,8 +145,9 @@ def _decay(
 def pendulum_of(
     apparatus: Document, truth: Mapping[str, float], vehicle: Vehicle, *, dof: str | None
 ) -> PhysicalPendulum:
-    """The pendulum of part `free_decay` of an apparatus, empty (`dof` None) or with the
-    vehicle's axis `dof` along the swing.
+    """Return the pendulum of part `free_decay` of an apparatus.
+
+    Empty (`dof` None) or with the vehicle's axis `dof` along the swing.
 
     Mass, added mass and drag of the vehicle act at the arm L, as in Alberti (66)-(70):
     its turning with the pole is left out. The parts have their own arms; those of the
@@ -209,8 +215,9 @@ def _entry(entries: list[Document], name: str, field: str, key: str) -> Document
 def record_experiment(
     flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, *, seed: int, text: str
 ) -> Recorded:
-    """The streams of a run's log, which begins `margin_s` before its leg; clocks tick
-    in whole milliseconds.
+    """Return the streams of a run's log.
+
+    It begins `margin_s` before its leg; clocks tick in whole milliseconds.
     """
     seen = plan.with_noise(flown.experiment.noise)
     return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(
@@ -284,8 +291,10 @@ def _motion(t_s: Array, eta: Array, nu: Array, nu_dot: Array) -> Motion:
 def _record_pendulum(
     flown: FlownExperiment, plan: BenchPlan, vehicle: Vehicle, seed: int, text: str
 ) -> Recorded:
-    """A Pixhawk on the pole, below the pivot, or in the middle of the tray; pole and
-    tray turn it in pitch or yaw.
+    """Return the streams of a Pixhawk on a pendulum.
+
+    On the pole, below the pivot, or in the middle of the tray; pole and tray turn it in
+    pitch or yaw.
     """
     name, margin, rate = flown.experiment.id, flown.experiment.margin_s, plan.pixhawk_hz
     times = sample_times(margin + flown.experiment.end_s, "imu", rate)
@@ -309,8 +318,9 @@ def _record_pendulum(
 
 
 def turned(motion: Motion, turn: Array) -> Motion:
-    """The motion in axes that are turned by `turn` (3, 3), sensor axes -> body axes: an
-    autopilot reports all in its own axes.
+    """Return the motion in axes turned by `turn` (3, 3), sensor axes -> body axes.
+
+    An autopilot reports all in its own axes.
     """
     rotation = rotation_body_to_ned(motion.eta[:, 3:]) @ turn
     eta = motion.eta.copy()

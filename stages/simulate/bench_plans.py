@@ -1,5 +1,6 @@
-"""Plans of bench experiments (key `bench` of schema `plan`): tank runs, free decays,
-quadrifilar swings; refused where they cannot be.
+"""Plans of bench experiments (key `bench` of schema `plan`).
+
+Tank runs, free decays, quadrifilar swings; refused where they cannot be.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ OUTPUTS = 8
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run: `entry` as the plan writes it; times of its log count from `margin_s`
-    before its start.
+    """One run: `entry` as in the plan.
+
+    Times of its log count from `margin_s` before its start.
     """
 
     kind: str
@@ -65,8 +67,9 @@ class Experiment:
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """A checked plan: the runs, their truths by name, and what the sensors of the tank
-    and the Pixhawk of the pendulums are like.
+    """A checked plan: runs, truths by name, and sensors.
+
+    Those of the tank and of the Pixhawk on the pendulums.
     """
 
     title: str
@@ -94,8 +97,9 @@ class BenchPlan:
         )
 
     def model(self, truth: str, vehicle: Vehicle) -> SimplifiedModel:
-        """The simplified model of a truth: the vehicle with the numbers that the truth
-        replaces.
+        """Return the simplified model of a truth.
+
+        The vehicle with the numbers that the truth replaces.
         """
         return model_of(self.truths[truth], vehicle, keep_z_G=self.keep_z_G)
 
@@ -112,7 +116,8 @@ def _scaled(noise: AhrsNoise, factor: float) -> AhrsNoise:
 
 
 def bench_plan(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None) -> BenchPlan:
-    """The plan of a document that agrees with schema `plan` and has the key `bench`.
+    """Return the plan of a document of schema `plan` with key `bench`.
+
     Raises `CampaignError`, all faults together.
     """
     raise_faults(list(_faults(document, vehicle, file)), file=file)
@@ -153,8 +158,9 @@ def bench_plan(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = 
 def bench_entries(
     document: Mapping[str, Any], *, format: str
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The logs and legs of a manifest for a bench plan: one log per run, whose leg says
-    its role or channel.
+    """Return the logs and legs of a manifest for a bench plan.
+
+    One log per run, whose leg names its role or channel.
     """
     logs, legs = [], []
     margin = margin_s(document)
@@ -183,8 +189,10 @@ def bench_entries(
 
 
 def _driven(entry: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the leg of a tank run says: its channel, and the mass or moment of inertia
-    of its truth where that has one of its own.
+    """Return the keys of the leg of a tank run.
+
+    Its channel, and the mass or moment of inertia of its truth where that has one of
+    its own.
     """
     truth = document["bench"]["truths"][entry["truth"]]
     axis = CHANNELS.index(entry["channel"])
@@ -195,8 +203,9 @@ def _driven(entry: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, 
 def model_of(
     truth: Mapping[str, float], vehicle: Vehicle, *, keep_z_G: bool = False
 ) -> SimplifiedModel:
-    """The simplified model of a vehicle with numbers of a truth in the place of its
-    own; the weight follows the mass.
+    """Return the simplified model of a vehicle with numbers of a truth.
+
+    They replace its own; the weight follows the mass.
     """
     model = simplified_of(
         vehicle,
@@ -219,8 +228,9 @@ def _of(truth: Mapping[str, float], names: tuple[str, ...], default: Array) -> A
 
 
 def output_of(channel: str, vehicle: Vehicle) -> int | None:
-    """The index of the thruster that drives one channel and nothing else; None without
-    one.
+    """Return the index of the thruster that drives one channel and nothing else.
+
+    None without one.
     """
     if vehicle.thrusters is None:
         return None

@@ -1,5 +1,6 @@
-"""Write a log of the twin as CSV, one file per sensor, in double precision, and the
-column maps that say what the columns are.
+"""Write a log of the twin as CSV, with the column maps of its files.
+
+One file per sensor, in double precision.
 """
 
 from __future__ import annotations

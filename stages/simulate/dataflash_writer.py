@@ -1,5 +1,6 @@
-"""Write a log of the twin as ArduPilot DataFlash (.BIN), as a vehicle would:
-definitions, units, then records in order of time.
+"""Write a log of the twin as ArduPilot DataFlash (.BIN).
+
+As a vehicle would: definitions, units, then records in order of time.
 
 IMU, ATT, BARO and VISO have the layouts of ArduSub 4.5 (single precision: 1e-7 of a
 value, 2e-7 rad of attitude, enough to recover coefficients from sensors without noise).
@@ -90,8 +91,10 @@ OF_STREAMS: tuple[tuple[Definition, str, str], ...] = (
 
 
 def write_dataflash(recorded: Recorded) -> bytes:
-    """The whole log as bytes. Records with equal times keep the order MSG, PARM, IMU,
-    ATT, VISO, BARO, ACTU, RCOU, BAT, MODE, ARM.
+    """Return the log as bytes.
+
+    Records with equal times keep the order MSG, PARM, IMU, ATT, VISO, BARO, ACTU, RCOU,
+    BAT, MODE, ARM.
     """
     tables = _tables(recorded)
     present = {definition.id for definition, *_ in tables}
@@ -132,8 +135,9 @@ def write_dataflash(recorded: Recorded) -> bytes:
 
 
 def in_order(blocks: list[tuple[npt.NDArray[np.int64], list[bytes]]]) -> bytes:
-    """Records of several types (times (n,), bytes of each) in order of time; types keep
-    their order at equal times.
+    """Return records of several types in order of time.
+
+    Times (n,) and bytes of each; types keep their order at equal times.
     """
     times = np.concatenate([when for when, _ in blocks])
     records = [item for _, items in blocks for item in items]

@@ -1,5 +1,6 @@
-"""Fly the legs of a plan, and fit models to what was flown: the physical truth, given
-coefficients, or a model refitted to the physics.
+"""Fly the legs of a plan, and fit models to the motion.
+
+The truth is physical, of given coefficients, or a model refitted to the physics.
 """
 
 from __future__ import annotations
@@ -65,8 +66,10 @@ def form_named(name: str) -> ViscousModel:
 
 @dataclass(frozen=True)
 class FlownLeg:
-    """A leg as flown. Times count from the start of its log, which lies `offset_s`
-    after the start of the flight.
+    """A leg as flown.
+
+    Times count from the start of its log, which lies `offset_s` after the start of the
+    flight.
 
     `start_s` to `end_s` is the leg, cut where the flight stopped; `log_end_s` is the
     last moment that the log can hold.
@@ -91,15 +94,15 @@ class FlownLeg:
 
 
 def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
-    """The random numbers of one sensor of one leg: independent of the other legs and of
-    their order.
+    """Return the random numbers of one sensor of one leg.
+
+    Independent of the other legs and of their order.
     """
     return np.random.default_rng([seed, zlib.crc32(leg.encode()), stream])
 
 
 def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> FlownLeg:
-    """Settle at the leg's propeller speed, fly the leg, and go on for the margin of the
-    log.
+    """Settle at the leg's propeller speed, fly the leg and the margin of the log.
 
     The unsteady force grows with the square of the level speed and acts from the start
     of the settling. Raises `DataError` where the truth needs a level speed that the
@@ -177,8 +180,10 @@ def truth_force(
 def checked_coefficients(
     coefficients: Mapping[str, Mapping[str, float]], *, file: object
 ) -> Mapping[str, Mapping[str, float]]:
-    """The coefficients, if every axis and term is known and every value is finite; else
-    `CampaignError`, all faults together.
+    """Return the coefficients if every axis, term and value is valid.
+
+    Axes and terms must exist, values be finite; else `CampaignError`, all faults
+    together.
     """
     faults: list[PipelineError] = []
     if not any(coefficients.values()):
@@ -208,8 +213,9 @@ def checked_coefficients(
 
 
 def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, list[str]]:
-    """A model fitted to the physical truth over all legs of a plan, flown without
-    unsteady force: a truth in the span of that model.
+    """Return a model fitted to the physical truth over all legs of a plan.
+
+    Flown without unsteady force: a truth in the span of that model.
 
     The force is sampled around the flown velocities (`SPREAD`, seeded), so that motions
     which the legs hardly have, roll above all, keep their damping and the model stays

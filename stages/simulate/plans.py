@@ -1,5 +1,6 @@
-"""Plans of a twin: read from their document, refused where they ask for the impossible,
-and what the autopilot is told at each tick.
+"""Plans of a twin, and the set points of its autopilot at each tick.
+
+Refused where they ask for the impossible.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ LONGEST_LEG_S = 7200.0
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg: steady propeller speed, and the steps that the autopilot is told (times
-    [s] from the start of the leg, values).
+    """One leg: steady propeller speed, and steps of the set points.
+
+    Times [s] from the start of the leg, values.
     """
 
     id: str
@@ -41,8 +43,9 @@ class Leg:
         return self.rpm / 60.0
 
     def yaw_rad(self, t_s: Array) -> Array:
-        """Heading asked for at times from the start of the leg, 0 before the first
-        step.
+        """Return the desired heading at times from the start of the leg.
+
+        0 before the first step.
         """
         return _held(self.yaw_steps, t_s)
 
@@ -59,8 +62,10 @@ def _held(steps: tuple[Array, Array], t_s: Array) -> Array:
 
 @dataclass(frozen=True)
 class Unsteady:
-    """First-order Gauss-Markov force: standard deviations (6,) [N, N m] at a level
-    speed of 2 m/s, and the correlation time.
+    """First-order Gauss-Markov force.
+
+    Standard deviations (6,) [N, N m] at a level speed of 2 m/s, and the correlation
+    time.
     """
 
     sd: Array
@@ -69,8 +74,9 @@ class Unsteady:
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked plan in SI. `rates_hz` by stream: imu (with attitude), velocity, depth,
-    actuators.
+    """A checked plan in SI.
+
+    `rates_hz` by stream: imu (with attitude), velocity, depth, actuators.
     """
 
     title: str

@@ -1,5 +1,6 @@
-"""What the sensors of a twin record of a flown leg: one table per stream in SI, each on
-its own clock, and the true motion beside them.
+"""Records of a twin's sensors on a flown leg, and the true motion.
+
+One table per stream in SI, each on its own clock.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ Times = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recorded:
-    """The streams of one log: stream -> column -> values (n,), `time_us` among them,
-    named as in the schemas of the streams; `parameters` of the autopilot that it has.
+    """The streams of one log: stream -> column -> values (n,).
+
+    `time_us` among them, named as in the schemas of the streams; `parameters` of the
+    autopilot that it has.
     """
 
     leg: str
@@ -45,8 +48,9 @@ class Recorded:
 
 
 def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
-    """Sensor streams over the whole log; a sensor with a lag stamps what it saw that
-    much later.
+    """Return sensor streams over the whole log.
+
+    A sensor with a lag stamps its values that much later.
 
     Clocks tick in whole milliseconds, which every log format can hold.
     """
@@ -107,8 +111,9 @@ def wrapped(unit: Ahrs) -> Array:
 
 
 def sample_times(log_end_s: float, stream: str, rate_hz: float) -> Times:
-    """Times (n,) of a stream in us on the vehicle's clock: its phase, then every
-    1/rate_hz, rounded to milliseconds.
+    """Return times (n,) of a stream in us on the vehicle's clock.
+
+    Its phase, then every 1/rate_hz, rounded to milliseconds.
     """
     first, last = PHASE_MS[stream], np.floor(log_end_s * 1000.0 + 1e-6)
     count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1

@@ -1,3 +1,1 @@
-"""Paths and trajectories that a controller follows: straight lines, circles, helices,
-Dubins paths.
-"""
+"""Paths and trajectories: straight lines, circles, helices, Dubins paths."""

@@ -1,5 +1,6 @@
-"""Three-dimensional Dubins paths of bounded pitch and curvature between two poses,
-after Al Makdah 2016, 4.3 (Wehbe 2015).
+"""Three-dimensional Dubins paths of bounded pitch and curvature between two poses.
+
+After Al Makdah 2016, 4.3 (Wehbe 2015).
 
 Five segments: helix of constant pitch, helix of variable pitch, straight line, helix of
 variable pitch, helix of constant pitch. In plan the path is a turn, a line and a turn;
@@ -39,8 +40,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Least turning radius in plan, largest pitch, least radius of a change of pitch,
-    and the ramp of a curvature-continuous path [m, rad].
+    """Bounds of a Dubins path [m, rad].
+
+    Least turning radius in plan, largest pitch, least radius of a change of pitch, and
+    the ramp of a curvature-continuous path.
 
     `ramp_m` 0 gives the classic path, whose curvature jumps between segments.
     """
@@ -149,8 +152,9 @@ def _turn(angle: float, bounds: Bounds) -> Array:
 
 
 def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
-    """All turn-line-turn paths in plan, with 0 to MOST_TURNS whole turns added to
-    either turn.
+    """Yield all turn-line-turn paths in plan.
+
+    0 to MOST_TURNS whole turns are added to either turn.
     """
     target = np.array([last.x - first.x, last.y - first.y])
     least = bounds.ramp_m / bounds.radius_m
@@ -208,8 +212,9 @@ def _turned(moved: Array, heading: float) -> Array:
 
 
 def _change(angle: float, bounds: Bounds) -> float:
-    """Run over which the pitch changes by `angle`; with ramps the rate rises and falls
-    linearly.
+    """Return the run over which the pitch changes by `angle`.
+
+    With ramps the rate rises and falls linearly.
     """
     return abs(angle) * bounds.pitch_radius_m * (2.0 if bounds.ramp_m else 1.0)
 
@@ -230,8 +235,9 @@ def _rise(
 
 
 def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float | None:
-    """The pitch of the line that meets the second pose's depth, or None if none within
-    the limit does or the changes do not fit.
+    """Return the pitch of the line that meets the second pose's depth, or None.
+
+    None where no pitch within the limit does, or the changes do not fit.
     """
     turns = (_arc(plan.turned[0], bounds), _arc(plan.turned[1], bounds))
 
@@ -252,8 +258,9 @@ def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float |
 
 
 def _build(plan: _Plan, pitch: float, first: Pose, last: Pose, bounds: Bounds) -> Curve:
-    """The path from piecewise linear rates: those of the heading and those of the pitch
-    have knots of their own.
+    """Return the path from piecewise linear rates of heading and of pitch.
+
+    Each has knots of its own.
     """
     runs = (_arc(plan.turned[0], bounds), plan.line_m, _arc(plan.turned[1], bounds))
     ends = (runs[0], runs[0] + runs[1], sum(runs))
@@ -304,8 +311,9 @@ def _hat(start: float, end: float, angle: float, bounds: Bounds) -> Knots:
 
 
 def _value(knots: Knots, run: Array, side: Array) -> Array:
-    """Value just before (side -1) or after (+1) each place, of a function linear
-    between knots and zero outside.
+    """Return the value just before (side -1) or after (+1) each place.
+
+    The function is linear between knots and zero outside.
     """
     out = np.zeros(len(run))
     for (a, low), (b, high) in pairwise(knots):

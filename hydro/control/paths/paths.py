@@ -1,5 +1,7 @@
-"""Space curves for a vehicle: heading and pitch of the tangent over the horizontal run,
-position by integration, arc length, frames.
+"""Space curves for a vehicle.
+
+Heading and pitch of the tangent over the horizontal run, position by integration, arc
+length, frames.
 
 A path is given by the rates of heading and pitch per metre of horizontal run, linear
 between knots; a jump is two knots at one place. Heading and pitch are then quadratic
@@ -34,8 +36,10 @@ _NODE, _WEIGHT = (
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """A path at arc lengths `s_m` (n,): NED position (n, 3), heading and pitch of the
-    tangent (n,) [rad], their rates per metre of arc.
+    """A path at arc lengths `s_m` (n,).
+
+    NED position (n, 3), heading and pitch of the tangent (n,) [rad], their rates per
+    metre of arc.
     """
 
     s_m: Array
@@ -58,7 +62,8 @@ class CurvePoints:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve from `start` (3,) with rates at `run_m` (k,) of its knots:
+    """A curve from `start` (3,) with rates at `run_m` (k,) of its knots.
+
     `heading_rate`, `pitch_rate` (k,) [rad per m of run].
 
     `segments`: names of parts and the run where each begins.
@@ -225,8 +230,9 @@ def helix(
     start: ArrayLike = (0.0, 0.0, 0.0),
     heading_rad: float = 0.0,
 ) -> Curve:
-    """A helix of horizontal radius `radius_m` and constant pitch. `ramp_m`: run over
-    which its curvature grows from zero.
+    """Return a helix of horizontal radius `radius_m` and constant pitch.
+
+    `ramp_m`: run over which its curvature grows from zero.
 
     Raises `CampaignError` unless the radius and the turns are positive and the pitch is
     below 80 degrees.
@@ -249,8 +255,9 @@ def saw_tooth(
     heading_rad: float = 0.0,
     dive_first: bool = True,
 ) -> Curve:
-    """Straight legs of arc length `leg_m` in a vertical plane at +-`pitch_rad`, joined
-    by tips of at least `tip_radius_m`.
+    """Return legs of arc length `leg_m` at +-`pitch_rad` in a vertical plane.
+
+    Tips of at least `tip_radius_m` join them.
 
     Raises `CampaignError` for figures that are not positive.
     """
@@ -270,8 +277,10 @@ def saw_tooth(
 
 
 def frenet_frame(points: CurvePoints) -> Array:
-    """[T N B] as columns (n, 3, 3), robust: where the curve is straight N is that of
-    the last bend (before the first bend: starboard).
+    """Return [T N B] as columns (n, 3, 3).
+
+    Where the curve is straight N is that of the last bend (before the first bend:
+    starboard).
 
     The principal normal is turned to the starboard half plane (3.8 uses arcsin, which
     loses this), so that its roll (`frame_roll`) stays within +-90 degrees and a turn to

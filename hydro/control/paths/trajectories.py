@@ -1,5 +1,6 @@
-"""Trajectories in time: where the vehicle shall be, with the direction of its path,
-from a path flown at a speed or from a recording.
+"""Trajectories in time: where the vehicle shall be, and the path's direction.
+
+From a path flown at a speed or from a recording.
 
 Al Makdah 2016, 3.1.2: the desired position gamma(t), its tangent and frame. The frame
 of a trajectory is `level` (starboard axis horizontal, roll 0) or `frenet` (roll of the
@@ -27,8 +28,10 @@ CHORD_M = 0.3
 
 @dataclass(frozen=True)
 class Trajectory:
-    """On a uniform clock: `t_s` (n,), NED `position` and `velocity` (n, 3), `attitude`
-    (n, 3) [phi, theta, psi] of the path's frame.
+    """A trajectory on a uniform clock `t_s` (n,).
+
+    NED `position` and `velocity` (n, 3), `attitude` (n, 3) [phi, theta, psi] of the
+    path's frame.
 
     theta and psi are those of the tangent, psi is not bounded to +-pi (3.9). `speed`
     (n,) [m/s]; `s_m` (n,) arc length; `attitude_rate` (n, 3) [rad/s].
@@ -60,8 +63,9 @@ def fly_path(
     duration_s: float | None = None,
     frame: str = "level",
 ) -> Trajectory:
-    """The path flown at a constant speed, to its end or for `duration_s` (beyond its
-    end straight on).
+    """Return the trajectory of a path flown at a constant speed.
+
+    To its end or for `duration_s` (beyond its end straight on).
 
     Raises `CampaignError` for a speed or step that is not positive, an unknown frame,
     or a path shorter than two steps.
@@ -97,8 +101,9 @@ def fly_path(
 
 
 def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
-    """The trajectory of recorded positions (n, 3) at uniform times, by quintic splines;
-    level frame (the helix of 4.3 is such a recording).
+    """Return the trajectory of recorded positions (n, 3) at uniform times.
+
+    By quintic splines; level frame (the helix of 4.3 is such a recording).
 
     Raises `CampaignError` where the recording stands still: a path has no direction
     there.
@@ -134,8 +139,9 @@ def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
 
 @dataclass(frozen=True)
 class TrackingError:
-    """Against a trajectory, (..., n): distance to where the vehicle should be at that
-    time, and to the nearest point of the path [m].
+    """Distances (..., n) [m] to a trajectory.
+
+    To its place at that time, and to the nearest point of the path.
     """
 
     position_m: Array
@@ -158,8 +164,9 @@ def tracking_error(trajectory: Trajectory, position: ArrayLike) -> TrackingError
 
 
 def _nearest(path: Array, flown: Array) -> Array:
-    """Distance of points (..., 3) to the nearest chord of a path (k, 3), sought beside
-    its nearest corner.
+    """Return the distance of points (..., 3) to the nearest chord of a path (k, 3).
+
+    Only chords at the nearest corner are tried.
     """
     start, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum(np.sum(along**2, axis=-1), 1e-300)

@@ -1,5 +1,6 @@
-"""The buoyancy engine of a hybrid glider: the mass it can take and where the centre of
-gravity then is: Al Makdah 2016 (3.11)-(3.12).
+"""The buoyancy engine of a hybrid glider. Equations of Al Makdah 2016.
+
+The mass it can take, and where the centre of gravity then is (3.11)-(3.12).
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from auvid.hydro.arrays import Array
 
 @dataclass(frozen=True)
 class BuoyancyEngine:
-    """Masses [kg] of the vehicle empty, neutral and full, and how far x_G moves with
-    the mass [m/kg] (3.12).
+    """Masses [kg] of the vehicle empty, neutral and full.
+
+    x_G moves with the mass by a slope [m/kg] (3.12).
     """
 
     low_kg: float
@@ -31,8 +33,9 @@ class BuoyancyEngine:
         )
 
     def glide_mass(self, pitch_rad: ArrayLike, *, epsilon_rad: float) -> Array:
-        """Mass for a glide at this desired pitch (3.11): heavy to dive (pitch < 0),
-        light to float up; (...) rad -> (...) kg.
+        """Return the mass (...) [kg] of a glide at a pitch (...) [rad] (3.11).
+
+        Heavy to dive (pitch < 0), light to float up.
 
         m = m_neutral - dm tanh(pitch / epsilon) with dm the stroke to that side (1 kg
         in the thesis); `epsilon_rad` sets how fast it changes over. Raises
@@ -51,9 +54,7 @@ class BuoyancyEngine:
         return np.asarray(self.neutral_kg + stroke * share)
 
     def check(self, mass_kg: ArrayLike, *, field: str = "mass") -> Array:
-        """The masses, if the engine can hold them; `CampaignError` naming the range if
-        not.
-        """
+        """Return the masses; raise `CampaignError` where the engine cannot."""
         mass = np.asarray(mass_kg, dtype=np.float64)
         outside = ~((mass >= self.low_kg) & (mass <= self.high_kg))
         if outside.any():

@@ -23,8 +23,9 @@ FULL_COMMAND = 100.0
 
 @dataclass(frozen=True)
 class ThrustCurve:
-    """Bollard thrust of one thruster type: `force_N` (k,) over `pwm_us` (k,) ascending,
-    measured at `voltage_v`.
+    """Bollard thrust of one thruster type.
+
+    `force_N` (k,) over `pwm_us` (k,) ascending, measured at `voltage_v`.
 
     Thrust scales with (V / voltage_v) ** voltage_exponent. With `polynomial` (highest
     power first), force [N] of a command of 0 to 100, the pulses are those of the
@@ -40,8 +41,10 @@ class ThrustCurve:
 
 @dataclass(frozen=True)
 class Thrusters:
-    """n thrusters with `allocation` (6, n): force and moment [N, N m] of 1 N of each,
-    body FRD; `direction` (n,) +1 or -1.
+    """Thrusters with `allocation` (6, n) and `direction` (n,) +1 or -1.
+
+    A column of the allocation is force and moment [N, N m] of 1 N of a thruster, body
+    FRD.
 
     `outputs` are the autopilot's output channels: thruster i listens to column
     `pwm_<outputs[i]>_us` of the stream `actuators`.
@@ -54,16 +57,18 @@ class Thrusters:
 
 
 def thruster_allocation(position: ArrayLike, axis: ArrayLike) -> Array:
-    """B (6, n) with tau = B f: positions (n, 3) [m], unit axes (n, 3), thruster forces
-    f [N]. Column i is [axis; position x axis].
+    """Return B (6, n) of tau = B f from positions (n, 3) [m] and unit axes (n, 3).
+
+    f: thruster forces [N]. Column i is [axis; position x axis].
     """
     position, axis = np.asarray(position, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     return np.concatenate([axis, cross(position, axis)], axis=-1).T
 
 
 def thrust_from_pwm(pwm_us: ArrayLike, voltage_v: ArrayLike | None, curve: ThrustCurve) -> Array:
-    """Bollard thrust [N] at a pulse width [us]: linear between the points of the table,
-    its dead band kept, or by polynomial; any shape.
+    """Return the bollard thrust [N] at a pulse width [us], any shape.
+
+    Linear between the points of the table, its dead band kept, or by polynomial.
 
     The speed controller holds full thrust beyond the ends of the table, so the pulse is
     clipped there; below `NO_PULSE_US` there is no pulse and no thrust; nan stays nan.
@@ -89,8 +94,9 @@ def thrust_from_pwm(pwm_us: ArrayLike, voltage_v: ArrayLike | None, curve: Thrus
 
 
 def polynomial_thrust(command: ArrayLike, coefficients: ArrayLike) -> Array:
-    """Thrust [N] of a command of -100 to 100 by a polynomial (highest power first) that
-    holds for commands above 0: Alberti 2015 (59).
+    """Return the thrust [N] of a command of -100 to 100 by a polynomial.
+
+    Highest power first; the polynomial holds for commands above 0: Alberti 2015 (59).
 
     The odd extension, sign(c) P(|c|) and 0 at 0, since (59) is positive everywhere and
     so means commands above 0 only; between 0 and its smallest thrust the curve jumps,
@@ -105,8 +111,9 @@ def polynomial_thrust(command: ArrayLike, coefficients: ArrayLike) -> Array:
 def thruster_forces(
     thrusters: Thrusters, pwm_us: ArrayLike, voltage_v: ArrayLike | None = None
 ) -> Array:
-    """Force of each thruster along its axis [N]: pulses (..., n) us, voltage (...) V ->
-    (..., n).
+    """Return the force of each thruster along its axis [N]: (..., n).
+
+    Pulses (..., n) [us], voltage (...) [V].
 
     Direction -1 mirrors the pulse about 1500 us: a mirrored propeller or swapped phase
     wires turn the motor the other way, while the strong direction of thrust stays the

@@ -1,3 +1,4 @@
-"""Kinematics, rigid-body inertia, restoring forces and added mass: the terms of
-McCarter 2014 (2.60) that need no vehicle.
+"""Terms of McCarter 2014 (2.60) that need no vehicle.
+
+Kinematics, rigid-body inertia, restoring forces and added mass.
 """

@@ -22,8 +22,9 @@ then exact to rounding.
 def spheroid_added_mass(
     a: float, b: float, *, fluid_mass: float | None = None, water_density: float = 1000.0
 ) -> Array:
-    """M_A (6, 6), <= 0, of a prolate spheroid about its centre with semi-axes a >= b
-    [m]; x is the axis of revolution.
+    """Return M_A (6, 6), <= 0, of a prolate spheroid about its centre.
+
+    Semi-axes a >= b [m]; x is the axis of revolution.
 
     `fluid_mass` m_f [kg] is the mass of displaced water, by default 4/3 pi rho a b^2.
     Table B.3 of McCarter follows from the dry mass of the vehicle in its place: X, Y, Z

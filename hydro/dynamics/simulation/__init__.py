@@ -1,3 +1,1 @@
-"""Motion in time: compiled loop, free runs of identified models, bench motions,
-sensors.
-"""
+"""Motion in time: compiled loop, free runs, bench motions, sensors."""

@@ -1,5 +1,6 @@
-"""Motion of the three bench experiments of Alberti 2015, integrated to 1e-10: single
-channels in a tank, free decay, quadrifilar pendulum.
+"""Motion of the three bench experiments of Alberti 2015, integrated to 1e-10.
+
+Single channels in a tank, free decay, quadrifilar pendulum.
 
 Each returns a function of time, so that every sensor can be sampled at its own times.
 Rates are exact: they come from the equation.
@@ -25,8 +26,9 @@ Rate = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class BenchMotion:
-    """A motion: `state` and `rate` (n, k) at times (n,) [s] from its start; before 0 it
-    stands as it starts.
+    """A motion: `state` and `rate` (n, k) at times (n,) [s] from its start.
+
+    Before 0 it stands as it starts.
     """
 
     at: Callable[[Array], tuple[Array, Array]]
@@ -38,8 +40,9 @@ class BenchMotion:
 def drive(
     model: SimplifiedModel, start: Array, changes_s: Array, tau: Array, end_s: float
 ) -> BenchMotion:
-    """The simplified model from rest under propulsion tau (m, 6) [N, N m], each row
-    held from `changes_s` (m,) on, the first from 0.
+    """Integrate the simplified model from rest under propulsion tau (m, 6) [N, N m].
+
+    Each row acts from `changes_s` (m,) on, the first from 0.
 
     `start`: pose eta (6,). State [eta, nu] (n, 12). Raises `DataError` where the motion
     cannot be followed (pitch of 90 degrees).
@@ -70,9 +73,11 @@ def drive(
 
 @dataclass(frozen=True)
 class PhysicalPendulum:
-    """A pendulum in water: `inertia` [kg m^2] about the pivot with all added mass,
-    `restoring` [N m] at 90 degrees of angle (weight less buoyancy, each at its own
-    arm), `linear` and `quadratic` [N m s, N m s^2] of the angular rate, both <= 0.
+    """A pendulum in water.
+
+    `inertia` [kg m^2] about the pivot with all added mass, `restoring` [N m] at 90
+    degrees of angle (weight less buoyancy, each at its own arm), `linear` and
+    `quadratic` [N m s, N m s^2] of the angular rate, both <= 0.
     """
 
     inertia: float
@@ -81,8 +86,9 @@ class PhysicalPendulum:
     quadratic: float
 
     def rate(self, state: Array) -> Array:
-        """Rate of [theta, theta_dot] (..., 2): Alberti (70) with every part at its own
-        arm.
+        """Return d/dt [theta, theta_dot] (..., 2): Alberti (70).
+
+        Every part at its own arm.
         """
         angle, speed = state[..., 0], state[..., 1]
         moment = (
@@ -94,8 +100,9 @@ class PhysicalPendulum:
 
 
 def free_decay(pendulum: PhysicalPendulum, angle_rad: float, end_s: float) -> BenchMotion:
-    """Release at rest from an angle at 0 s: state [theta, theta_dot] (n, 2). Raises
-    `DataError` where nothing restores it.
+    """Return the motion [theta, theta_dot] (n, 2) after a release at rest at 0 s.
+
+    Raises `DataError` where nothing restores it.
     """
     if pendulum.restoring <= 0.0 or pendulum.inertia <= 0.0:
         raise DataError(
@@ -107,8 +114,9 @@ def free_decay(pendulum: PhysicalPendulum, angle_rad: float, end_s: float) -> Be
 
 @dataclass(frozen=True)
 class Quadrifilar:
-    """A tray on lines of length `line` [m] between circles of radius R_1 (ceiling) and
-    R_2 (tray) with all that lies on it.
+    """A loaded tray on four lines of length `line` [m].
+
+    They hang between circles of radius R_1 (ceiling) and R_2 (tray).
 
     `inertia` [kg m^2] about the vertical through the centre, `mass` [kg], `damping` [N
     m s] >= 0 of the air.
@@ -123,8 +131,9 @@ class Quadrifilar:
     gravity: float
 
     def rate(self, state: Array) -> Array:
-        """Rate of [psi, psi_dot] (..., 2), exact in the angle: the tray rises as it
-        turns. For small angles it is Alberti (54).
+        """Return d/dt [psi, psi_dot] (..., 2), exact in the angle.
+
+        The tray rises as it turns. For small angles it is Alberti (54).
 
         With depth h(psi) = sqrt(line^2 - R_1^2 - R_2^2 + 2 R_1 R_2 cos psi) below the
         ceiling, Lagrange's equation is (I + m h'^2) psi_ddot + m h' h'' psi_dot^2 = m g
@@ -164,8 +173,9 @@ def _released(rate: Rate, angle: float, end_s: float) -> BenchMotion:
 def _follow(
     rate: Rate, start: Array, first_s: float, last_s: float
 ) -> Callable[[Array | float], Array]:
-    """Dormand and Prince of eighth order with its own interpolation. Returns states (k,
-    n) at times (n,).
+    """Integrate by Dormand and Prince of eighth order: states (k, n) at times (n,).
+
+    The method's own interpolation gives the states between its steps.
     """
     found = solve_ivp(
         lambda _, state: rate(state),

@@ -1,5 +1,6 @@
-"""Free run: the motion that a model gives by itself, from measured controls and one
-measured state, against the measured motion.
+"""Free runs of a model against a measured motion.
+
+The model moves by itself from measured controls and one measured state.
 
 A force error hides what a model does over time: a small bias turns into a wrong
 heading, an unstable coefficient set leaves the run. Several starting points and several
@@ -35,10 +36,11 @@ comes near them.
 
 @dataclass(frozen=True)
 class FreeRuns:
-    """Runs of m models from w starting points: state errors (m, w, k, 12) at
-    `horizons_s` (k,), simulated minus measured, yaw error wrapped; nan where the run
-    had diverged. `diverged_s` (m, w): seconds after the start, nan for a run that
-    stayed bounded.
+    """Runs of m models from w starting points.
+
+    State errors (m, w, k, 12) at `horizons_s` (k,), simulated minus measured, yaw error
+    wrapped; nan where the run had diverged. `diverged_s` (m, w): seconds after the
+    start, nan for a run that stayed bounded.
     """
 
     horizons_s: Array
@@ -46,8 +48,9 @@ class FreeRuns:
     diverged_s: Array
 
     def rms(self) -> Array:
-        """RMS over the starting points that stayed bounded: (m, k, 12); nan where none
-        did.
+        """Return the RMS over the starts that stayed bounded: (m, k, 12).
+
+        nan where none did.
         """
         count = np.sum(np.isfinite(self.errors), axis=1)
         total = np.nansum(self.errors**2, axis=1)
@@ -67,8 +70,9 @@ def free_runs(
     horizons_s: ArrayLike,
     minimum_speed: float = 0.05,
 ) -> FreeRuns:
-    """Simulate every model from every start with RK4 at the steps of the uniform clock
-    t_s (n,) [s].
+    """Simulate every model from every start with RK4.
+
+    Its steps are those of the uniform clock t_s (n,) [s].
 
     state (n, 12): measured [eta, nu]; control: series (n, ...); level_speed (n,) u_c(n)
     [m/s] where models have terms with eta; trims (m, 6) [N, N m]; starts_s (w,),

@@ -1,5 +1,6 @@
-"""A viscous force from flow physics, for the truth of a twin: outside the span of all
-eight models of McCarter 2014.
+"""A viscous force from flow physics, for the truth of a twin.
+
+It lies outside the span of all eight models of McCarter 2014.
 
 Strips along the hull feel cross-flow drag (Hoerner 1965, ch. 3; Fossen 2011, 6.4.3),
 the body lifts at small angles, fins and a tail mast lift and stall softly, the hull has
@@ -29,8 +30,7 @@ force and no division by zero.
 
 @dataclass(frozen=True)
 class LiftingSurface:
-    """A thin surface: its centre and unit normal in body axes, area, slope of the
-    normal force, and how it stalls.
+    """A thin surface: centre, normal in body axes, area, normal force, stall.
 
     Attached flow gives the normal force 1/2 rho S lift_slope u v_n, separated flow 1/2
     rho S plate_drag |v_n| v_n; the share of attached flow is 1 / (1 + (sin^2(alpha) /
@@ -48,8 +48,10 @@ class LiftingSurface:
     induced_drag: float = 0.6
 
     def row(self, density: float) -> list[float]:
-        """Centre, normal, 1/2 rho S times (slope, plate drag), 1 / sin^2(stall), 1/2
-        rho S times profile and induced drag: (11,).
+        """Return the row (11,) of `PhysicalViscous.surfaces`.
+
+        Centre, normal, 1/2 rho S times (slope, plate drag), 1 / sin^2(stall), 1/2 rho S
+        times profile and induced drag.
         """
         q = 0.5 * density * self.area_m2
         stall = 1.0 / math.sin(self.stall_rad) ** 2
@@ -166,8 +168,10 @@ STRIPS = 20
 
 
 def physical_viscous(vehicle: Vehicle) -> PhysicalViscous:
-    """The physical force of a torpedo-shaped vehicle, sized from its length (reference
-    length of the fins) and displaced volume.
+    """Return the physical force of a torpedo-shaped vehicle.
+
+    It is sized from the vehicle's length (reference length of the fins) and displaced
+    volume.
 
     Shape and coefficients are assumptions, chosen so that the VT 690 is stable, runs
     1.5 to 2.2 m/s at 1800 to 2600 rpm, and has effective derivatives per m/s of u near
@@ -195,8 +199,9 @@ def physical_viscous(vehicle: Vehicle) -> PhysicalViscous:
 
 
 def _strips(density: float, length: float, diameter: float) -> Array:
-    """Blunt nose, cylinder, tapered tail; cross-flow drag coefficient 1.0 of a cylinder
-    at these Reynolds numbers.
+    """Return the strips of a blunt nose, a cylinder and a tapered tail.
+
+    Cross-flow drag coefficient 1.0 of a cylinder at these Reynolds numbers.
     """
     edges = np.linspace(-0.5, 0.5, STRIPS + 1)
     x = 0.5 * (edges[1:] + edges[:-1])

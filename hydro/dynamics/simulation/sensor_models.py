@@ -1,5 +1,6 @@
-"""Sensors of the twin: what an AHRS, a velocity log and a pressure sensor report of a
-known motion, with noise, bias and where they sit.
+"""Sensors of the twin: AHRS, velocity log and pressure sensor.
+
+What they report of a motion, with noise, bias and the place where they sit.
 
 The forward side of hydro/identification/bias.py. Noise comes from a generator that the
 caller seeds; with all deviations 0 the sensors are exact. Sensor axes and lever arms
@@ -21,8 +22,9 @@ from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
 
 @dataclass(frozen=True)
 class AhrsNoise:
-    """Standard deviations per sample, except: attitude error is Gauss-Markov with
-    `attitude_correlation_s`; one bias per log.
+    """Standard deviations per sample; one bias per log.
+
+    The attitude error is Gauss-Markov with `attitude_correlation_s`.
     """
 
     attitude_rad: float = 0.0
@@ -35,8 +37,9 @@ class AhrsNoise:
 
 @dataclass(frozen=True)
 class Ahrs:
-    """What the AHRS reports: attitude (n, 3) [rad], angular rate and accelerometer (n,
-    3) in sensor axes, and the biases drawn (3,).
+    """Readings of the AHRS and its biases (3,).
+
+    Attitude (n, 3) [rad], angular rate and accelerometer (n, 3) in sensor axes.
     """
 
     attitude: Array
@@ -71,8 +74,9 @@ def ahrs(
     rate_hz: float,
     gravity: float,
 ) -> Ahrs:
-    """An AHRS at the times of the motion, which are 1/rate_hz apart. Its accelerometer
-    reports specific force, gravity inside.
+    """Return readings of an AHRS at the times of the motion, 1/rate_hz apart.
+
+    Its accelerometer reports specific force, gravity inside.
     """
     n = len(motion.t_s)
     gyro_bias, accel_bias = (
@@ -101,8 +105,9 @@ def ahrs(
 def without_gravity(
     accel: Array, attitude: Array, sensor: MountedSensor, *, gravity: float
 ) -> Array:
-    """The accelerometer with gravity taken off by the AHRS's own attitude (n, 3),
-    errors included: what `inertial` means in a log.
+    """Return the accelerometer less gravity by the AHRS's attitude (n, 3).
+
+    Errors of the attitude included: what `inertial` means in a log.
     """
     return np.asarray(accel + gravity * rotation_body_to_ned(attitude)[:, 2, :] @ sensor.rotation)
 
@@ -110,8 +115,9 @@ def without_gravity(
 def velocity_log(
     motion: Motion, sensor: MountedSensor, random: np.random.Generator, *, noise_m_s: float
 ) -> Array:
-    """Velocity over ground of the sensor's point in sensor axes (n, 3) [m/s]: R' (v +
-    omega x arm) + noise.
+    """Return the sensor's velocity over ground in its axes (n, 3) [m/s].
+
+    R' (v + omega x arm) + noise.
     """
     local = motion.nu[:, :3] + cross(motion.nu[:, 3:], sensor.arm_m)
     return np.asarray(local @ sensor.rotation + noise_m_s * random.standard_normal(local.shape))

@@ -141,8 +141,10 @@ def basis_rows(
 
 @lru_cache(maxsize=64)
 def _product_plan(terms: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
-    """Return the factors that occur in `terms`, and for the first, second ... factor of
-    each term its place among them; one beyond the last where a term has no such factor.
+    """Return the factors in `terms` and the places of each term's factors.
+
+    First, second ... factor of each term; one beyond the last where a term has no such
+    factor.
     """
     factors = [_lookup(name).factors for name in terms]
     names = tuple(dict.fromkeys(name for each in factors for name in each))
