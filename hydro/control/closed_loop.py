@@ -107,15 +107,15 @@ def fly(
             field="switch",
             value=len(given),
         )
-    found = given[0].equilibrium
+    equilibrium = given[0].equilibrium
     n = (
-        len(found.t_s)
+        len(equilibrium.t_s)
         if duration_s is None
-        else min(len(found.t_s), round(duration_s / found.step_s) + 1)
+        else min(len(equilibrium.t_s), round(duration_s / equilibrium.step_s) + 1)
     )
-    m = found.U.shape[1]
+    m = equilibrium.U.shape[1]
     use = np.asarray(use_observer, dtype=np.float64)
-    first = found.chi[0] if start is None else np.asarray(start, dtype=np.float64)
+    first = equilibrium.chi[0] if start is None else np.asarray(start, dtype=np.float64)
     force = np.zeros((n, 3)) if force_ned_N is None else np.asarray(force_ned_N, dtype=np.float64)
     b = members or max(
         np.size(use), len(first) if first.ndim == 2 else 1, len(force) if force.ndim == 3 else 1
@@ -124,10 +124,12 @@ def fly(
     pushed, observed = bool(np.any(force)), given[0].observer is not None
     use = np.broadcast_to(use, (b,))[:, None]
     chi = np.broadcast_to(first, (b, N)).copy()
-    U = np.broadcast_to(np.clip(found.U[0], plant.inputs.low, plant.inputs.high), (b, m)).copy()
-    Z = np.concatenate([chi - found.chi[0], np.zeros((b, D))], axis=1)
+    U = np.broadcast_to(
+        np.clip(equilibrium.U[0], plant.inputs.low, plant.inputs.high), (b, m)
+    ).copy()
+    Z = np.concatenate([chi - equilibrium.chi[0], np.zeros((b, D))], axis=1)
     flown = Flights(
-        found.t_s[:n], *(np.zeros((b, n, *size)) for size in ((N,), (m,), (D,), (), ()))
+        equilibrium.t_s[:n], *(np.zeros((b, n, *size)) for size in ((N,), (m,), (D,), (), ()))
     )
     reference = Reference(given, b, waiting)
     with np.errstate(all="ignore"):  # a member that diverges becomes nan
@@ -153,7 +155,7 @@ def fly(
                 wanted - matrix_product(reference.value("k"), deviation),
                 U,
                 plant.inputs,
-                found.step_s,
+                equilibrium.step_s,
             )
             flown.chi[:, tick], flown.U[:, tick], flown.disturbance[:, tick] = chi, U, Z[:, N:]
             flown.reference_s[:, tick], flown.powered[:, tick] = reference.time_s, reference.mode
@@ -172,9 +174,9 @@ def fly(
                 mass,
                 force[:, tick] if pushed else None,
                 current_ned_m_s,
-                found.step_s,
+                equilibrium.step_s,
             )
-            ahead, shift = reference.advance(chi, found.step_s * (tick + 1))
+            ahead, shift = reference.advance(chi, equilibrium.step_s * (tick + 1))
             after = chi - ahead
             chi[~(np.abs(after[:, 6:9]).max(axis=1) < LOST_M)] = np.nan
             if observed:
@@ -208,7 +210,7 @@ def _advance(
 
 
 def linear_response(
-    found: Equilibrium, A: Array, B: Array, U: ArrayLike, *, start: ArrayLike
+    equilibrium: Equilibrium, A: Array, B: Array, U: ArrayLike, *, start: ArrayLike
 ) -> Array:
     """Return chi (n, 12) of the linear model (3.18) along an equilibrium.
 
@@ -220,12 +222,12 @@ def linear_response(
     m = B.shape[-1]
     whole = np.zeros((len(A), N + m, N + m))
     whole[:, :N, :N], whole[:, :N, N:] = A, B
-    flow = exponential(whole * found.step_s)[:, :N]
-    out = np.empty(found.chi.shape)
-    deviation = np.asarray(start, dtype=np.float64) - found.chi[0]
-    moved = np.asarray(U, dtype=np.float64) - found.U
+    flow = exponential(whole * equilibrium.step_s)[:, :N]
+    out = np.empty(equilibrium.chi.shape)
+    deviation = np.asarray(start, dtype=np.float64) - equilibrium.chi[0]
+    moved = np.asarray(U, dtype=np.float64) - equilibrium.U
     for tick in range(len(out)):
-        out[tick] = found.chi[tick] + deviation
+        out[tick] = equilibrium.chi[tick] + deviation
         deviation = flow[tick, :, :N] @ deviation + flow[tick, :, N:] @ moved[tick]
     return out
 

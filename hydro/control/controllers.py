@@ -99,7 +99,7 @@ class Schedule:
 
 def design(
     plant: ControlledPlant,
-    found: Equilibrium,
+    equilibrium: Equilibrium,
     weights: Weights,
     *,
     riccati: str = "backward",
@@ -132,7 +132,7 @@ def design(
             raise CampaignError(
                 "weights do not fit the vehicle", field=name, value=values.tolist(), allowed=rule
             )
-    few = at_every(found, stride)
+    few = at_every(equilibrium, stride)
     A, B = plant.linear(few.chi, few.U, mass_kg=few.mass_kg)
     for index in np.unique(np.linspace(0, len(A) - 1, 9).astype(int)):
         require_controllable(A[index], B[index], where=f"at {few.t_s[index]:.1f} s")
@@ -152,11 +152,11 @@ def design(
     watch = (
         None
         if observer is None
-        else _observer(few, found.step_s, A, B, poles, weights, observer, feed_forward)
+        else _observer(few, equilibrium.step_s, A, B, poles, weights, observer, feed_forward)
     )
     return Schedule(
-        found,
-        _along(found.t_s, few.t_s, k),
+        equilibrium,
+        _along(equilibrium.t_s, few.t_s, k),
         watch,
         few.t_s,
         A,

@@ -154,16 +154,16 @@ def _trim(
     damping, rows = np.ones(len(y)), np.arange(len(y))
     for _ in range(ITERATIONS):
         at = Trajectory(*(value[rows] for value in vars(trajectory).values()))
-        asked, weight, push = nu_dot[rows], mass[rows], None if force is None else force[rows]
+        goal, weight, push = nu_dot[rows], mass[rows], None if force is None else force[rows]
 
         def miss(
             y: Array,
             at: Trajectory = at,
-            asked: Array = asked,
+            goal: Array = goal,
             weight: Array = weight,
             push: Array | None = push,
         ) -> Array:
-            return asked - _acceleration(plant, _states(at, y[:, :2]), y[:, 2:], weight, push)
+            return goal - _acceleration(plant, _states(at, y[:, :2]), y[:, 2:], weight, push)
 
         here = y[rows]
         error = miss(here)
@@ -213,14 +213,18 @@ def _result(
     return Equilibrium(trajectory.t_s, chi, U, mass, nu_dot, residual, glides)
 
 
-def at_every(found: Equilibrium, stride: int) -> Equilibrium:
+def at_every(equilibrium: Equilibrium, stride: int) -> Equilibrium:
     """Every `stride`-th sample."""
     names = ("t_s", "chi", "U", "mass_kg", "nu_dot", "residual")
-    return replace(found, **{name: getattr(found, name)[::stride] for name in names})
+    return replace(equilibrium, **{name: getattr(equilibrium, name)[::stride] for name in names})
 
 
 def require_reachable(
-    plant: ControlledPlant, found: Equilibrium, *, largest_pitch_rad: float, share: float = 0.05
+    plant: ControlledPlant,
+    equilibrium: Equilibrium,
+    *,
+    largest_pitch_rad: float,
+    share: float = 0.05,
 ) -> None:
     """Raise `CampaignError` where a trimmed trajectory is beyond the vehicle.
 
@@ -231,7 +235,7 @@ def require_reachable(
     A glide may miss more at its tips, where the buoyancy engine changes over and the
     fins have little effect: there the time is not held.
     """
-    steepest = float(np.abs(found.chi[:, 10]).max())
+    steepest = float(np.abs(equilibrium.chi[:, 10]).max())
     if steepest > largest_pitch_rad:
         raise CampaignError(
             "the trajectory asks for more pitch than allowed",
@@ -240,26 +244,28 @@ def require_reachable(
             allowed=f"+-{largest_pitch_rad:.4g} rad",
         )
     limits = plant.inputs
-    missing = np.sqrt(np.sum(found.residual[:, :3] ** 2, axis=1)) + np.sqrt(
-        np.sum(found.residual[:, 3:] ** 2, axis=1)
+    missing = np.sqrt(np.sum(equilibrium.residual[:, :3] ** 2, axis=1)) + np.sqrt(
+        np.sum(equilibrium.residual[:, 3:] ** 2, axis=1)
     )
     unmet = missing > UNMET * plant.neutral_kg * plant.gravity
-    if found.glides or unmet.mean() <= share:
+    if equilibrium.glides or unmet.mean() <= share:
         return
     span = 1e-9 * (limits.high - limits.low)
-    at_limit = ((limits.low + span >= found.U) | (limits.high - span <= found.U)) & unmet[:, None]
+    at_limit = (
+        (limits.low + span >= equilibrium.U) | (limits.high - span <= equilibrium.U)
+    ) & unmet[:, None]
     worst = int(np.argmax(at_limit.mean(axis=0)))
     raise CampaignError(
         "the trajectory asks for more than the actuators have",
         field=limits.names[worst] if at_limit.any() else "trajectory",
         value=f"{missing.max():.4g} N missing over {100.0 * unmet.mean():.0f} % of the time",
         allowed=f"{limits.low[worst]:.4g} to {limits.high[worst]:.4g} {limits.units[worst]}",
-        remedy=_tightest(plant, found),
+        remedy=_tightest(plant, equilibrium),
     )
 
 
-def _tightest(plant: ControlledPlant, found: Equilibrium) -> str:
-    speed = float(np.median(np.sqrt(np.sum(found.chi[:, :3] ** 2, axis=1))))
+def _tightest(plant: ControlledPlant, equilibrium: Equilibrium) -> str:
+    speed = float(np.median(np.sqrt(np.sum(equilibrium.chi[:, :3] ** 2, axis=1))))
     try:
         radius = minimum_turning_radius(plant, speed)
     except CampaignError:
@@ -299,7 +305,7 @@ def _turns(plant: ControlledPlant, speed: float, radius: float) -> bool:
     turn = Trajectory(
         t, place, speed * along, np.stack([zero, zero, psi], axis=-1), rate, speed * t
     )
-    found = equilibrium(plant, turn)
+    result = equilibrium(plant, turn)
     limits = plant.inputs
-    inside = (found.U[2] >= limits.low - 1e-9) & (found.U[2] <= limits.high + 1e-9)
-    return bool(inside.all() and np.abs(found.residual[2]).max() < 1e-3)
+    inside = (result.U[2] >= limits.low - 1e-9) & (result.U[2] <= limits.high + 1e-9)
+    return bool(inside.all() and np.abs(result.residual[2]).max() < 1e-3)

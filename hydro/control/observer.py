@@ -116,7 +116,7 @@ def disturbance_target(
         )
     )
     system = np.concatenate([a[..., free], b], axis=-1) * scale
-    found = -scale[:, None] * (np.linalg.pinv(system, rcond=1e-10) @ E)
+    solution = -scale[:, None] * (np.linalg.pinv(system, rcond=1e-10) @ E)
     state = np.zeros((*a.shape[:-2], N, D))
-    state[..., free, :] = found[..., :9, :]
-    return state, np.asarray(found[..., 9:, :])
+    state[..., free, :] = solution[..., :9, :]
+    return state, np.asarray(solution[..., 9:, :])

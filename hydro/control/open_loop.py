@@ -240,7 +240,7 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
 
     upright.terminal = True  # type: ignore[attr-defined]
     t_s = step_s * np.arange(int(case.duration_s / step_s + 1e-9) + 1)
-    found = solve_ivp(
+    solution = solve_ivp(
         rate,
         (0.0, t_s[-1]),
         np.zeros(12),
@@ -251,11 +251,13 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
         atol=1e-10,
     )
     stop = None
-    if found.status == 1:
-        stop = f"pitch beyond {PITCH_LIMIT_RAD:g} rad at {found.t_events[0][0]:.1f} s"
-    elif not found.success:
-        stop = f"the integration failed: {found.message}"
-    return OpenLoopRun(case, hybrid.parameter_set, found.t, found.y.T, case.mass(found.t), stop)
+    if solution.status == 1:
+        stop = f"pitch beyond {PITCH_LIMIT_RAD:g} rad at {solution.t_events[0][0]:.1f} s"
+    elif not solution.success:
+        stop = f"the integration failed: {solution.message}"
+    return OpenLoopRun(
+        case, hybrid.parameter_set, solution.t, solution.y.T, case.mass(solution.t), stop
+    )
 
 
 def findings(run: OpenLoopRun) -> tuple[Finding, ...]:

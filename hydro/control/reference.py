@@ -85,7 +85,7 @@ class Reference:
     def _at(self, name: str, time_s: Array) -> Array:
         values = []
         for schedule, ratio in zip(self.schedules, self.ratio, strict=True):
-            rows, stride = _held(schedule, name)
+            rows, stride = _rows_and_stride(schedule, name)
             real = np.clip(time_s * ratio / self.step_s, 0.0, stride * len(rows) - 1.0)
             if self.waiting is None:
                 return np.asarray(rows[round(float(real[0])) // stride])
@@ -125,22 +125,22 @@ class Reference:
         """
         away = chi[:, 6:9] - self.value("chi")[:, 6:9]
         tangent = self._tangent()
-        beside = np.sqrt(
+        off_path = np.sqrt(
             np.sum((away - np.sum(away * tangent, axis=1)[:, None] * tangent) ** 2, axis=1)
         )
         force = matrix_product(plant.mass_matrix(mass_kg), d)[:, :3]
         north_east = matrix_product(rotation_body_to_ned(chi[:, 9:]), force)[:, :2]
         push = np.hypot(north_east[:, 0], north_east[:, 1])
         on, off = (
-            (beside > rule.on_m) | (push > rule.on_N),
-            (beside < rule.off_m) & (push < rule.off_N),
+            (off_path > rule.on_m) | (push > rule.on_N),
+            (off_path < rule.off_m) & (push < rule.off_N),
         )
         before = self.mode
         self.mode = np.where(on, 1, np.where(off, 0, before))
         return bool((self.mode != before).any())
 
 
-def _held(schedule: Schedule, name: str) -> tuple[Array, int]:
+def _rows_and_stride(schedule: Schedule, name: str) -> tuple[Array, int]:
     """Rows of a schedule, and how many ticks each lasts."""
     if name in ("chi", "U", "mass_kg", "k"):
         holder: Any = schedule if name == "k" else schedule.equilibrium

@@ -161,14 +161,14 @@ def uncontrollable_states(
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     scale = np.abs(b).max(axis=0)
     b = b / np.where(scale > 0.0, scale, 1.0)
-    found: dict[str, None] = {}
+    names_of_states: dict[str, None] = {}
     for value in np.linalg.eigvals(a):
         if unstable_only and value.real < -1e-9:
             continue
         left, singular, _ = np.linalg.svd(np.hstack([a - value * np.eye(len(a)), b]))
         for column in np.flatnonzero(singular < CONTROLLABLE * max(singular[0], 1.0)):
-            found[names[int(np.argmax(np.abs(left[:, column])))]] = None
-    return list(found)
+            names_of_states[names[int(np.argmax(np.abs(left[:, column])))]] = None
+    return list(names_of_states)
 
 
 def require_controllable(

@@ -109,7 +109,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         rows += part[1]
     own = [item for item in flown if item.designed_on == flown[0].designed_on]
     tables = {item.name: flight_table(models.plant, item) for item in own}
-    shown = section(
+    report_section = section(
         "Control",
         blocks,
         order=20,
@@ -123,7 +123,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         gains={item.case.name: gains_table(item, models.plant.inputs) for item in own},
         tracking=tracking_table(flown, models.plant.inputs),
         results={"title": f"Control of {models.plant.title}", "rows": rows},
-        section=shown,
+        section=report_section,
         views=views_of(tables, models.plant.inputs),
     )
 
@@ -146,15 +146,15 @@ def _spread(
     inputs: Inputs, params: Params, models: Models, flown: list[Flown]
 ) -> tuple[list[Block], list[dict[str, Any]]]:
     """The Monte Carlo of the cases, if they ask for one."""
-    asked = spread_of(inputs.cases or {})
-    if asked is None or not params.members:
+    spread = spread_of(inputs.cases or {})
+    if spread is None or not params.members:
         return [], []
     chosen = {
         (item.case.name, item.flight.name): item
         for item in flown
         if item.designed_on == flown[0].designed_on
     }
-    key = (asked.trajectory, asked.flight)
+    key = (spread.trajectory, spread.flight)
     if key not in chosen:
         names = [" / ".join(pair) for pair in chosen]
         raise CampaignError(
@@ -171,15 +171,15 @@ def _spread(
             value=key[0],
         )
     longest = float(item.flown.t_s[-1])
-    if asked.duration_s > longest + 1e-9:
+    if spread.duration_s > longest + 1e-9:
         allowed = f"at most {longest:g} s, the length of the flight"
         raise CampaignError(
             "longer than what is flown",
             field="monte_carlo.duration",
-            value=asked.duration_s,
+            value=spread.duration_s,
             allowed=allowed,
         )
-    duration, relative = asked.duration_s, asked.relative_sd
+    duration, relative = spread.duration_s, spread.relative_sd
     errors, track = monte_carlo(
         models,
         inputs.model_card,

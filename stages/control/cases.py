@@ -141,8 +141,8 @@ def spread_of(cases: Document) -> Spread | None:
 
     Raises `CampaignError` for numbers that are not above zero.
     """
-    asked = cases.get("monte_carlo")
-    if not asked:
+    entry = cases.get("monte_carlo")
+    if not entry:
         return None
     with in_cases():
         read = Quantities(cases).part("monte_carlo")
@@ -150,7 +150,7 @@ def spread_of(cases: Document) -> Spread | None:
             positive(read, "duration", "s"),
             positive(read, "relative_sd", "1", default=0.1),
         )
-    return Spread(str(asked["trajectory"]), str(asked["flight"]), duration, relative)
+    return Spread(str(entry["trajectory"]), str(entry["flight"]), duration, relative)
 
 
 def weights_of(cases: Document) -> dict[str, Weights]:
@@ -173,11 +173,11 @@ def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
     or with more ticks than `MOST_TICKS`.
     """
     read = Quantities(cases).part("trajectories")
-    found = []
+    trajectories = []
     for name, entry in cases["trajectories"].items():
         with in_cases():
-            found.append(_trajectory(name, entry, read.part(name), cases["weights"]))
-    return tuple(found)
+            trajectories.append(_trajectory(name, entry, read.part(name), cases["weights"]))
+    return tuple(trajectories)
 
 
 def _trajectory(

@@ -117,19 +117,19 @@ def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -
 
     Raises `PipelineError` where there are any and `allow` is false.
     """
-    found: dict[str, float] = {}
+    growing: dict[str, float] = {}
     for index in np.unique(np.linspace(0, len(schedule.A) - 1, 5).astype(int)):
         values, vectors = np.linalg.eig(schedule.A[index])
         for i in np.flatnonzero(values.real > UNSTABLE_PER_S):
             state = STATES[int(np.argmax(np.abs(vectors[:, i])))]
-            found[state] = max(found.get(state, 0.0), float(values[i].real))
-    if found and not allow:
+            growing[state] = max(growing.get(state, 0.0), float(values[i].real))
+    if growing and not allow:
         raise PipelineError(
             "the identified model is unstable along the trajectory, so a controller on it would"
             " hold a vehicle that may not exist",
             field="model",
             value=", ".join(
-                f"mode of {state} grows by {rate:.3g} per s" for state, rate in found.items()
+                f"mode of {state} grows by {rate:.3g} per s" for state, rate in growing.items()
             ),
             remedy=(
                 "Identify with more excitation, or say control: {allow_unstable: true} under stages"
@@ -138,7 +138,7 @@ def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -
         )
     return [
         f"{plant.title}: the mode of {state} grows by {rate:.3g} per second without a controller."
-        for state, rate in found.items()
+        for state, rate in growing.items()
     ]
 
 
@@ -192,11 +192,11 @@ def _schedule(
     limits: Limits,
 ) -> Schedule:
     with in_cases(f"trajectories.{case.name}"):
-        found = equilibrium(
+        steady = equilibrium(
             plant, trajectory, method=case.equilibrium, epsilon_rad=case.epsilon_rad
         )
         if case.equilibrium == "trimmed":
-            require_reachable(plant, found, largest_pitch_rad=limits.pitch_rad)
+            require_reachable(plant, steady, largest_pitch_rad=limits.pitch_rad)
     stride = max(
         1,
         round(
@@ -209,7 +209,7 @@ def _schedule(
     with in_cases(f"weights.{case.weights}"):
         return design(
             plant,
-            found,
+            steady,
             weights,
             riccati=case.riccati,
             observer=case.observer,
@@ -310,7 +310,7 @@ def monte_carlo(
         members,
         rng,
     )
-    found: list[Performance] = []
+    parts: list[Performance] = []
     for first in range(0, members, CHUNK):
         varied = plant.with_viscous(drawn[first : first + CHUNK])
         clock = flown.flight.clock or case.waiting is None
@@ -325,7 +325,7 @@ def monte_carlo(
             duration_s=duration_s,
             members=len(varied.viscous),
         )
-        found.append(
+        parts.append(
             performance(
                 flown.trajectory,
                 flights,
@@ -335,9 +335,9 @@ def monte_carlo(
             )
         )
     joined = {
-        name: np.concatenate([getattr(part, name) for part in found]) for name in vars(found[0])
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])
     }
-    return replace(found[0], **joined), joined["cross_track_m"]
+    return replace(parts[0], **joined), joined["cross_track_m"]
 
 
 def _drawn(

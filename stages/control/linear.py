@@ -56,7 +56,7 @@ def linear_comparisons(
     and for a run shorter than `FROM_S` and a second.
     """
     known = {run.case.name: run for run in runs}
-    found = []
+    comparisons = []
     for name in names:
         if name not in known:
             raise CampaignError(
@@ -67,8 +67,8 @@ def linear_comparisons(
                 remedy=nearest(name, known),
             )
         recorded = _recorded(plant, known[name])
-        found += [_compared(plant, recorded, method) for method in METHODS]
-    return found
+        comparisons += [_compared(plant, recorded, method) for method in METHODS]
+    return comparisons
 
 
 def _recorded(plant: HybridPlant, run: OpenLoopRun) -> OpenLoopRun:
@@ -103,12 +103,12 @@ def _compared(plant: HybridPlant, run: OpenLoopRun, method: str) -> Comparison:
     return Comparison(run, method, t, chi, linear_response(along, A, B, inputs, start=chi[0]))
 
 
-def linear_part(found: Sequence[Comparison]) -> tuple[list[Block], list[dict[str, Any]]]:
+def linear_part(comparisons: Sequence[Comparison]) -> tuple[list[Block], list[dict[str, Any]]]:
     """Report blocks and rows of `results`."""
-    if not found:
+    if not comparisons:
         return [], []
     rows, figures, plots = [], [], []
-    for item in found:
+    for item in comparisons:
         pitch = float(np.degrees(np.abs(item.linear[:, 10] - item.nonlinear[:, 10]).max()))
         yaw = float(np.degrees(np.abs(item.linear[:, 11] - item.nonlinear[:, 11]).max()))
         travelled = float(

@@ -58,14 +58,14 @@ def open_loop_part(cases: Document, vehicle: Vehicle) -> Part:
         for case in open_loop_cases(cases, hybrid):
             if name == SHOWN_SET or (case.statements and case.duration_s <= LONGEST_BESIDE_S):
                 runs.append(fly_open_loop(hybrid, case))
-    found = [item for run in runs for item in findings(run)]
-    shown = tuple(run for run in runs if run.parameter_set == SHOWN_SET)
+    compared = [item for run in runs for item in findings(run)]
+    own = tuple(run for run in runs if run.parameter_set == SHOWN_SET)
     blocks = [
-        _statements(found),
+        _statements(compared),
         *(remark(words, "note") for words in _ended(runs)),
-        *(_plot(run) for run in shown),
+        *(_plot(run) for run in own),
     ]
-    return Part(tuple(blocks), tuple(_row(item) for item in found), shown)
+    return Part(tuple(blocks), tuple(_row(item) for item in compared), own)
 
 
 def coefficients_part(vehicle: Vehicle) -> Part:
@@ -133,9 +133,9 @@ def _row(item: Finding) -> dict[str, Any]:
     }
 
 
-def _statements(found: Sequence[Finding]) -> Block:
+def _statements(compared: Sequence[Finding]) -> Block:
     by_statement: dict[tuple[str, str], dict[str, Finding]] = {}
-    for item in found:
+    for item in compared:
         by_statement.setdefault((item.case, item.statement.quantity), {})[item.parameter_set] = item
     rows = []
     for (case, quantity), sets in by_statement.items():

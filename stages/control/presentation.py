@@ -43,14 +43,17 @@ def input_column(name: str) -> str:
 
 def flight_table(plant: ControlledPlant, item: Flown) -> pa.Table:
     """One flight, ten samples per second."""
-    flown, found = item.flown, item.schedule.equilibrium
+    flown, equilibrium = item.flown, item.schedule.equilibrium
     stride = max(1, round(1.0 / (SHOWN_HZ * item.case.step_s)))
     rows = slice(None, None, stride)
-    place = flown.reference_s / found.step_s
+    place = flown.reference_s / equilibrium.step_s
     desired = np.column_stack(
-        [np.interp(place, np.arange(len(found.t_s)), column) for column in found.chi[:, 6:].T]
+        [
+            np.interp(place, np.arange(len(equilibrium.t_s)), column)
+            for column in equilibrium.chi[:, 6:].T
+        ]
     )
-    mass = np.interp(place, np.arange(len(found.t_s)), found.mass_kg)
+    mass = np.interp(place, np.arange(len(equilibrium.t_s)), equilibrium.mass_kg)
     force = np.einsum("nij,nj->ni", plant.mass_matrix(mass), flown.disturbance)
     columns: dict[str, Any] = {"t_s": flown.t_s[rows]}
     columns |= dict(zip(POSE, flown.chi[rows, 6:].T, strict=True))
@@ -142,14 +145,14 @@ def figures(flown: Sequence[Flown], inputs: InputLimits) -> list[dict[str, Any]]
             share = float(e.cross_track_rms_m) / float(without.errors.cross_track_rms_m)
             values["rms cross-track over that without observer"] = (share, "1")
         for name, (value, unit) in values.items():
-            shown = item.flight.headline and name == "rms cross-track" and not after
+            headline = item.flight.headline and name == "rms cross-track" and not after
             rows.append(
                 {
                     "quantity": f"{name}, {where}",
                     "value": value if np.isfinite(value) else None,
                     "unit": unit,
                     "note": note,
-                    "headline": shown,
+                    "headline": headline,
                 }
             )
     for item in _schedules(flown):
@@ -183,7 +186,7 @@ def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
     None for a flight without one, or where there is no such flight.
     """
 
-    def told(other: Flown) -> tuple[Any, ...]:
+    def conditions(other: Flown) -> tuple[Any, ...]:
         flight = other.flight
         force = {name: np.asarray(value).tolist() for name, value in flight.force.items()}
         current = None if flight.current is None else flight.current.tolist()
@@ -192,7 +195,12 @@ def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
     if not item.flight.observer:
         return None
     return next(
-        (other for other in flown if not other.flight.observer and told(other) == told(item)), None
+        (
+            other
+            for other in flown
+            if not other.flight.observer and conditions(other) == conditions(item)
+        ),
+        None,
     )
 
 
@@ -278,9 +286,9 @@ def _rounded(value: Any) -> float | None:
 
 
 def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
-    case, found = flown[0].case, flown[0].schedule.equilibrium
-    desired = found.chi[:, 6:9]
-    kept = slice(0, int(max(item.flown.reference_s[-1] for item in flown) / found.step_s) + 1)
+    case, equilibrium = flown[0].case, flown[0].schedule.equilibrium
+    desired = equilibrium.chi[:, 6:9]
+    kept = slice(0, int(max(item.flown.reference_s[-1] for item in flown) / equilibrium.step_s) + 1)
     plan = [series("desired", desired[kept, 1], desired[kept, 0], "desired")]
     depth = [series("desired", desired[kept, 0], desired[kept, 2], "desired")]
     for item in flown:

@@ -246,7 +246,7 @@ def _section(
 
 def _views(tables: Iterable[str]) -> dict[str, Any]:
     """The true motion of every leg, from its take-off on, and what the autopilot did."""
-    shown: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    groups: tuple[tuple[str, tuple[str, ...], str], ...] = (
         ("velocity", VELOCITY[:3], "m/s"),
         ("rates", VELOCITY[3:], "rad/s"),
         ("attitude", ATTITUDE, "rad"),
@@ -263,7 +263,7 @@ def _views(tables: Iterable[str]) -> dict[str, Any]:
         }
         | {"roles": ["true"] * len(columns), "tab": "Twin", "unit": unit}
         for leg in tables
-        for name, columns, unit in shown
+        for name, columns, unit in groups
     ]
     return {"groups": groups}
 

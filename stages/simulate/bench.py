@@ -102,8 +102,8 @@ def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExp
     for channel, steps in commands.items():
         index = output_of(channel, vehicle)
         values = np.concatenate([[0.0], steps["values_percent"]])
-        held = values[np.searchsorted(steps["times_s"], changes + 1e-9, side="right")]
-        pulses[:, index] = np.rint(_pulse(vehicle.thrusters, held))
+        commands = values[np.searchsorted(steps["times_s"], changes + 1e-9, side="right")]
+        pulses[:, index] = np.rint(_pulse(vehicle.thrusters, commands))
     tau = thruster_force(vehicle.thrusters, thruster_forces(vehicle.thrusters, pulses))
     start = np.array([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0])
     truth = experiment.entry["truth"]

@@ -169,7 +169,7 @@ def bench_entries(
             logs.append(
                 log_entry(entry["id"], format, TANK_PARTS if kind == "tank" else CSV_PARTS[:1])
             )
-            said = (
+            keys = (
                 _driven(entry, document)
                 if kind == "tank"
                 else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
@@ -182,7 +182,7 @@ def bench_entries(
                     "start_s": margin,
                     "end_s": end,
                     "use": entry.get("use", "training"),
-                    **said,
+                    **keys,
                 }
             )
     return logs, legs

@@ -47,14 +47,14 @@ class Leg:
 
         0 before the first step.
         """
-        return _held(self.yaw_steps, t_s)
+        return _value_at(self.yaw_steps, t_s)
 
     def depth_m(self, t_s: Array) -> Array:
         """Change of depth asked for at times from the start of the leg."""
-        return _held(self.depth_steps, t_s)
+        return _value_at(self.depth_steps, t_s)
 
 
-def _held(steps: tuple[Array, Array], t_s: Array) -> Array:
+def _value_at(steps: tuple[Array, Array], t_s: Array) -> Array:
     times, values = steps
     index = np.searchsorted(times, np.asarray(t_s) + 1e-9, side="right")
     return np.concatenate([[0.0], values])[index]
@@ -356,8 +356,10 @@ def _list_faults(document: Mapping[str, Any], fault: Any) -> Iterator[PipelineEr
             yield fault("the times do not increase", f"{kind}.times_s", entry["times_s"])
     three = [("unsteady", "force_sd_N"), ("unsteady", "moment_sd_N_m")]
     dvl = (document.get("sensors") or {}).get("dvl") or {}
-    found = [(f"{part}.{key}", (document.get(part) or {}).get(key)) for part, key in three]
-    found += [(f"sensors.dvl.{key}", dvl.get(key)) for key in ("arm_error_m", "mounting_error_deg")]
-    for field, value in found:
+    numbers = [(f"{part}.{key}", (document.get(part) or {}).get(key)) for part, key in three]
+    numbers += [
+        (f"sensors.dvl.{key}", dvl.get(key)) for key in ("arm_error_m", "mounting_error_deg")
+    ]
+    for field, value in numbers:
         if value is not None and len(value) != 3:
             yield fault("three numbers are needed", field, value)

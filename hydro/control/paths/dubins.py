@@ -125,9 +125,9 @@ def _turn(angle: float, bounds: Bounds) -> Array:
         return np.zeros(2)
     if not ramp:
         return radius * np.array([np.sin(angle), 1.0 - np.cos(angle)])
-    held = angle - ramp / radius  # turned at full curvature
+    full = angle - ramp / radius  # turned at full curvature
     moved, heading = np.zeros(2), 0.0
-    for width, shape in ((ramp, 1.0), (held * radius, 0.0), (ramp, -1.0)):
+    for width, shape in ((ramp, 1.0), (full * radius, 0.0), (ramp, -1.0)):
         x = 0.5 * width * (_NODE + 1.0)
         rate = (
             x / radius
@@ -136,12 +136,12 @@ def _turn(angle: float, bounds: Bounds) -> Array:
             if shape > 0.0
             else (x - 0.5 * x * x / ramp) / radius
         )
-        pieces = max(1, int(np.ceil(held / 1.0))) if shape == 0.0 else 1
+        pieces = max(1, int(np.ceil(full / 1.0))) if shape == 0.0 else 1
         if shape == 0.0:
             ends = radius * np.array(
-                [np.sin(heading + held) - np.sin(heading), np.cos(heading) - np.cos(heading + held)]
+                [np.sin(heading + full) - np.sin(heading), np.cos(heading) - np.cos(heading + full)]
             )
-            moved, heading = moved + ends, heading + held
+            moved, heading = moved + ends, heading + full
             continue
         weight = 0.5 * width * _WEIGHT / pieces
         moved = moved + np.array(

@@ -88,7 +88,7 @@ class Curve:
         place = np.clip(np.searchsorted(knots, run, side="right") - 1, 0, len(knots) - 2)
         width = np.maximum(knots[place + 1] - knots[place], 1e-300)
         ahead = run - knots[place]
-        found = []
+        tables = []
         for first, rate in (
             (self.start_heading, self.heading_rate),
             (self.start_pitch, self.pitch_rate),
@@ -97,13 +97,13 @@ class Curve:
                 [[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(knots))]
             )
             slope = (rate[place + 1] - rate[place]) / width
-            found.append(
+            tables.append(
                 (
                     first + before[place] + ahead * (rate[place] + 0.5 * slope * ahead),
                     rate[place] + slope * ahead,
                 )
             )
-        return found[0][0], found[1][0], found[0][1], found[1][1]
+        return tables[0][0], tables[1][0], tables[0][1], tables[1][1]
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Array]:

@@ -177,7 +177,7 @@ def _follow(
 
     The method's own interpolation gives the states between its steps.
     """
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda _, state: rate(state),
         (first_s, last_s),
         start,
@@ -187,9 +187,10 @@ def _follow(
         max_step=LONGEST_STEP_S,
         dense_output=True,
     )
-    if not found.success or not np.all(np.isfinite(found.y)):
+    if not solution.success or not np.all(np.isfinite(solution.y)):
         raise DataError(
-            f"the motion cannot be followed beyond {found.t[-1]:.3g} s", value=str(found.message)
+            f"the motion cannot be followed beyond {solution.t[-1]:.3g} s",
+            value=str(solution.message),
         )
-    path: Callable[[Array | float], Array] = found.sol
+    path: Callable[[Array | float], Array] = solution.sol
     return path

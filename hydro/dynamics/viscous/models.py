@@ -67,6 +67,7 @@ def _products(text: str) -> list[str]:
 
 
 def _gertler_hagen() -> ViscousModel:
+    """Return the model of (3.13)-(3.18)."""
     side = [*_products("uu uv up ur vw vq wp wr pq qr"), "v*V"]
     upright = [*_products("uu uw uq vv vp vr pp pr rr u|w|"), "w*V", "|w|*V"]
     steer = [_ETA.format(term) for term in ("u*v", "u*r", "v*V")]
@@ -83,6 +84,7 @@ def _gertler_hagen() -> ViscousModel:
 
 
 def _prestero() -> ViscousModel:
+    """Return the model of (3.20)-(3.25)."""
     steer = _products("uv ur wp pq v|v| r|r|")
     dive = _products("uw uq vp pr w|w| q|q|")
     terms = {
@@ -97,7 +99,7 @@ def _prestero() -> ViscousModel:
 
 
 def _pitch_yaw() -> ViscousModel:
-    """Return the separate models of the vertical plane and the horizontal plane.
+    """Return separate models of the vertical and horizontal planes (3.26)-(3.31).
 
     Vertical (u, w, q), horizontal (u, v, r); surge takes part in both, roll in none.
     """
@@ -117,12 +119,14 @@ def _pitch_yaw() -> ViscousModel:
 
 
 def _linear() -> ViscousModel:
+    """Return the model of (3.32)-(3.33)."""
     return _model(
         "linear", "Linear", "McCarter 2014 (3.32)-(3.33)", dict.fromkeys(AXES, VELOCITIES)
     )
 
 
 def _mcfarland() -> ViscousModel:
+    """Return the model of (3.34, corrected), K (nu kron |nu|)."""
     kronecker = [f"{left}*|{right}|" for left in VELOCITIES for right in VELOCITIES]
     return _model(
         "mcfarland",
@@ -133,6 +137,7 @@ def _mcfarland() -> ViscousModel:
 
 
 def _uncoupled() -> ViscousModel:
+    """Return the model of (3.35)-(3.40)."""
     terms = {
         axis: [x, f"|{x}|", f"{x}*{x}", f"{x}*|{x}|"]
         for axis, x in zip(AXES, VELOCITIES, strict=True)
@@ -141,6 +146,7 @@ def _uncoupled() -> ViscousModel:
 
 
 def _fossen() -> ViscousModel:
+    """Return the model of (3.41, corrected), diag(b) diag(|nu|) nu."""
     terms = {axis: [x, f"{x}*|{x}|"] for axis, x in zip(AXES, VELOCITIES, strict=True)}
     return _model(
         "fossen", "Fossen", "McCarter 2014 (3.41), corrected: diag(b) diag(|nu|) nu", terms
@@ -148,7 +154,7 @@ def _fossen() -> ViscousModel:
 
 
 def _coe() -> ViscousModel:
-    """Return (3.43)-(3.44) without X, Z, M of u|u|, the fitted model (D.6, E.8).
+    """Return (3.42)-(3.44) without X, Z, M of u|u|, the fitted model (D.6, E.8).
 
     In ahead motion u|u| equals u^2.
     """
