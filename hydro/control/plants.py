@@ -1,4 +1,4 @@
-"""Controlled plants: a vehicle with a model, its limited inputs, its motion (linear too).
+"""Controlled plants: a vehicle with a model, limited inputs, motion and linear motion.
 
 State chi = [nu, eta] (12) as in Al Makdah 2016 (3.1). `HybridPlant` is the H-AUV with
 its buoyancy engine; `IdentifiedPlant` is any vehicle with a viscous model from a model

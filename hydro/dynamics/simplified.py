@@ -133,7 +133,7 @@ def coriolis_terms(model: SimplifiedModel, nu: ArrayLike) -> Array:
 
 
 def damping_force(model: SimplifiedModel, nu: ArrayLike) -> Array:
-    """-D(nu) nu of (25): X_u u + X_u|u| u|u| and so on, (..., 6) -> (..., 6) [N, N m]."""
+    """Return -D(nu) nu of (25), X_u u + X_u|u| u|u| ...: (..., 6) -> (..., 6)."""
     nu = np.asarray(nu, dtype=np.float64)
     return np.asarray(model.linear * nu + model.quadratic * nu * np.abs(nu))
 

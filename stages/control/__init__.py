@@ -42,7 +42,7 @@ from auvid.stages.presentation import Block, remark, section, text
 
 @dataclass(frozen=True)
 class Inputs:
-    """The cases are needed; a model card for every vehicle without a buoyancy engine."""
+    """The cases; a model card for every vehicle without a buoyancy engine."""
 
     vehicle: Vehicle = port("vehicle")
     cases: Document | None = port("control_cases", optional=True)

@@ -245,7 +245,7 @@ def _section(
 
 
 def _views(tables: Iterable[str]) -> dict[str, Any]:
-    """The true motion of every leg, from its take-off on, and what the autopilot did."""
+    """Return the true motion of every leg from its take-off on, and the autopilot's."""
     groups: tuple[tuple[str, tuple[str, ...], str], ...] = (
         ("velocity", VELOCITY[:3], "m/s"),
         ("rates", VELOCITY[3:], "rad/s"),

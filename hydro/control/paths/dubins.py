@@ -165,7 +165,7 @@ def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
         return left + 2.0 * np.pi if 0.0 < left < least else left
 
     def line(angle: float, sides: tuple[float, float]) -> tuple[float, float]:
-        """How far the line misses the last turn sideways, and the length of the line."""
+        """Return the line's sideways miss of the last turn, and its length."""
         there = first.heading + sides[0] * angle
         after = second(angle, sides)
         rest = (

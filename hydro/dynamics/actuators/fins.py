@@ -68,7 +68,7 @@ def fin_force(
 def fin_derivatives(
     fins: Fins, nu: ArrayLike, deflection_rad: ArrayLike, *, water_density: float
 ) -> tuple[Array, Array]:
-    """Return d(tau_delta)/du (..., 6) and d(tau_delta)/d(delta) (..., 6, 4) of (2.45)."""
+    """Return d(tau_delta)/du (..., 6), d(tau_delta)/d(delta) (..., 6, 4) of (2.45)."""
     u = np.asarray(nu, dtype=np.float64)[..., :1]
     delta = np.asarray(deflection_rad, dtype=np.float64)
     table = fins.coefficients(water_density)

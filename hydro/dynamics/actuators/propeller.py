@@ -32,7 +32,7 @@ class Propeller:
         return (1.0 - self.wake_fraction) / self.diameter_m
 
     def coefficients(self, water_density: float) -> Array:
-        """Return rho D^4 K_T and rho D^5 K_Q (2, 3), what `propeller_terms` multiply."""
+        """Return rho D^4 K_T and rho D^5 K_Q (2, 3), factors of `propeller_terms`."""
         scale = water_density * self.diameter_m ** np.array([4.0, 5.0])
         return np.asarray(scale[:, None] * np.stack([self.thrust, self.torque]))
 

@@ -50,7 +50,7 @@ def coriolis_components(nu: tuple[Array, ...], momentum: tuple[Array, ...]) -> t
 
 
 def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
-    """Return C(nu) nu (2.23): M (..., 6, 6) symmetric, nu (..., 6) -> (..., 6) [N, N m].
+    """Return C(nu) nu (2.23): symmetric M (..., 6, 6), nu (..., 6) -> (..., 6) [N, Nm].
 
     C(nu) = [[0, -S(a)], [-S(a), -S(b)]], [a; b] = M nu, so that nu' C nu = 0. M = M_RB
     gives C_RB nu; M = M_A (McCarter's convention, <= 0) gives C_A nu. (2.24) is another

@@ -240,7 +240,7 @@ def _integrate(
     now: Array,
     factors: Array,
 ) -> None:
-    """Do the work of `integrate` in scratch of the caller: an address keeps no array."""
+    """Do the work of `integrate` in scratch of the caller, which keeps it alive."""
     c = _addresses(c)
     size, last = x0.shape[1], n.shape[1] - 1
     x, stage, slope = _address(state[0]), _address(state[1]), _address(state[2])

@@ -120,7 +120,7 @@ class SimulatedVehicle:
         return speed
 
     def viscous_force(self, nu: ArrayLike, level_speed_m_s: ArrayLike) -> Array:
-        """Return the quasi-steady tau_nu: nu (..., 6), u_c (...) -> (..., 6) [N, N m]."""
+        """Return the quasi-steady tau_nu (..., 6) [N, N m] of nu (..., 6), u_c (...)."""
         if isinstance(self.truth, PhysicalViscous):
             return self.truth.force(nu)
         return self.truth.force(nu, eta_ratio(level_speed_m_s, nu, self.minimum_speed))
@@ -354,7 +354,7 @@ def motion_at(simulated: SimulatedVehicle, flight: Flight, t_s: ArrayLike) -> Mo
 def gauss_markov(
     random: np.random.Generator, *, sd: ArrayLike, correlation_s: float, step_s: float, samples: int
 ) -> Array:
-    """Return a first-order Gauss-Markov process (samples, k), stationary from the start.
+    """Return a stationary first-order Gauss-Markov process (samples, k).
 
     x(i+1) = a x(i) + sd sqrt(1 - a^2) e(i), a = exp(-step_s / correlation_s): the exact
     discretisation; `sd` (k,).
