@@ -120,7 +120,7 @@ class SimulatedVehicle:
         return speed
 
     def viscous_force(self, nu: ArrayLike, level_speed_m_s: ArrayLike) -> Array:
-        """Return the quasi-steady tau_nu (..., 6) [N, N m] of nu (..., 6), u_c (...)."""
+        """Return the quasi-steady tau_nu (..., 6) of nu (..., 6) and u_c (...)."""
         if isinstance(self.truth, PhysicalViscous):
             return self.truth.force(nu)
         return self.truth.force(nu, eta_ratio(level_speed_m_s, nu, self.minimum_speed))
