@@ -220,7 +220,8 @@ def _inertia(
 ) -> tuple[Array, Array, Array | None]:
     """Return r_G, M and the inverse (None for members): a flight asks at every step."""
     M = hybrid.mass_matrix(mass_kg, x_G_m)
-    return hybrid.r_G(x_G_m), M, np.linalg.inv(M) if M.ndim == 2 else None
+    inverse = np.asarray(np.linalg.inv(M), dtype=np.float64) if M.ndim == 2 else None
+    return hybrid.r_G(x_G_m), M, inverse
 
 
 def chi_dot(

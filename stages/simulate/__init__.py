@@ -246,7 +246,7 @@ def _section(
 
 def _views(tables: Iterable[str]) -> dict[str, Any]:
     """Return the true motion of every leg from its take-off on, and the autopilot's."""
-    groups: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    curves: tuple[tuple[str, tuple[str, ...], str], ...] = (
         ("velocity", VELOCITY[:3], "m/s"),
         ("rates", VELOCITY[3:], "rad/s"),
         ("attitude", ATTITUDE, "rad"),
@@ -263,7 +263,7 @@ def _views(tables: Iterable[str]) -> dict[str, Any]:
         }
         | {"roles": ["true"] * len(columns), "tab": "Twin", "unit": unit}
         for leg in tables
-        for name, columns, unit in groups
+        for name, columns, unit in curves
     ]
     return {"groups": groups}
 
