@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCT = ("data_schemas", "hydro", "stages", "pipeline")
-NOT_YET: tuple[str, ...] = ()
+NOT_YET = ("hydro/dynamics/simulation/rov/", "stages/simulate/rov/")
 """Rooms whose names and docstrings are still to be changed; class names count there too."""
 DOCUMENTS = ("data_schemas/documents/", "data_schemas/records/")
 """Fields here are keys of YAML and JSON."""
