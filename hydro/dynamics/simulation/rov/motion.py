@@ -55,7 +55,7 @@ class RovTables(NamedTuple):
 
 def row_times(matrix: Array, row: int, x: tuple[Array, ...]) -> Array:
     """Return a row of a matrix times a vector of components."""
-    total = matrix[row, 0] * x[0]
+    total: Array = matrix[row, 0] * x[0]
     for column in range(1, len(x)):
         total = total + matrix[row, column] * x[column]
     return total
@@ -87,7 +87,7 @@ def hull_components(c: RovTables, nu: tuple[Array, ...]) -> tuple[Array, ...]:
         )  # fmt: skip
         dx, dy, dz, dk, dm, dn = plate_components(row, u, v, w, p, q, r)
         x, y, z, k, m, n = x + dx, y + dy, z + dz, k + dk, m + dm, n + dn
-    total = (x, y, z, k, m, n)
+    total: tuple[Array, ...] = (x, y, z, k, m, n)
     if len(c.factors) > 0:
         across = cross_flow_speed(v, w)
         values = (
@@ -109,7 +109,7 @@ def hull_components(c: RovTables, nu: tuple[Array, ...]) -> tuple[Array, ...]:
 def thruster_components(c: RovTables, bollard: Array, nu: tuple[Array, ...]) -> tuple[Array, ...]:
     """Return X to N of the thrust delivered; `bollard` (n, ...) [N] after the lag."""
     zero, b, place = 0.0 * nu[0], c.allocation, c.position
-    total = (zero, zero, zero, zero, zero, zero)
+    total: tuple[Array, ...] = (zero, zero, zero, zero, zero, zero)
     for i in range(b.shape[1]):
         axis = (b[0, i], b[1, i], b[2, i])
         f = delivered_components(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.mechanics.kinematics import Rows
 
 TETHER_WIDTH = 11
 """Numbers in `Tether.row`."""
@@ -14,7 +15,7 @@ TETHER_WIDTH = 11
 
 def tether_components(
     row: Array,
-    rotation: tuple[tuple[Array, ...], ...],
+    rotation: Rows,
     position: tuple[Array, ...],
     nu: tuple[Array, ...],
     current: tuple[Array, ...],

@@ -35,8 +35,8 @@ def delivered_components(
     right = 0.5 * (loss[0] * (bollard + size) - loss[1] * (bollard - size))
     jet = np.sqrt(size * loss[3]) + loss[4]
     along = vx * axis[0] + vy * axis[1] + vz * axis[2]
-    taken: Array = right * loss[2] * np.tanh(along / jet)
-    return left - taken
+    delivered: Array = left - right * loss[2] * np.tanh(along / jet)
+    return delivered
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ class RovTruth:
         tether = NO_TETHER if self.tether is None else self.tether.row(density)
         return RovTables(
             mass=self.mass_matrix.copy(),
-            inverse=np.linalg.inv(self.mass_matrix),
+            inverse=np.array(np.linalg.inv(self.mass_matrix), dtype=np.float64),
             restoring=np.array(
                 [
                     vehicle.weight - self.buoyancy,
