@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument, VelocityLogEntry
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.rov.dive import Dive, DiveMotion, fly_dive
@@ -74,8 +75,10 @@ def record_dive(dive: Dive, plan: DivePlanDocument, *, seed: int) -> DiveRecord:
     """Return the streams of a dive over its whole log.
 
     A sensor with a lag stamps what it saw that much later; clocks tick in whole
-    milliseconds.
+    milliseconds. Raises `DataError` for a dive that ended before its leg.
     """
+    if not dive.reached:
+        raise DataError(f"there is no log of leg '{dive.leg.id}': {dive.stop}")
     vehicle, sensors, name = dive.truth.vehicle, plan.sensors, dive.leg.id
     rates = {
         "imu": sensors.imu.rate_hz,

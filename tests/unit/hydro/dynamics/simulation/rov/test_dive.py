@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
-from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.rov.dive import Dive, fly_dive
@@ -311,3 +311,13 @@ def test_the_frame_is_that_of_a_vehicle_with_thrusters() -> None:
 def test_impossible_plans_are_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(PipelineError, match=message):
         leg(**changes)
+
+
+def test_a_dive_that_ends_while_it_settles_has_no_log() -> None:
+    """A truth that drives itself: it leaves the water before its leg begins."""
+    runaway = truth_of_model(HEAVY, IdentifiedModel("own", {"Z": {"w*|w|": 300.0}}))
+    push = {"force_sd_N": [0, 0, 50], "moment_sd_N_m": [0, 0, 0], "correlation_s": 9}
+    drifting = LEG | {"modes": [{"at_s": 0, "mode": "manual"}], "sticks": {}}
+    flown = plan(water={"unsteady": push}, legs=[drifting])
+    with pytest.raises(DataError, match="no log of leg 'a'"):
+        dive_in_memory(runaway, flown, "a", seed=1)
