@@ -214,7 +214,7 @@ def _address(typing: Any, array: Any) -> Any:
 
 
 @_compiled
-def _addresses(c: Tables) -> Tables:
+def addresses(c: Tables) -> Tables:
     return Tables(
         _address(c.mass), _address(c.inverse), _address(c.restoring), _address(c.fins),
         _address(c.propeller), c.inflow_per_u, _address(c.factors), _address(c.coefficients),
@@ -241,7 +241,7 @@ def _integrate(
     factors: Array,
 ) -> None:
     """Do the work of `integrate` in scratch of the caller, which keeps it alive."""
-    c = _addresses(c)
+    c = addresses(c)
     size, last = x0.shape[1], n.shape[1] - 1
     x, stage, slope = _address(state[0]), _address(state[1]), _address(state[2])
     total, low, high = _address(state[3]), now[0], now[1]
@@ -314,5 +314,5 @@ def _integrator(sources: str) -> Any:
 
 
 _MODULES = {inspect.getmodule(item) for item in (*EQUATIONS, derivative)}
-_SOURCES = sorted(inspect.getsource(module) for module in _MODULES if module is not None)
-integrate: Any = _integrator(hashlib.sha256("".join(_SOURCES).encode()).hexdigest())
+SOURCES = sorted(inspect.getsource(module) for module in _MODULES if module is not None)
+integrate: Any = _integrator(hashlib.sha256("".join(SOURCES).encode()).hexdigest())

@@ -1,0 +1,280 @@
+"""Do the intervals of an estimator hold the truth? Seeds of a twin, sensors in memory.
+
+    python -m benchmarks.coverage --estimator filter_error --plan matched --truth linear
+
+Each seed flies the training legs of a plan of campaigns/vt690_twin with the viscous
+truth refitted to a model, reads their sensors, starts from least squares on a filtered
+force and fits every coefficient of the model. One row per coefficient is appended to
+build/coverage.csv; what stands there is not done again. Printed: the share of 95 %
+intervals and of three standard errors that hold the truth, with a 95 % interval of the
+share (binomial, and from its scatter between seeds, since coefficients of one flight
+are not independent), wrong signs, errors above half, the median error, the median width
+in parts of the Cramer-Rao bound (the information at the truth under the true noise, all
+legs unbroken) and the worst single coefficient. `identified` coefficients are those
+above four of their standard errors.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import csv
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.stats import beta
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel, model_named
+from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
+from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import solve_scaled
+from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
+from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
+from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
+from auvid.hydro.identification.maximum_likelihood.records import (
+    ActuatorRecord,
+    LegRecord,
+    SensorGeometry,
+    SensorRecord,
+)
+from auvid.hydro.identification.maximum_likelihood.starting_values import (
+    START_SD,
+    starting_values,
+)
+from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
+from auvid.stages.columns import GYRO, POSE, VELOCITY
+from auvid.stages.simulate.flights import REFERENCE_SPEED_M_S, fly_leg, truth_force
+from auvid.stages.simulate.plans import Plan, plan_from_document
+from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, record
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILD = ROOT / "build"
+COLUMNS = (
+    "truth", "plan", "estimator", "seed", "coefficient", "true", "estimate",
+    "standard_error", "bound", "start", "word", "weighted_residual", "seconds",
+)  # fmt: skip
+CLEAR, HALF = 4.0, 0.5
+STREAMS = {
+    "attitude": ("attitude", POSE[3:]),
+    "gyro": ("imu", GYRO),
+    "accel": ("imu", ACCEL),
+    "velocity": ("velocity", VELOCITY[:3]),
+    "depth": ("depth", ("depth_m",)),
+}
+
+
+def twin(plan_name: str, truth: str) -> tuple[Plan, SimulatedVehicle]:
+    """Return a plan and the vehicle with its truth, which is kept under build/."""
+    written = (ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")
+    vehicle = vehicle_from_document(yaml.safe_load(written))
+    path = ROOT / f"campaigns/vt690_twin/plans/{plan_name}.yaml"
+    plan = plan_from_document(yaml.safe_load(path.read_text(encoding="utf-8")), vehicle)
+    kept = BUILD / f"coverage_truth_{truth}_{plan_name}.json"
+    if not kept.exists():
+        model = truth_force({"name": truth, "kind": "refit"}, plan, vehicle)[0].truth
+        assert isinstance(model, IdentifiedModel)
+        BUILD.mkdir(exist_ok=True)
+        kept.write_text(json.dumps({a: dict(t) for a, t in model.coefficients.items()}))
+    coefficients = json.loads(kept.read_text())
+    return plan, SimulatedVehicle(vehicle, IdentifiedModel(truth, coefficients))
+
+
+def recorded_legs(
+    plan: Plan, simulated: SimulatedVehicle, seed: int
+) -> tuple[list[LegRecord], NoiseModel, Array]:
+    """Return the training legs of a seed, the true noise and the true biases."""
+    vehicle = simulated.vehicle
+    place = SensorGeometry(vehicle.imu, vehicle.dvl, vehicle.depth_sensor, vehicle.gravity)
+    legs, biases, force_sd = [], [], []
+    for leg in plan.legs:
+        if leg.use != "training":
+            continue
+        flown = fly_leg(plan, leg, simulated, seed=seed)
+        log = record(flown, plan, seed=seed, text="")
+        sensors = {}
+        for name, (stream, columns) in STREAMS.items():
+            t = (log.streams[stream]["time_us"] - BOOT_US) / 1e6
+            inside = (t >= flown.start_s) & (t <= flown.end_s)
+            values = np.stack([log.streams[stream][column] for column in columns], axis=-1)
+            sensors[name] = SensorRecord(t[inside], values[inside])
+        acting = log.streams["actuators"]
+        actuators = ActuatorRecord(
+            (acting["time_us"] - BOOT_US) / 1e6,
+            acting["propeller_rev_s"],
+            np.stack([acting[fin] for fin in FINS], axis=-1),
+        )
+        legs.append(LegRecord(leg.id, sensors, actuators, place))
+        biases.append(np.concatenate([log.biases["accel_m_s2"], log.biases["gyro_rad_s"]]))
+        if plan.unsteady is not None:
+            assert vehicle.propeller is not None
+            cruise = float(level_speed(vehicle.propeller, leg.rev_s))
+            force_sd.append(plan.unsteady.sd * (cruise / REFERENCE_SPEED_M_S) ** 2)
+    sd = (plan.ahrs.attitude_rad, plan.ahrs.gyro_rad_s, plan.ahrs.accel_m_s2, plan.dvl_sd_m_s)
+    noise = NoiseModel(np.array([*np.repeat(sd, 3), plan.depth_sd_m]))
+    if plan.unsteady is not None:
+        time_s = np.full(6, plan.unsteady.correlation_s)
+        noise = NoiseModel(noise.sensor_sd, np.array(force_sd), time_s)
+    return legs, noise, np.array(biases)
+
+
+def bound(
+    legs: Sequence[LegRecord],
+    parameters: UnknownParameters,
+    theta: Array,
+    biases: Array,
+    noise: NoiseModel,
+) -> Array:
+    """Return the Cramer-Rao bound (k,) of standard errors: all legs unbroken, at the truth."""
+    windows, _ = cut_windows(legs, length_s=None)
+    likelihood = Likelihood(legs, windows, parameters, noise.force_sd is not None, START_SD)
+    common = np.concatenate([theta, biases.ravel()])
+    at_truth, _ = likelihood.evaluate(
+        common, likelihood.first_starts(biases), noise, sensitive=True
+    )
+    assert at_truth.equations is not None
+    matrix, _ = at_truth.equations.reduced()
+    inverse = solve_scaled(matrix, np.eye(len(matrix)))
+    return np.sqrt(np.diag(inverse)[: len(theta)])
+
+
+def rows_of(
+    truth: str, plan_name: str, estimator: str, seed: int, plan: Plan, simulated: SimulatedVehicle
+) -> Iterator[dict[str, object]]:
+    """Fit one seed; yield a row per coefficient."""
+    model = simulated.truth
+    assert isinstance(model, IdentifiedModel)
+    legs, noise, biases = recorded_legs(plan, simulated, seed)
+    terms = {axis: tuple(own) for axis, own in model.coefficients.items()}
+    parameters = UnknownParameters(simulated.vehicle, terms)
+    true = parameters.vector(
+        {f"{axis} {t}": v for axis, own in model.coefficients.items() for t, v in own.items()}
+    )
+    limit = bound(legs, parameters, true, biases, noise)
+    begin = time.perf_counter()
+    start, first, first_noise = starting_values(legs, parameters)
+    fit: LikelihoodEstimate
+    if estimator == "output_error":
+        fit = fit_output_error(legs, parameters, start, biases=first)
+    else:
+        fit = fit_filter_error(legs, parameters, start, biases=first, noise=first_noise)
+    seconds = time.perf_counter() - begin
+    for i, name in enumerate(fit.names):
+        yield dict(
+            zip(
+                COLUMNS,
+                (
+                    truth, plan_name, estimator, seed, name, true[i], fit.theta[i],
+                    fit.standard_errors[i], limit[i], start[i], fit.word,
+                    fit.weighted_residual, round(seconds, 1),
+                ),
+                strict=True,
+            )
+        )  # fmt: skip
+
+
+def share(hits: Array, seeds: Array) -> dict[str, float | list[float]]:
+    """Return a share with its 95 % interval, binomial and from the scatter of seeds."""
+    n, k = len(hits), int(hits.sum())
+    if not n:
+        return {"share": float("nan")}
+    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
+    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
+    by_seed = np.array([hits[seeds == seed].mean() for seed in np.unique(seeds)])
+    half = NORMAL_95 * by_seed.std(ddof=1) / np.sqrt(len(by_seed)) if len(by_seed) > 1 else np.nan
+    return {
+        "share": round(k / n, 4),
+        "binomial": [round(low, 3), round(high, 3)],
+        "by_seeds": [round(k / n - half, 3), round(k / n + half, 3)],
+    }
+
+
+def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
+    """Return the figures of one estimator on one truth and plan."""
+
+    def column(name: str) -> Array:
+        return np.array([float(row[name]) for row in rows])
+
+    true, value, error = column("true"), column("estimate"), column("standard_error")
+    limit, seeds = column("bound"), column("seed")
+    names = np.array([row["coefficient"] for row in rows])
+    z = np.abs(value - true) / error
+    known = np.isfinite(z) & (np.abs(value) > CLEAR * error)
+    off = np.abs(value - true) / np.abs(true)
+    out: dict[str, object] = {
+        "seeds": len(np.unique(seeds)),
+        "converged": round(float(np.mean([row["word"] == "converged" for row in rows])), 3),
+        "median_seconds": float(np.median(column("seconds"))),
+        "weighted_residual": round(float(np.median(column("weighted_residual"))), 4),
+    }
+    worst = {name: float(np.mean(z[names == name] < NORMAL_95)) for name in np.unique(names)}
+    lowest = min(worst, key=worst.__getitem__)
+    for label, chosen in (("all", np.isfinite(z)), ("identified", known)):
+        out[label] = {
+            "coefficients_per_seed": round(float(chosen.sum()) / len(np.unique(seeds)), 1),
+            "in_95": share(z[chosen] < NORMAL_95, seeds[chosen]),
+            "in_3_errors": share(z[chosen] < 3.0, seeds[chosen]),
+            "wrong_sign": round(float(np.mean(value[chosen] * true[chosen] < 0.0)), 4),
+            "off_by_half": round(float(np.mean(off[chosen] > HALF)), 4),
+            "median_error": round(float(np.median(off[chosen])), 5),
+            "median_error_of_start": round(
+                float(np.median((np.abs(column("start") - true) / np.abs(true))[chosen])), 5
+            ),
+            "median_width_over_bound": round(float(np.median((error / limit)[chosen])), 3),
+        }
+    out["worst_coefficient"] = {lowest: round(worst[lowest], 3)}
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--estimator", choices=("output_error", "filter_error"), required=True)
+    parser.add_argument("--truth", default="linear", help="name of a viscous model")
+    parser.add_argument("--plan", default="default", help="plan of campaigns/vt690_twin")
+    parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to this")
+    parser.add_argument("--minutes", type=float, default=40.0, help="begin no seed after these")
+    chosen = parser.parse_args()
+    model_named(chosen.truth)
+    kept = BUILD / "coverage.csv"
+    BUILD.mkdir(exist_ok=True)
+    if not kept.exists():
+        kept.write_text(",".join(COLUMNS) + "\n")
+    key = (chosen.truth, chosen.plan, chosen.estimator)
+    done = {int(row["seed"]) for row in _rows(kept) if _key(row) == key}
+    plan, simulated = twin(chosen.plan, chosen.truth)
+    begin = time.monotonic()
+    for seed in range(1, chosen.seeds + 1):
+        if seed in done or time.monotonic() - begin > 60.0 * chosen.minutes:
+            continue
+        rows = list(rows_of(*key, seed, plan, simulated))
+        with kept.open("a", newline="") as file:
+            csv.DictWriter(file, COLUMNS).writerows(rows)
+    groups: dict[tuple[str, ...], list[dict[str, str]]] = defaultdict(list)
+    for row in _rows(kept):
+        groups[_key(row)].append(row)
+    print(json.dumps(summary(groups[key]), indent=2))
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _key(row: Mapping[str, str]) -> tuple[str, str, str]:
+    return row["truth"], row["plan"], row["estimator"]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Maximum likelihood from sensors as they are logged: output error and filter error."""

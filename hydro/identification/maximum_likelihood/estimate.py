@@ -1,0 +1,159 @@
+"""What an estimator returns, and the covariance of it.
+
+Standard errors: the inverse of the information matrix where errors are white, as they
+are for a true model; the sandwich with long-run moments of the scores where they are
+not (White 1982; Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
+    NormalEquations,
+    solve_scaled,
+)
+from auvid.hydro.identification.maximum_likelihood.likelihood import (
+    Likelihood,
+    NoiseModel,
+    WindowRun,
+)
+from auvid.hydro.identification.maximum_likelihood.windows import DroppedWindow
+from auvid.hydro.identification.regression.standard_errors import automatic_lags, long_run_moment
+
+
+@dataclass(frozen=True)
+class LikelihoodEstimate:
+    """Parameters theta (k,) in the order of `names`, with what belongs to them.
+
+    `covariance` (k, k): the one to use; `information_covariance` (k, k): for white
+    errors. `biases` (legs, 6): accelerometer, gyro, in sensor axes; `bias_sd` likewise.
+    `noise`: standard deviations of samples, and the unsteady force where it was
+    estimated. `log_likelihood`: after each step taken. `weighted_residual`: root mean
+    square of errors in parts of their standard deviations, 1 for a model that explains
+    its data. `word`: `converged` or `no convergence`; `at_bound` (k,).
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    covariance: Array
+    information_covariance: Array
+    coefficients: dict[str, dict[str, float]]
+    biases: Array
+    bias_sd: Array
+    noise: NoiseModel
+    log_likelihood: tuple[float, ...]
+    weighted_residual: float
+    word: str
+    at_bound: Mask
+    windows: int
+    dropped: tuple[DroppedWindow, ...]
+
+    @property
+    def standard_errors(self) -> Array:
+        """Return standard errors (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def intervals(self) -> Array:
+        """Return normal 95 % intervals (k, 2)."""
+        half = NORMAL_95 * self.standard_errors
+        return np.stack([self.theta - half, self.theta + half], axis=-1)
+
+
+def estimate_from(
+    likelihood: Likelihood,
+    common: Array,
+    runs: Sequence[WindowRun],
+    noise: NoiseModel,
+    *,
+    information: Array,
+    moment: Array,
+    at_bound: Mask,
+    word: str,
+    log_likelihood: Sequence[float],
+    dropped: Sequence[DroppedWindow],
+) -> LikelihoodEstimate:
+    """Return the estimate at `common` unknowns.
+
+    `information` (n, n) and long-run `moment` (n, n) of the scores of all unknowns,
+    those of `common` first; `at_bound` (n,).
+    """
+    theta, biases = likelihood.split(common)
+    k, g = len(theta), len(common)
+    informed = ~at_bound & (np.diag(information) > 0.0)
+    inverse, robust = np.full((2, *information.shape), np.nan)
+    cell = np.ix_(informed, informed)
+    inverse[cell] = solve_scaled(information[cell], np.eye(int(informed.sum())))
+    robust[cell] = inverse[cell] @ moment[cell] @ inverse[cell]
+    errors = np.concatenate([run.errors / np.sqrt(run.variances) for run in runs])
+    return LikelihoodEstimate(
+        names=likelihood.parameters.names,
+        theta=theta,
+        covariance=_larger(inverse[:k, :k], robust[:k, :k]),
+        information_covariance=inverse[:k, :k],
+        coefficients=likelihood.parameters.coefficients(theta),
+        biases=biases,
+        bias_sd=np.sqrt(np.diag(inverse)[k:g]).reshape(biases.shape),
+        noise=noise,
+        log_likelihood=tuple(log_likelihood),
+        weighted_residual=float(np.sqrt(np.mean(errors**2))),
+        word=word,
+        at_bound=at_bound[:k],
+        windows=len(likelihood.windows),
+        dropped=tuple(dropped),
+    )
+
+
+def _larger(white: Array, robust: Array) -> Array:
+    """Return `robust` with variances no smaller than `white`."""
+    ratio = np.sqrt(np.maximum(np.diag(white) / np.diag(robust), 1.0))
+    return np.asarray(robust * np.outer(ratio, ratio))
+
+
+def score_moment(likelihood: Likelihood, scores: Sequence[Array]) -> Array:
+    """Return the long-run moment (n, n) of scores (moments, n), a series per window.
+
+    Windows of one leg follow each other, legs are independent. A prior counts with its
+    precision.
+    """
+    n = scores[0].shape[1]
+    total = np.zeros((n, n))
+    for leg in range(len(likelihood.legs)):
+        parts = [
+            part
+            for window, part in zip(likelihood.windows, scores, strict=True)
+            if window.leg == leg
+        ]
+        if parts:
+            series = np.vstack(parts)
+            used = np.any(series != 0.0, axis=0)
+            lags = automatic_lags(series[:, used])
+            total[np.ix_(used, used)] += long_run_moment(series[:, used], lags=lags)
+    if likelihood.prior is not None:
+        k = len(likelihood.parameters.names)
+        total[:k, :k] += likelihood.prior.precision
+    return total
+
+
+def projected_scores(
+    likelihood: Likelihood, equations: NormalEquations, runs: Sequence[WindowRun]
+) -> list[Array]:
+    """Return the scores J' W e (moments, g) of each window, its start projected out."""
+    out = []
+    for number, (window, run) in enumerate(zip(likelihood.windows, runs, strict=True)):
+        place = likelihood.places(window.leg)
+        g = len(place)
+        block, across = equations.local[number], equations.coupling[number][:, place]
+        rows = run.jacobian[:, :g] - run.jacobian[:, g:] @ solve_scaled(block, across)
+        own = np.zeros((len(window.t_s), g))
+        np.add.at(own, run.moment, rows * (run.errors / run.variances)[:, None])
+        scores = np.zeros((len(window.t_s), likelihood.unknowns))
+        scores[:, place] = own
+        out.append(scores)
+    return out

@@ -1,0 +1,188 @@
+"""Damped Gauss-Newton on unknowns common to all windows and local ones.
+
+The damping is that of Levenberg and Marquardt.
+
+Source: Nocedal and Wright, Numerical Optimization, 10.3 (method) and 16.7 (bounds).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array, Mask
+
+FIRST_DAMPING, SMALLEST_DAMPING, LARGEST_DAMPING = 1e-4, 1e-12, 1e8
+GAIN = 0.05
+"""A step that changes the log-likelihood by less changes no conclusion: half of it is a
+fortieth of what one coefficient takes away by being fitted."""
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """N delta = b with local unknowns of each window taken out when they are solved.
+
+    common: `matrix` (g, g) and `vector` (g,); window by window: `local` (l, l),
+    `coupling` (l, g), `right` (l,). Without local unknowns the lists are empty.
+    """
+
+    matrix: Array
+    vector: Array
+    local: tuple[Array, ...] = ()
+    coupling: tuple[Array, ...] = ()
+    right: tuple[Array, ...] = ()
+
+    def reduced(self, damping: float = 0.0) -> tuple[Array, Array]:
+        """Return the Schur complement (g, g) and its right-hand side (g,)."""
+        matrix, vector = self.matrix.copy(), self.vector.copy()
+        matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
+        for block, across, right in zip(self.local, self.coupling, self.right, strict=True):
+            solved = solve_scaled(_damped(block, damping), np.column_stack([across, right]))
+            matrix -= across.T @ solved[:, :-1]
+            vector -= across.T @ solved[:, -1]
+        return 0.5 * (matrix + matrix.T), vector
+
+    def local_steps(self, step: Array, damping: float = 0.0) -> Array:
+        """Return the steps (w, l) of local unknowns that go with a common one."""
+        parts = [
+            solve_scaled(_damped(block, damping), right - across @ step)
+            for block, across, right in zip(self.local, self.coupling, self.right, strict=True)
+        ]
+        return np.array(parts)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Minus the log-likelihood with the prior, and its normal equations."""
+
+    objective: float
+    equations: NormalEquations | None
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where the iteration ended: common (g,) and local unknowns (w, l).
+
+    `objectives`: minus the log-likelihood at the start and after each step taken;
+    `word`: `converged`, `no convergence`; `at_bound` (g,).
+    """
+
+    common: Array
+    local: Array
+    objectives: tuple[float, ...]
+    word: str
+    at_bound: Mask
+
+
+Evaluate = Callable[[Array, Array, bool], Evaluation]
+"""(common, local, with normal equations) -> evaluation."""
+
+
+def maximise(
+    evaluate: Evaluate,
+    common: Array,
+    local: Array,
+    *,
+    lower: Array,
+    upper: Array,
+    most_steps: int,
+    tolerance: float = 0.02,
+) -> Optimum:
+    """Return the optimum within bounds from a start.
+
+    A step is taken when the objective falls, or changes by less than `GAIN`. It has
+    converged when no common unknown moves by more than `tolerance` of its standard
+    error. Raises `DataError` where the start itself diverges.
+    """
+    common = np.clip(common, lower, upper)
+    here = evaluate(common, local, True)
+    if not np.isfinite(here.objective):
+        raise DataError(
+            "the motion diverges at the starting values",
+            remedy="Choose shorter windows, filter error, or damped starting coefficients.",
+        )
+    objectives, damping, word = [here.objective], FIRST_DAMPING, "no convergence"
+    fixed = np.zeros(len(common), dtype=bool)
+    for _ in range(most_steps):
+        assert here.equations is not None
+        taken = False
+        while damping < LARGEST_DAMPING:
+            step, fixed, spread = bounded_step(here.equations, common, lower, upper, damping)
+            moves = here.equations.local_steps(step, damping)
+            moved = np.clip(common + step, lower, upper)
+            shifted = local + moves if len(moves) else local
+            small = bool(np.all(np.abs(moved - common) <= tolerance * spread))
+            there = evaluate(moved, shifted, True)
+            if there.objective < here.objective + (GAIN if small else 0.0):
+                taken = True
+                break
+            if small:
+                break
+            damping *= 10.0
+        if not taken:
+            word = "converged" if small else "no convergence"
+            break
+        common, local, here = moved, shifted, there
+        objectives.append(here.objective)
+        damping = max(damping / 10.0, SMALLEST_DAMPING)
+        if small:
+            word = "converged"
+            break
+    return Optimum(common, local, tuple(objectives), word, fixed)
+
+
+def bounded_step(
+    equations: NormalEquations, common: Array, lower: Array, upper: Array, damping: float
+) -> tuple[Array, Mask, Array]:
+    """Return a step (g,), which unknowns a bound holds, and standard errors (g,).
+
+    Active set: unknowns that the step would carry past a bound are put on it, one
+    round after the other, and the others are solved again.
+    """
+    matrix, vector = equations.reduced(damping)
+    fixed = np.zeros(len(common), dtype=bool)
+    step = np.zeros(len(common))
+    for _ in range(len(common) + 1):
+        free = ~fixed
+        right = vector[free] - matrix[np.ix_(free, fixed)] @ step[fixed]
+        step[free] = solve_scaled(matrix[np.ix_(free, free)], right)
+        past = free & ((common + step < lower) | (common + step > upper))
+        if not past.any():
+            break
+        step[past] = np.clip(common[past] + step[past], lower[past], upper[past]) - common[past]
+        fixed |= past
+    free = ~fixed
+    spread = np.full(len(common), np.inf)
+    if free.any():
+        inverse = solve_scaled(matrix[np.ix_(free, free)], np.eye(int(free.sum())))
+        spread[free] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    return step, fixed, spread
+
+
+def solve_scaled(matrix: Array, right: Array) -> Array:
+    """Solve a symmetric system after scaling its diagonal to 1.
+
+    An unknown without information keeps its right-hand side; directions with less than
+    1e-13 of the others get next to no step.
+    """
+    scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
+    scaled = matrix / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] = 1.0
+    shaped = (right.T / scale).T
+    try:
+        solved = cho_solve(cho_factor(scaled + 1e-13 * np.eye(len(scaled))), shaped)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(scaled)
+        kept = values > 1e-13 * values[-1]
+        solved = (vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ shaped)
+    return np.asarray((solved.T / scale).T)
+
+
+def _damped(block: Array, damping: float) -> Array:
+    out = block.copy()
+    out[np.diag_indices_from(out)] *= 1.0 + damping
+    return out

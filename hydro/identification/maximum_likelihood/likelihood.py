@@ -1,0 +1,261 @@
+"""The likelihood of legs under a model: windows run one by one, their sums gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
+    Evaluate,
+    Evaluation,
+    NormalEquations,
+)
+from auvid.hydro.identification.maximum_likelihood.parameters import (
+    ParameterPrior,
+    UnknownParameters,
+)
+from auvid.hydro.identification.maximum_likelihood.records import LegRecord
+from auvid.hydro.identification.maximum_likelihood.windows import Window, actuator_inputs
+
+BIASES = 6
+"""Biases of a leg: accelerometer x y z [m/s^2], gyro x y z [rad/s], in sensor axes."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Standard deviations of samples (13,), and the unsteady force of each leg.
+
+    `force_sd` (legs, 6) [N, N m] and `time_s` (6,): first-order Gauss-Markov force on
+    each axis; None without it.
+    """
+
+    sensor_sd: Array
+    force_sd: Array | None = None
+    time_s: Array | None = None
+
+
+@dataclass(frozen=True)
+class WindowRun:
+    """What a window gave, sample by sample: error, its variance, channel, moment.
+
+    `jacobian` (samples, parameters + biases [+ start]) of the predictions, without rows
+    where it was not asked for; `states` (N + 1, n) after the samples.
+    """
+
+    errors: Array
+    variances: Array
+    channel: Index
+    moment: Index
+    jacobian: Array
+    states: Array
+
+    @property
+    def objective(self) -> float:
+        """Return minus the log-likelihood; infinite where the motion diverged."""
+        if not len(self.errors):
+            return np.inf
+        return 0.5 * float(
+            np.sum(self.errors**2 / self.variances + np.log(2.0 * np.pi * self.variances))
+        )
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Windows of legs under a model, as a function of theta, biases and starts.
+
+    `filtering`: the motion follows the samples through a Kalman filter (filter error);
+    else it runs free from a start of its own (output error). `bias_sd` (6,): prior of
+    the biases; nan for a bias that is not fitted.
+    """
+
+    legs: Sequence[LegRecord]
+    windows: Sequence[Window]
+    parameters: UnknownParameters
+    filtering: bool
+    start_sd: Array
+    prior: ParameterPrior | None = None
+
+    @cached_property
+    def biased(self) -> Mask:
+        """Return which biases are fitted (legs, 6): those of sensors that exist."""
+        rows = [["accel" in leg.sensors] * 3 + ["gyro" in leg.sensors] * 3 for leg in self.legs]
+        return np.array(rows, dtype=bool)
+
+    @property
+    def unknowns(self) -> int:
+        """Return the number of common unknowns: theta and the biases of all legs."""
+        return len(self.parameters.names) + BIASES * len(self.legs)
+
+    def split(self, common: Array) -> tuple[Array, Array]:
+        """Return theta (k,) and biases (legs, 6)."""
+        k = len(self.parameters.names)
+        return common[:k], common[k:].reshape(len(self.legs), BIASES)
+
+    def run(
+        self, common: Array, starts: Array, noise: NoiseModel, *, sensitive: bool
+    ) -> list[WindowRun]:
+        """Run all windows, shared among threads."""
+        from auvid.hydro.dynamics.simulation.compiled import THREADS
+
+        theta, biases = self.split(common)
+        tables = self.parameters.tables(theta)
+        lag_s = self.parameters.lag_s(theta)
+
+        def one(number: int) -> WindowRun:
+            leg = self.windows[number].leg
+            return self._window(
+                number, tables, lag_s, biases[leg], starts[number], noise, sensitive
+            )
+
+        if len(self.windows) == 1:
+            return [one(0)]
+        with ThreadPoolExecutor(THREADS) as pool:
+            return list(pool.map(one, range(len(self.windows))))
+
+    def _window(
+        self,
+        number: int,
+        tables: object,
+        lag_s: float,
+        bias: Array,
+        start: Array,
+        noise: NoiseModel,
+        sensitive: bool,
+    ) -> WindowRun:
+        # Imported here, since numba takes a second.
+        from auvid.hydro.identification.maximum_likelihood.compiled_window import (
+            Noise,
+            run_window,
+            sensor_places,
+        )
+
+        window = self.windows[number]
+        inputs, along = self._inputs(number, lag_s)
+        unsteady = self.filtering and noise.force_sd is not None
+        n = 16 if unsteady else 10
+        x0, P0 = np.zeros(n), np.zeros((n, n))
+        x0[:10] = start
+        force, decay = np.zeros(6), np.zeros(6)
+        if unsteady:
+            assert noise.force_sd is not None
+            assert noise.time_s is not None
+            force, decay = noise.force_sd[window.leg] ** 2, 1.0 / noise.time_s
+            P0[10:, 10:] = np.diag(force)
+        if self.filtering:
+            P0[:10, :10] = np.diag(self.start_sd**2)
+        k = len(self.parameters.names)
+        samples, size = window.samples, k + BIASES + (0 if self.filtering else 10)
+        states = np.full((len(window.t_s), n), np.nan)
+        errors, variances = np.empty(samples), np.empty(samples)
+        jacobian = np.empty((samples if sensitive else 0, size))
+        variance = np.nan_to_num(noise.sensor_sd, nan=1.0) ** 2
+        count = run_window(
+            x0,
+            P0,
+            window.steps,
+            inputs,
+            along,
+            window.measured,
+            bias,
+            self.parameters.kinds,
+            not self.filtering,
+            self.filtering,
+            tables,
+            sensor_places(self.legs[window.leg].geometry),
+            Noise(variance, force, decay),
+            states,
+            errors,
+            variances,
+            jacobian,
+        )
+        moment, channel = np.nonzero(np.isfinite(window.measured))
+        ok = count == samples and np.isfinite(errors).all() and bool(np.all(variances > 0.0))
+        keep = slice(None) if ok else slice(0, 0)
+        return WindowRun(
+            errors[keep], variances[keep], channel[keep], moment[keep], jacobian[keep], states
+        )
+
+    def _inputs(self, number: int, lag_s: float) -> tuple[Array, Array]:
+        key = (number, lag_s)
+        if key not in self._input_cache:
+            window = self.windows[number]
+            for old in [item for item in self._input_cache if item[0] == number]:
+                self._input_cache.pop(old, None)
+            self._input_cache[key] = actuator_inputs(
+                self.legs[window.leg], window, self.parameters.vehicle, lag_s
+            )
+        return self._input_cache[key]
+
+    @cached_property
+    def _input_cache(self) -> dict[tuple[int, float], tuple[Array, Array]]:
+        return {}
+
+    def under(self, noise: NoiseModel, starts: Array | None = None) -> Evaluate:
+        """Return the function to maximise; with `starts`, those are not unknown."""
+
+        def evaluate(common: Array, local: Array, sensitive: bool) -> Evaluation:
+            first = local if starts is None else starts
+            return self.evaluate(common, first, noise, sensitive=sensitive)[0]
+
+        return evaluate
+
+    def prior_objective(self, common: Array) -> float:
+        """Return what the prior adds to minus the log-likelihood."""
+        if self.prior is None:
+            return 0.0
+        away = common[: len(self.prior.mean)] - self.prior.mean
+        return 0.5 * float(away @ self.prior.precision @ away)
+
+    def evaluate(
+        self, common: Array, starts: Array, noise: NoiseModel, *, sensitive: bool
+    ) -> tuple[Evaluation, list[WindowRun]]:
+        """Return the objective with its normal equations, and the windows' runs."""
+        runs = self.run(common, starts, noise, sensitive=sensitive)
+        objective = sum(item.objective for item in runs) + self.prior_objective(common)
+        theta = common[: len(self.parameters.names)]
+        if not sensitive or not np.isfinite(objective):
+            return Evaluation(objective, None), runs
+        return Evaluation(objective, self.normal_equations(runs, theta)), runs
+
+    def normal_equations(self, runs: Sequence[WindowRun], theta: Array) -> NormalEquations:
+        """Return the sums J' W J and J' W e over all windows, and the prior's part."""
+        size = self.unknowns
+        matrix, vector = np.zeros((size, size)), np.zeros(size)
+        local, coupling, right = [], [], []
+        for window, run in zip(self.windows, runs, strict=True):
+            weighted = run.jacobian / run.variances[:, None]
+            block, answer = weighted.T @ run.jacobian, weighted.T @ run.errors
+            place = self.places(window.leg)
+            g = len(place)
+            matrix[np.ix_(place, place)] += block[:g, :g]
+            vector[place] += answer[:g]
+            if not self.filtering:
+                across = np.zeros((block.shape[0] - g, size))
+                across[:, place] = block[g:, :g]
+                local.append(block[g:, g:])
+                coupling.append(across)
+                right.append(answer[g:])
+        k = len(theta)
+        if self.prior is not None:
+            matrix[:k, :k] += self.prior.precision
+            vector[:k] += self.prior.precision @ (self.prior.mean - theta)
+        return NormalEquations(matrix, vector, tuple(local), tuple(coupling), tuple(right))
+
+    def places(self, leg: int) -> Index:
+        """Return the places of theta and of a leg's biases in the common unknowns."""
+        k = len(self.parameters.names)
+        return np.concatenate([np.arange(k), k + BIASES * leg + np.arange(BIASES)])
+
+    def first_starts(self, biases: Array) -> Array:
+        """Return a start (windows, 10) of each window from the samples around it."""
+        return np.array(
+            [
+                self.legs[window.leg].motion(window.t_s[:1], gyro_bias=biases[window.leg, 3:])[0]
+                for window in self.windows
+            ]
+        )

@@ -1,0 +1,145 @@
+"""Output error for six degrees of freedom: free runs in windows against all sensors.
+
+The coefficients, biases and starts of windows whose simulated motion is nearest to the
+samples, each weighted by its channel's standard deviation, which is estimated with
+them: maximum likelihood for white sensor noise and a vehicle that nothing unknown
+pushes (Maine and Iliff 1985; Jategaonkar 2015, chapter 4). Nothing measured enters a
+regressor, so that the noise of velocities gives no bias. With an unsteady force take
+`filter_error`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.maximum_likelihood.estimate import (
+    LikelihoodEstimate,
+    estimate_from,
+    projected_scores,
+    score_moment,
+)
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import maximise
+from auvid.hydro.identification.maximum_likelihood.likelihood import (
+    BIASES,
+    Likelihood,
+    NoiseModel,
+    WindowRun,
+)
+from auvid.hydro.identification.maximum_likelihood.parameters import (
+    ParameterPrior,
+    UnknownParameters,
+)
+from auvid.hydro.identification.maximum_likelihood.records import (
+    CHANNELS,
+    SMALLEST_SD,
+    LegRecord,
+    rough_sd,
+)
+from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
+
+WINDOW_S = 10.0
+ROUNDS, STEPS, TOLERANCE = 6, 30, 1e-3
+SETTLED = 0.02
+"""Relative change of a standard deviation of samples that ends the rounds."""
+
+
+def fit_output_error(
+    legs: Sequence[LegRecord],
+    parameters: UnknownParameters,
+    start: Mapping[str, float] | Array,
+    *,
+    prior: ParameterPrior | None = None,
+    window_s: float = WINDOW_S,
+    sensor_sd: Array | None = None,
+    biases: Array | None = None,
+    tolerance: float = TOLERANCE,
+) -> LikelihoodEstimate:
+    """Fit theta from `start`, by name or as vector, to windows of the legs.
+
+    `sensor_sd` (13,): known standard deviations of the samples, else estimated.
+    `biases` (legs, 6): where the biases start from. `tolerance`: the last step in parts
+    of a standard error. Raises `DataError` where legs are
+    shorter than a window, samples fewer than unknowns, or the start diverges.
+    """
+    windows, dropped = cut_windows(legs, length_s=window_s)
+    likelihood = Likelihood(legs, windows, parameters, False, np.ones(10), prior)
+    theta = parameters.vector(start) if isinstance(start, Mapping) else np.asarray(start)
+    first = np.zeros((len(legs), BIASES)) if biases is None else np.asarray(biases)
+    common = np.concatenate([theta, first.ravel()])
+    starts = likelihood.first_starts(first)
+    require_samples(likelihood, likelihood.unknowns + starts.size)
+    lower, upper = likelihood_bounds(likelihood)
+    noise = NoiseModel(rough_sd(list(legs)) if sensor_sd is None else sensor_sd)
+    history: list[float] = []
+    for _ in range(ROUNDS):
+        used = noise
+
+        optimum = maximise(
+            likelihood.under(used),
+            common,
+            starts,
+            lower=lower,
+            upper=upper,
+            most_steps=STEPS,
+            tolerance=tolerance,
+        )
+        common, starts = optimum.common, optimum.local
+        history += [-value for value in optimum.objectives]
+        final, runs = likelihood.evaluate(common, starts, noise, sensitive=True)
+        if sensor_sd is not None:
+            break
+        noise = NoiseModel(residual_sd(runs, likelihood.unknowns + starts.size))
+        change = np.abs(noise.sensor_sd / used.sensor_sd - 1.0)
+        if np.nanmax(change) < SETTLED:
+            break
+    assert final.equations is not None
+    information, _ = final.equations.reduced()
+    return estimate_from(
+        likelihood,
+        common,
+        runs,
+        used,
+        information=information,
+        moment=score_moment(likelihood, projected_scores(likelihood, final.equations, runs)),
+        at_bound=optimum.at_bound,
+        word=optimum.word,
+        log_likelihood=history,
+        dropped=dropped,
+    )
+
+
+def likelihood_bounds(likelihood: Likelihood) -> tuple[Array, Array]:
+    """Return bounds of theta and, infinite, of biases."""
+    low, high = likelihood.parameters.bounds
+    none = np.full(likelihood.unknowns - len(low), np.inf)
+    return np.concatenate([low, -none]), np.concatenate([high, none])
+
+
+def require_samples(likelihood: Likelihood, unknowns: int) -> None:
+    """Raise `DataError` where there are no more samples than unknowns."""
+    samples = sum(window.samples for window in likelihood.windows)
+    if samples <= unknowns:
+        raise DataError(
+            "fewer samples than unknowns",
+            value=samples,
+            allowed=f"more than {unknowns}",
+            remedy="Take longer legs, or fewer terms.",
+        )
+
+
+def residual_sd(runs: Sequence[WindowRun], unknowns: int) -> Array:
+    """Return standard deviations of errors by channel (13,), nan without samples.
+
+    Each channel pays for the unknowns in proportion to its samples.
+    """
+    errors = np.concatenate([run.errors for run in runs])
+    channel = np.concatenate([run.channel for run in runs])
+    count = np.bincount(channel, minlength=len(CHANNELS)).astype(float)
+    sums = np.bincount(channel, weights=errors**2, minlength=len(CHANNELS))
+    count[count == 0.0] = np.nan
+    variance = sums / (count * (1.0 - unknowns / len(errors)))
+    return np.asarray(np.maximum(np.sqrt(variance), SMALLEST_SD))

@@ -1,0 +1,82 @@
+"""Gauss-Newton: local unknowns, bounds and damping against dense and bounded solvers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
+    Evaluation,
+    NormalEquations,
+    bounded_step,
+    maximise,
+    solve_scaled,
+)
+
+
+def system(seed: int) -> tuple[np.ndarray, np.ndarray, NormalEquations]:
+    """A linear least-squares problem with 4 common unknowns and 2 windows of 3 local ones."""
+    random = np.random.default_rng(seed)
+    design, target = np.zeros((60, 10)), random.standard_normal(60)
+    design[:, :4] = random.standard_normal((60, 4)) * [1.0, 1e3, 1e-4, 1.0]
+    design[:30, 4:7], design[30:, 7:] = random.standard_normal((2, 30, 3))
+    N, b = design.T @ design, design.T @ target
+    parts = (slice(4, 7), slice(7, 10))
+    equations = NormalEquations(
+        N[:4, :4],
+        b[:4],
+        tuple(N[p, p] for p in parts),
+        tuple(N[p, :4] for p in parts),
+        tuple(b[p] for p in parts),
+    )
+    return design, target, equations
+
+
+def test_local_unknowns_are_taken_out_exactly() -> None:
+    design, target, equations = system(1)
+    dense = np.linalg.lstsq(design, target, rcond=None)[0]
+    matrix, vector = equations.reduced()
+    step = solve_scaled(matrix, vector)
+    np.testing.assert_allclose(step, dense[:4], rtol=1e-9)
+    np.testing.assert_allclose(equations.local_steps(step).ravel(), dense[4:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bounds_hold_as_in_bounded_least_squares(seed: int) -> None:
+    design, target, equations = system(seed)
+    free = np.linalg.lstsq(design, target, rcond=None)[0]
+    upper = np.full(10, np.inf)
+    upper[0] = free[0] - 0.1  # one bound that bites
+    oracle = lsq_linear(design, target, (-np.inf, upper), method="bvls", tol=1e-14).x
+    low = np.full(4, -np.inf)
+    step, fixed, _ = bounded_step(equations, np.zeros(4), low, upper[:4], 0.0)
+    np.testing.assert_allclose(step, oracle[:4], rtol=1e-7)
+    assert fixed.tolist() == [True, False, False, False]
+
+
+def test_it_descends_a_curved_valley_and_says_that_it_converged() -> None:
+    def rosenbrock(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        e = -np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+        J = np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+        return Evaluation(0.5 * float(e @ e), NormalEquations(J.T @ J, J.T @ e))
+
+    none = np.full(2, np.inf)
+    start = np.array([-1.2, 1.0])
+    optimum = maximise(
+        rosenbrock, start, np.zeros((0, 1)), lower=-none, upper=none, most_steps=60, tolerance=1e-9
+    )
+    assert optimum.word == "converged"
+    np.testing.assert_allclose(optimum.common, [1.0, 1.0], atol=1e-6)
+    few = maximise(rosenbrock, start, np.zeros((0, 1)), lower=-none, upper=none, most_steps=2)
+    assert few.word == "no convergence"
+
+
+def test_a_start_that_diverges_is_refused() -> None:
+    none = np.full(1, np.inf)
+    with pytest.raises(DataError, match="diverges at the starting values"):
+        maximise(
+            lambda x, y, s: Evaluation(np.inf, None), np.zeros(1), np.zeros((0, 1)),
+            lower=-none, upper=none, most_steps=3,
+        )  # fmt: skip

@@ -1,0 +1,104 @@
+"""Output error: against scipy on an exact solution, coverage, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
+from auvid.hydro.identification.maximum_likelihood.parameters import (
+    ParameterPrior,
+    UnknownParameters,
+)
+from tests.support.sway_runs import VEHICLE, simulate, square_wave, sway_leg
+
+DAMPING, SD = -18.0, 0.01
+MANY = (
+    "u",
+    "v",
+    "w",
+    "p",
+    "q",
+    "r",
+    *(f"v*|{x}|" for x in "uvwpqr"),
+    *(f"r*|{x}|" for x in "uvwpqr"),
+)
+SWAY = UnknownParameters(VEHICLE, {"Y": ("v",)})
+KNOWN_SD = np.where(np.arange(13) == 10, SD, np.nan)
+
+
+def noisy_run(seed: int, n: int = 525, sd: float = SD) -> tuple[np.ndarray, np.ndarray]:
+    thrust = square_wave(n)
+    noise = sd * np.random.default_rng(seed).standard_normal(n)
+    return simulate(DAMPING, thrust, 0.1) + noise, thrust
+
+
+def test_it_finds_what_scipy_finds_on_the_exact_solution() -> None:
+    # Sensitivities hold to 1e-4 where thrust has corners: so far from it in standard errors.
+    sd = 0.2 * SD
+    measured, thrust = noisy_run(1, sd=sd)
+    oracle = least_squares(
+        lambda x: (simulate(x[0], thrust, x[1]) - measured) / sd,
+        [-15.0, 0.0],
+        jac="3-point",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    fit = fit_output_error(
+        [sway_leg(measured, thrust)], SWAY, {"Y v": -15.0}, sensor_sd=0.2 * KNOWN_SD, tolerance=1e-8
+    )
+    assert fit.word == "converged"
+    assert fit.theta[0] == pytest.approx(oracle.x[0], rel=1e-7)
+    assert fit.theta[0] == pytest.approx(oracle.x[0], abs=1e-3 * fit.standard_errors[0])
+    covariance = np.linalg.inv(oracle.jac.T @ oracle.jac)
+    assert fit.information_covariance[0, 0] == pytest.approx(covariance[0, 0], rel=1e-3)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    # 60 runs: 95 % +- 2.8 % (one standard deviation); 9 misses have a chance of 0.2 %.
+    misses = 0
+    for seed in range(60):
+        measured, thrust = noisy_run(seed, 250)
+        fit = fit_output_error([sway_leg(measured, thrust)], SWAY, {"Y v": -15.0}, window_s=2.0)
+        low, high = fit.intervals[0]
+        misses += not low < DAMPING < high
+        assert fit.noise.sensor_sd[10] == pytest.approx(SD, rel=0.2)
+    assert misses <= 8
+
+
+def test_a_bound_holds_and_is_named() -> None:
+    measured, thrust = noisy_run(3)
+    bounded = UnknownParameters(VEHICLE, {"Y": ("v", "v*|v|")}, upper={"Y v": -30.0})
+    fit = fit_output_error([sway_leg(measured, thrust)], bounded, {"Y v": -35.0})
+    assert fit.theta[0] == -30.0
+    assert fit.at_bound.tolist() == [True, False]
+    assert np.isnan(fit.standard_errors[0])
+    assert np.isfinite(fit.standard_errors[1])
+
+
+def test_a_strong_prior_wins_and_a_weak_one_leaves_the_data_alone() -> None:
+    measured, thrust = noisy_run(4)
+    leg, start = sway_leg(measured, thrust), {"Y v": -15.0}
+    free = fit_output_error([leg], SWAY, start, sensor_sd=KNOWN_SD)
+    sd = free.standard_errors[0]
+    for width, share in ((1e-3, 0.0), (1e3, 1.0)):
+        prior = ParameterPrior(np.array([-25.0]), np.array([[(width * sd) ** -2]]))
+        fit = fit_output_error([leg], SWAY, start, prior=prior, sensor_sd=KNOWN_SD)
+        expected = -25.0 + share * (free.theta[0] + 25.0)
+        assert fit.theta[0] == pytest.approx(expected, abs=0.02 * sd)
+
+
+def test_what_it_refuses() -> None:
+    measured, thrust = noisy_run(5)
+    leg = sway_leg(measured, thrust)
+    with pytest.raises(DataError, match="no leg is as long as a window"):
+        fit_output_error([leg], SWAY, {"Y v": -15.0}, window_s=30.0)
+    with pytest.raises(DataError, match="fewer samples than unknowns"):
+        fit_output_error(
+            [sway_leg(measured, thrust, every=16)], UnknownParameters(VEHICLE, {"Y": MANY}), {}
+        )
+    with pytest.raises(DataError, match="diverges at the starting values"):
+        fit_output_error([leg], SWAY, {"Y v": 1e5}, window_s=7.0)
