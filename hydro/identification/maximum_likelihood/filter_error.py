@@ -36,7 +36,6 @@ from auvid.hydro.identification.maximum_likelihood.noise import (
     NoiseUnknowns,
     improve_noise,
     polish,
-    total_objective,
 )
 from auvid.hydro.identification.maximum_likelihood.output_error import (
     likelihood_bounds,
@@ -52,8 +51,10 @@ from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
 SMALLEST_SHARE = 1e-3
 """Floor of the unsteady force, in parts of its first guess."""
-ROUNDS, STEPS = 15, 3
-SETTLED = 0.05
+ROUNDS, STEPS, JOINT_ROUNDS = 15, 3, 10
+NEAR, SETTLED = 20.0, 0.5
+"""Gain of log-likelihood by new noise below which coefficients and noise move together,
+and by a joint step below which all is settled: a deviation of one number among dozens."""
 
 
 def fit_filter_error(
@@ -91,7 +92,6 @@ def fit_filter_error(
         np.flatnonzero(measured) if sensor_sd is None else np.zeros(0, dtype=np.intp), len(legs)
     )
     history: list[float] = []
-    word = "no convergence"
     for _ in range(ROUNDS):
         used = noise
 
@@ -105,28 +105,30 @@ def fit_filter_error(
         )
         common = optimum.common
         history += [-value for value in optimum.objectives]
-        noise, change = improve_noise(
-            likelihood, common, starts, used, unknown, smallest_force=floor
+        noise, gain = improve_noise(likelihood, common, starts, used, unknown, smallest_force=floor)
+        if gain < NEAR:
+            break
+    word = "no convergence"
+    for _ in range(JOINT_ROUNDS):
+        final, _ = likelihood.evaluate(common, starts, noise, sensitive=True)
+        assert final.equations is not None
+        _, _, spread = bounded_step(final.equations, common, lower, upper, 0.0)
+        common, noise, system, fixed, gain = polish(
+            likelihood,
+            common,
+            starts,
+            noise,
+            unknown,
+            theta_steps=DIFFERENCE * np.where(np.isfinite(spread), spread, 1.0)[: len(theta)],
+            lower=lower,
+            upper=upper,
+            smallest_force=floor,
         )
-        if optimum.word == "converged" and change < SETTLED:
+        history.append(history[-1] + gain)
+        if gain < SETTLED:
             word = "converged"
             break
-    final, _ = likelihood.evaluate(common, starts, noise, sensitive=True)
-    assert final.equations is not None
-    _, _, spread = bounded_step(final.equations, common, lower, upper, 0.0)
-    common, noise, system, fixed = polish(
-        likelihood,
-        common,
-        starts,
-        noise,
-        unknown,
-        theta_steps=DIFFERENCE * np.where(np.isfinite(spread), spread, 1.0)[: len(theta)],
-        lower=lower,
-        upper=upper,
-        smallest_force=floor,
-    )
     runs = likelihood.run(common, starts, noise, sensitive=False)
-    history.append(-total_objective(runs) - likelihood.prior_objective(common))
     return estimate_from(
         likelihood,
         common,

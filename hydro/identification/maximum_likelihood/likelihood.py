@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.dynamics.simulation.plant_constants import Tables
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     Evaluate,
     Evaluation,
@@ -64,6 +65,10 @@ class WindowRun:
         )
 
 
+Job = tuple[int, Tables, tuple[Array, Array], Array, NoiseModel]
+"""A window's number, tables, inputs with their derivative by the lag, biases, noise."""
+
+
 @dataclass(frozen=True)
 class Likelihood:
     """Windows of legs under a model, as a function of theta, biases and starts.
@@ -100,28 +105,40 @@ class Likelihood:
         self, common: Array, starts: Array, noise: NoiseModel, *, sensitive: bool
     ) -> list[WindowRun]:
         """Run all windows, shared among threads."""
+        return self.run_many([(common, noise)], starts, sensitive=sensitive)[0]
+
+    def run_many(
+        self,
+        points: Sequence[tuple[Array, NoiseModel]],
+        starts: Array,
+        *,
+        sensitive: bool,
+    ) -> list[list[WindowRun]]:
+        """Run all windows at several points, common unknowns and noise."""
         from auvid.hydro.dynamics.simulation.compiled import THREADS
 
-        theta, biases = self.split(common)
-        tables = self.parameters.tables(theta)
-        lag_s = self.parameters.lag_s(theta)
+        jobs = []
+        for common, noise in points:
+            theta, biases = self.split(common)
+            tables, lag_s = self.parameters.tables(theta), self.parameters.lag_s(theta)
+            for number, window in enumerate(self.windows):
+                inputs = self._inputs(number, lag_s)
+                jobs.append((number, tables, inputs, biases[window.leg], noise))
 
-        def one(number: int) -> WindowRun:
-            leg = self.windows[number].leg
-            return self._window(
-                number, tables, lag_s, biases[leg], starts[number], noise, sensitive
-            )
+        def one(job: Job) -> WindowRun:
+            number, tables, inputs, bias, noise = job
+            return self._window(number, tables, inputs, bias, starts[number], noise, sensitive)
 
-        if len(self.windows) == 1:
-            return [one(0)]
         with ThreadPoolExecutor(THREADS) as pool:
-            return list(pool.map(one, range(len(self.windows))))
+            runs = list(pool.map(one, jobs))
+        size = len(self.windows)
+        return [runs[first : first + size] for first in range(0, len(runs), size)]
 
     def _window(
         self,
         number: int,
-        tables: object,
-        lag_s: float,
+        tables: Tables,
+        inputs_along: tuple[Array, Array],
         bias: Array,
         start: Array,
         noise: NoiseModel,
@@ -135,7 +152,7 @@ class Likelihood:
         )
 
         window = self.windows[number]
-        inputs, along = self._inputs(number, lag_s)
+        inputs, along = inputs_along
         unsteady = self.filtering and noise.force_sd is not None
         n = 16 if unsteady else 10
         x0, P0 = np.zeros(n), np.zeros((n, n))

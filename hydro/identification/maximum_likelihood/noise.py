@@ -103,7 +103,7 @@ def improve_noise(
     *,
     smallest_force: Array,
 ) -> tuple[NoiseModel, float]:
-    """Return the noise after one step of scoring, and the largest relative change.
+    """Return the noise after one step of scoring, and what the log-likelihood gained.
 
     `smallest_force` (6,): floor of the standard deviations of the force. The step is
     halved until the likelihood does not fall.
@@ -118,7 +118,7 @@ def improve_noise(
         moved = _floored(unknown.shifted(noise, step), smallest_force)
         there = likelihood.run(common, starts, moved, sensitive=False)
         if total_objective(there) <= before:
-            return moved, _change(noise, moved)
+            return moved, before - total_objective(there)
         step = 0.5 * step
     return noise, 0.0
 
@@ -134,10 +134,10 @@ def polish(
     lower: Array,
     upper: Array,
     smallest_force: Array,
-) -> tuple[Array, NoiseModel, Scoring, Mask]:
+) -> tuple[Array, NoiseModel, Scoring, Mask, float]:
     """Return common unknowns and noise after one joint step of scoring.
 
-    Also the system, and what a bound holds.
+    Also the system, what a bound holds, and what the log-likelihood gained.
 
     `theta_steps` (k,): widths of the differences by theta. Here the gains vary with
     theta too, so that the step ends at the maximum of the likelihood itself. It is
@@ -146,12 +146,11 @@ def polish(
     size, k = likelihood.unknowns, len(theta_steps)
     base = likelihood.run(common, starts, noise, sensitive=True)
     slopes = _noise_slopes(likelihood, common, starts, noise, unknown, base, first=size)
-    for i, width in enumerate(theta_steps):
-        moved = common.copy()
-        moved[i] += width
-        runs = likelihood.run(moved, starts, noise, sensitive=False)
+    shifts = [common + width * (np.arange(size) == i) for i, width in enumerate(theta_steps)]
+    several = likelihood.run_many([(moved, noise) for moved in shifts], starts, sensitive=False)
+    for i, runs in enumerate(several):
         for number, (run, there) in enumerate(zip(base, runs, strict=True)):
-            slopes[number].append(_slope(i, run, there, width))
+            slopes[number].append(_slope(i, run, there, theta_steps[i]))
     for number, (window, run) in enumerate(zip(likelihood.windows, base, strict=True)):
         for column, place in enumerate(likelihood.places(window.leg)[k:], start=k):
             none = np.zeros(len(run.errors))
@@ -176,10 +175,11 @@ def polish(
         there_noise = _floored(unknown.shifted(noise, step[size:]), smallest_force)
         there_common = common + step[:size]
         runs = likelihood.run(there_common, starts, there_noise, sensitive=False)
-        if total_objective(runs) + likelihood.prior_objective(there_common) <= before:
-            return there_common, there_noise, system, fixed
+        gain = before - total_objective(runs) - likelihood.prior_objective(there_common)
+        if gain >= 0.0:
+            return there_common, there_noise, system, fixed, gain
         step = 0.5 * step
-    return common, noise, system, fixed
+    return common, noise, system, fixed, 0.0
 
 
 def total_objective(runs: Sequence[WindowRun]) -> float:
@@ -198,10 +198,13 @@ def _noise_slopes(
     first: int,
 ) -> list[list[Slope]]:
     slopes: list[list[Slope]] = [[] for _ in base]
+    steps = []
     for places in unknown.directions:
         step = np.zeros(unknown.size)
         step[places] = DIFFERENCE
-        runs = likelihood.run(common, starts, unknown.shifted(noise, step), sensitive=False)
+        steps.append(unknown.shifted(noise, step))
+    several = likelihood.run_many([(common, moved) for moved in steps], starts, sensitive=False)
+    for places, runs in zip(unknown.directions, several, strict=True):
         for number, (run, there) in enumerate(zip(base, runs, strict=True)):
             own = places[likelihood.windows[number].leg] if len(places) > 1 else places[0]
             slopes[number].append(_slope(first + int(own), run, there, DIFFERENCE))
@@ -235,15 +238,6 @@ def _scoring(
         vector[at] += gathered.sum(axis=0)
         scores.append(series)
     return Scoring(matrix, vector, tuple(scores))
-
-
-def _change(before: NoiseModel, after: NoiseModel) -> float:
-    assert before.force_sd is not None
-    assert after.force_sd is not None
-    return max(
-        float(np.nanmax(np.abs(np.log(after.sensor_sd / before.sensor_sd)))),
-        float(np.max(np.abs(np.log(after.force_sd / before.force_sd)))),
-    )
 
 
 def _floored(noise: NoiseModel, smallest_force: Array) -> NoiseModel:

@@ -147,8 +147,9 @@ def rough_sd(legs: list[LegRecord]) -> Array:
     return np.asarray(np.maximum(out, SMALLEST_SD))
 
 
-SMALLEST_SD = np.repeat([1e-6, 1e-6, 1e-5, 1e-5, 1e-5], [3, 3, 3, 3, 1])
-"""Noise-free channels would make gains singular: rad, rad/s, m/s^2, m/s, m."""
+SMALLEST_SD = np.repeat([5e-5, 1e-5, 1e-4, 1e-4, 1e-4], [3, 3, 3, 3, 1])
+"""Smallest noise that is believed [rad, rad/s, m/s^2, m/s, m]: about the resolution of
+logs; noise-free channels would make gains singular."""
 
 
 def _linear(t_s: Array, times: Array, values: Array) -> Array:
