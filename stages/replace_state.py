@@ -44,7 +44,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     segment's log is missing or does not cover it.
     """
     segment, t_s = inputs.segment, clock(inputs.resampled)
-    t_s = t_s[(t_s >= params.edge_s) & (t_s <= t_s[-1] - params.edge_s)]
+    first = max(0.0, t_s[0] + params.edge_s)
+    t_s = t_s[(t_s >= first) & (t_s <= min(segment.duration_s, t_s[-1] - params.edge_s))]
     at = t_s + float(segment.leg_start_s)
     truth = truth_of(inputs.truth, segment, at)
     eta, nu, nu_dot = (

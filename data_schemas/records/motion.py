@@ -51,9 +51,11 @@ class SegmentRecord(Model):
     leg_start_s: float
     """Start of the segment in seconds from the first time-stamped record of the log."""
     duration_s: float
-    """Length."""
+    """Length, without margins."""
+    margins_s: list[float]
+    """Data of the log before and after the segment on its clock, for what filters need."""
     samples: int
-    """Rows of the uniform clock."""
+    """Rows of the uniform clock, without margins."""
     rate_hz: float
     """Rate of the uniform clock."""
     lags_s: dict[str, float]

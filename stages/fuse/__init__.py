@@ -104,7 +104,10 @@ class Params:
     edge_s: float | None = param(
         "s",
         None,
-        meaning="width cut off at either end; null: what the low-pass needs, at least 0.5 s",
+        meaning=(
+            "width cut off at an end of the data, counted from the leg's margin; null: what the"
+            " low-pass needs, at least 0.5 s"
+        ),
         low=0.0,
         high=60.0,
     )
@@ -249,7 +252,9 @@ def default_edge_s(cutoff_hz: float | None) -> float:
 
 
 def _inside_edges(t_s: Array, edge_s: float, segment: SegmentRecord) -> Mask:
-    keep: Mask = (t_s >= t_s[0] + edge_s - 1e-9) & (t_s <= t_s[-1] - edge_s + 1e-9)
+    """Return the rows of the leg that are at least an edge away from the data's ends."""
+    first, last = max(0.0, t_s[0] + edge_s), min(segment.duration_s, t_s[-1] - edge_s)
+    keep: Mask = (t_s >= first - 1e-9) & (t_s <= last + 1e-9)
     if keep.sum() < 10:
         raise DataError(
             f"segment '{segment.id}' of {t_s[-1] - t_s[0]:.1f} s is too short for its edges",

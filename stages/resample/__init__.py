@@ -5,8 +5,10 @@ for each channel; attitude is smoothed as a rotation. Vectors are turned from se
 body axes first, here and nowhere after, so that all tables of a segment are in body
 axes; lever arms stay, `fuse` takes them out. One smoothing parameter holds for a whole
 segment, so a signal whose character changes within it is smoothed for the mixture.
-Splines bend at the ends of a segment over about half a period of their cut-off; `fuse`
-cuts that off (`edge_s`). Nothing is extrapolated.
+Splines and low-pass filters are wrong near the ends of what they are given. So a segment
+also takes what the log holds within `margin_s` before and after its leg, at negative
+times and times beyond `duration_s`; `fuse` cuts it off, and an edge where the log has no
+margin. Nothing is extrapolated.
 """
 
 from __future__ import annotations
@@ -24,10 +26,11 @@ from auvid.data_schemas.records.motion import LegGap, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.columns import leg_window
+from auvid.stages.columns import Span, leg_window
 from auvid.stages.resample.segments import (
     COVERING,
     Signal,
+    common,
     common_spans,
     gap_list,
     in_body_axes,
@@ -77,6 +80,13 @@ class Params:
         "s", 1.0, meaning="a longer pause of any sensor splits the leg", low=0.001
     )
     min_segment_s: float = param("s", 5.0, meaning="shorter parts of a leg are left out", low=0.1)
+    margin_s: float = param(
+        "s",
+        3.0,
+        meaning="data of the log taken on either side of a leg, so that its ends need no edge",
+        low=0.0,
+        high=60.0,
+    )
     actuator_interpolation: str = param(
         "1",
         "linear",
@@ -113,11 +123,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     part that all sensors cover long enough.
     """
     lags = sensor_lags(inputs.vehicle, params.lag_s)
-    signals, notes = _signals(inputs, params, lags)
+    window = leg_window(inputs.leg, inputs.log_info.start_us, inputs.log_info.end_us)
+    signals, notes = _signals(inputs, params, lags, window)
     covering = [item for stream, item in signals.items() if stream in COVERING]
-    spans = [
+    covered = [
         trimmed(span, signals.get("battery"), params.max_gap_s) for span in common_spans(covering)
     ]
+    spans = {part: span for span in covered if (part := common(span, window)) is not None}
     long = [span for span in spans if span[1] - span[0] >= params.min_segment_s]
     if not long:
         raise too_short(
@@ -133,17 +145,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     segments = {
         name: resample_segment(
             {
-                stream: item.within(span) if stream in COVERING else item
+                stream: item.within(spans[span]) if stream in COVERING else item
                 for stream, item in signals.items()
             },
             span,
+            covered=spans[span],
             rate_hz=params.rate_hz,
             smoothing=Smoothing(params.smoothing, params.cutoff_hz),
             between=partial(interpolation, max_gap_s=params.max_gap_s),
         )
         for name, span in zip(segment_ids(str(inputs.leg["id"]), long), long, strict=True)
     }
-    leg_gaps = gap_list(covering, params.max_gap_s)
+    leg_gaps = gap_list(covering, params.max_gap_s, window)
     samples = {
         table: {
             name: part.samples[table] for name, part in segments.items() if table in part.samples
@@ -194,11 +207,10 @@ def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, flo
 
 
 def _signals(
-    inputs: Inputs, params: Params, lags: Mapping[str, float]
+    inputs: Inputs, params: Params, lags: Mapping[str, float], window: Span
 ) -> tuple[dict[str, Signal], list[str]]:
-    """Return the streams of a leg in body axes, and notes on gaps and splits."""
+    """Return the streams of a leg and its margins in body axes, and notes on splits."""
     start_us, end_us = inputs.log_info.start_us, inputs.log_info.end_us
-    window = leg_window(inputs.leg, start_us, end_us)
     rotations = {
         "imu": inputs.vehicle.imu.rotation,
         "velocity": inputs.vehicle.dvl.rotation,
@@ -218,7 +230,7 @@ def _signals(
                 table,
                 start_us=start_us,
                 lag_s=lags[stream],
-                window=window,
+                window=(max(0.0, window[0] - params.margin_s), window[1] + params.margin_s),
                 max_gap_s=params.max_gap_s if stream in COVERING else np.inf,
             )
         if item is not None:
@@ -229,7 +241,7 @@ def _signals(
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
     if "imu" in signals:
-        signals["attitude"], jumps = split_at_jumps(signals["attitude"], signals["imu"])
+        signals["attitude"], jumps = split_at_jumps(signals["attitude"], signals["imu"], window)
         notes += jumps
     return signals, notes
 
@@ -245,6 +257,7 @@ def _record(
     notes: list[str],
 ) -> SegmentRecord:
     t_s = part.table["t_s"].to_numpy()
+    inside = (t_s >= 0.0) & (t_s <= part.span[1] - part.span[0] + 1e-9)
     return SegmentRecord(
         id=name,
         leg=inputs.leg["id"],
@@ -252,8 +265,9 @@ def _record(
         use=inputs.leg.get("use", "training"),
         start_us=inputs.log_info.start_us + round(part.span[0] * 1e6),
         leg_start_s=part.span[0],
-        duration_s=float(t_s[-1]),
-        samples=int(t_s.size),
+        duration_s=float(t_s[inside][-1]),
+        margins_s=[0.0 - float(t_s[0]), float(t_s[-1] - t_s[inside][-1])],
+        samples=int(inside.sum()),
         rate_hz=rate_hz,
         lags_s=lags,
         smoothing=dict(part.smoothing),

@@ -93,10 +93,11 @@ def in_body_axes(item: Signal, rotation: Array) -> Signal:
     return replace(item, values=values)
 
 
-def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
+def split_at_jumps(item: Signal, imu: Signal, window: Span) -> tuple[Signal, list[str]]:
     """Return the attitude cut where it jumps without the gyro, and a note per jump.
 
-    A spline through a jump would turn the vehicle in a motion that never was.
+    A spline through a jump would turn the vehicle in a motion that never was. Jumps
+    outside the window of the leg are not noted.
     """
     sizes = attitude_jumps(item.t_s, item.columns(*ATTITUDE), imu.t_s, imu.columns(*GYRO))
     jumps = list(zip(*(array.tolist() for array in sizes), strict=True))
@@ -113,14 +114,15 @@ def split_at_jumps(item: Signal, imu: Signal) -> tuple[Signal, list[str]]:
         for span in spans
         if np.count_nonzero((item.t_s >= span[0]) & (item.t_s <= span[1])) >= MIN_SAMPLES
     )
+    noted = [jump for jump in jumps if jump[1] >= window[0] and jump[0] <= window[1]]
     notes = [
         f"the attitude jumps by {math.degrees(size):.0f} degrees at {start:.2f} s without the gyro;"
         " the leg is split there"
-        for start, _, size in jumps[:NAMED_JUMPS]
+        for start, _, size in noted[:NAMED_JUMPS]
     ]
-    if len(jumps) > NAMED_JUMPS:
+    if len(noted) > NAMED_JUMPS:
         notes.append(
-            f"the attitude jumps {len(jumps) - NAMED_JUMPS} times more, each splits the leg"
+            f"the attitude jumps {len(noted) - NAMED_JUMPS} times more, each splits the leg"
         )
     return (replace(item, spans=kept) if jumps else item), notes
 
@@ -129,11 +131,15 @@ def common_spans(signals: Sequence[Signal]) -> list[Span]:
     """Return the spans that all signals cover without a gap."""
     spans: list[Span] = [(-np.inf, np.inf)]
     for item in signals:
-        both = [
-            (max(one[0], other[0]), min(one[1], other[1])) for one in spans for other in item.spans
-        ]
-        spans = [span for span in both if span[0] < span[1]]
+        both = [common(one, other) for one in spans for other in item.spans]
+        spans = [span for span in both if span is not None]
     return spans
+
+
+def common(one: Span, other: Span) -> Span | None:
+    """Return what two spans share; None where that is nothing."""
+    start, end = max(one[0], other[0]), min(one[1], other[1])
+    return (start, end) if start < end else None
 
 
 def trimmed(span: Span, item: Signal | None, longest_s: float) -> Span:
@@ -151,12 +157,14 @@ def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
     return [leg] if len(spans) == 1 else [f"{leg}.{number}" for number in range(1, len(spans) + 1)]
 
 
-def gap_list(signals: Sequence[Signal], max_gap_s: float) -> list[LegGap]:
-    """Return all pauses longer than allowed, in seconds from the start of the log."""
+def gap_list(signals: Sequence[Signal], max_gap_s: float, window: Span) -> list[LegGap]:
+    """Return the pauses of a leg longer than allowed, in seconds from the log's start."""
     pauses: list[LegGap] = []
     for item in signals:
         for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):
             start, end = float(item.t_s[index]), float(item.t_s[index + 1])
+            if common((start, end), window) is None:
+                continue
             pauses.append(
                 LegGap(stream=item.stream, start_s=start, end_s=end, duration_s=end - start)
             )

@@ -102,16 +102,19 @@ def resample_segment(
     signals: Mapping[str, Signal],
     span: Span,
     *,
+    covered: Span,
     rate_hz: float,
     smoothing: Smoothing,
     between: Callable[[Array, Array, Array], Array],
 ) -> ResampledSegment:
-    """Return one segment on its uniform clock.
+    """Return one segment on its uniform clock, 0 at its start.
 
-    span: [s] from the start of the log, covered by every signal but the battery.
-    between: values of the actuators (n, k) at other times, from theirs.
+    span: [s] from the start of the log; covered: the same with margins, covered by
+    every signal but the battery. between: values of the actuators (n, k) at other
+    times, from theirs.
     """
-    t_s = uniform_clock(0.0, span[1] - span[0], rate_hz)
+    before = np.floor((span[0] - covered[0]) * rate_hz + 1e-3) / rate_hz
+    t_s = uniform_clock(-before, covered[1] - span[0], rate_hz)
     columns: dict[str, Array] = {"t_s": t_s}
     records: dict[str, Any] = {}
     notes = []
@@ -161,15 +164,19 @@ def resample_segment(
         if bare > 0.0:
             notes.append(f"the battery was not measured in {100.0 * bare:.1f} % of the segment")
     return ResampledSegment(
-        span, make_table("resampled", columns), _samples(signals, span), records, tuple(notes)
+        span,
+        make_table("resampled", columns),
+        _samples(signals, span, covered),
+        records,
+        tuple(notes),
     )
 
 
-def _samples(signals: Mapping[str, Signal], span: Span) -> dict[str, pa.Table]:
+def _samples(signals: Mapping[str, Signal], span: Span, covered: Span) -> dict[str, pa.Table]:
     tables = {}
     for name, (stream, fields) in SAMPLES.items():
         if stream in signals:
-            item = signals[stream].cut(span)
+            item = signals[stream].cut(covered)
             values = item.columns(*fields.values())
             if stream == "attitude":
                 values = unwrap_angles(values)

@@ -303,6 +303,7 @@ def segment_document(
             "start_us": 0,
             "leg_start_s": 0.0,
             "duration_s": 120.0,
+            "margins_s": [0.0, 0.0],
             "samples": 6000,
             "rate_hz": RATE_HZ,
             "lags_s": {},

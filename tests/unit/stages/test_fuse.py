@@ -280,6 +280,19 @@ def test_edges_are_cut_on_both_sides(motion: Motion) -> None:
     assert t_s.size == motion.t_s.size - 50
 
 
+def test_a_margin_is_cut_off_in_place_of_the_edge(motion: Motion) -> None:
+    """The leg lasts from 1 to 38 s of 40 s: 1 s before it is less than the edge, 2 s after
+    it are more.
+    """
+    table = resampled_table(motion, IDEAL)
+    shifted = table.set_column(0, "t_s", pa.array(column(table, "t_s") - 1.0))
+    given = replace(
+        inputs(shifted, IDEAL), segment=segment_document().model_copy(update={"duration_s": 37.0})
+    )
+    t_s = column(fuse.run(given, fuse.Params(cutoff_hz=None, edge_s=1.5)).fused, "t_s")
+    assert (t_s[0], t_s[-1]) == pytest.approx((0.5, 37.0))
+
+
 def test_a_segment_shorter_than_its_edges_is_refused(motion: Motion) -> None:
     with pytest.raises(DataError, match=r"too short for its edges.*edge_s") as caught:
         run(motion, edge_s=20.0)

@@ -136,16 +136,37 @@ def test_documents_and_clock() -> None:
     segment = outputs.segment["leg"]
     check_document(segment, "segment")
     table = outputs.resampled["leg"]
-    steps = np.diff(column(table, "t_s"))
-    assert column(table, "t_s")[0] == 0.0
-    assert steps == pytest.approx(0.02, abs=1e-12)
-    # The velocity sample of 10.25 s was measured at 10.1 s, and no other sensor starts
-    # later.
-    assert segment.leg_start_s == pytest.approx(10.1, abs=1e-9)
-    assert segment.start_us == START_US + 10_100_000
-    assert 10.1 + segment.duration_s <= 40.0
-    assert segment.samples == table.num_rows
+    t_s = column(table, "t_s")
+    assert np.diff(t_s) == pytest.approx(0.02, abs=1e-12)
+    assert np.abs(t_s).min() == 0.0
+    # The leg starts where it is said to: all sensors go on before and after it.
+    assert segment.leg_start_s == pytest.approx(10.0, abs=1e-9)
+    assert segment.start_us == START_US + 10_000_000
+    assert segment.duration_s == pytest.approx(30.0, abs=1e-9)
+    assert segment.samples == np.count_nonzero((t_s > -1e-9) & (t_s < 30.0 + 1e-9)) == 1501
+    assert segment.margins_s == pytest.approx([-t_s[0], t_s[-1] - 30.0], abs=1e-9)
+    assert all(2.8 < margin <= 3.0 for margin in segment.margins_s)
     assert segment.lags_s["velocity"] == DVL_LAG_S
+
+
+@pytest.mark.parametrize(("margin_s", "alike"), [(3.0, True), (0.0, False)])
+def test_a_leg_inside_a_log_has_ends_as_good_as_its_middle(margin_s: float, alike: bool) -> None:
+    params = {"smoothing": "cutoff", "cutoff_hz": 1.0, "margin_s": margin_s}
+    whole, part = run({}, params), run({"start_s": 20, "end_s": 40}, params)
+    shift = part.segment["leg"].leg_start_s - whole.segment["leg"].leg_start_s
+    t_s = column(part.resampled["leg"], "t_s")
+    inside = (t_s > -1e-9) & (t_s < 20.0 + 1e-9)
+    worst = 0.0
+    for name in ("z_dot_m_s", "u_dot_m_s2", "q_dot_rad_s2"):
+        expected = np.interp(
+            t_s[inside] + shift,
+            column(whole.resampled["leg"], "t_s"),
+            column(whole.resampled["leg"], name),
+        )
+        difference = np.abs(column(part.resampled["leg"], name)[inside] - expected)
+        worst = max(worst, float(difference.max() / np.abs(expected).max()))
+    # Without a margin a natural spline has no curvature at its ends.
+    assert (worst < 1e-3) == alike
 
 
 def test_signals_and_derivatives_are_those_that_were_sampled() -> None:
