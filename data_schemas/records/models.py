@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from auvid.data_schemas.documents.model import Model
 
 
@@ -18,8 +20,18 @@ class TermCard(Model):
     """Coefficient in that unit; null where the data determine none."""
     standard_error: float | None = None
     """Standard error for coloured residuals."""
-    verdict: Literal["identified", "weak", "not excited", "inseparable", "not applicable"]
-    """What the data say."""
+    verdict: Literal[
+        "identified",
+        "weak",
+        "not excited",
+        "inseparable",
+        "not applicable",
+        "at its bound",
+        "from the prior",
+    ]
+    """What the data say; where they say too little, what the value rests on."""
+    free_value: float | None = None
+    """The value without limits, where limits changed it."""
     inseparable_from: list[str] | None = None
     """Terms it cannot be told from."""
 
@@ -82,7 +94,7 @@ class PriorCard(Model):
     Verdicts stay those of the data without the prior.
     """
 
-    source: Literal["strip_theory"]
+    source: Literal["strip_theory", "vehicle"]
     """Where the means come from."""
     relative_sd: float
     """Standard deviation as a share of each mean."""
@@ -99,6 +111,38 @@ class VelocityRange(Model):
     """Smallest value."""
     high: float
     """Largest value."""
+
+
+class LimitCard(Model):
+    """A physical limit that holds coefficients back."""
+
+    name: str
+    """The limit, as `K_p <= 0`."""
+    unknowns: list[str]
+    """The coefficients in it."""
+
+
+class InertiaCard(Model):
+    """An inertia that was fitted beside the viscous terms."""
+
+    name: str
+    """The derivative, as `N_rdot`."""
+    unit: str
+    """SI unit."""
+    value: float
+    """Total inertia of the axis, rigid body and added mass together."""
+    standard_error: float
+    """Its standard error."""
+    in_vehicle_file: float
+    """The same from the vehicle file."""
+    change: float
+    """What is added to the derivative of the vehicle file (negative adds inertia)."""
+    lag_s: float | None = None
+    """Thrust lag, fitted beside it as a check; null where no actuator acts."""
+    lag_correlation: float | None = None
+    """Correlation of inertia and lag in that fit: near 1 they are one parameter."""
+    verdict: Literal["identified", "weak", "inseparable"]
+    """Inseparable: from a thrust lag."""
 
 
 class ModelCard(Model):
@@ -134,9 +178,22 @@ class ModelCard(Model):
     """Terms left out because the vehicle has no propeller speed."""
     conditions: dict[str, VelocityRange]
     """Range of u v w p q r in training."""
-    solution: dict[str, dict[str, float]]
-    """Per axis, term -> value used for prediction (minimum norm on inseparable groups).
+    predictor: dict[str, dict[str, float]]
+    """Per axis, term -> number that predicts the force, whatever its verdict (0 for all
+    but one of an inseparable group). Results are those of `axes`, with a verdict.
     """
+    method: Literal["least squares", "within limits"] = "least squares"
+    """Least squares alone, or with physical limits and the six axes as one problem."""
+    damping: Literal["free", "negative", "dissipative"] = "free"
+    """Limits on damping: none; no positive damping along an axis; no motion of the flown
+    range that gains energy.
+    """
+    limits: list[LimitCard] = Field(default_factory=list)
+    """The limits that hold the solution back."""
+    limits_cost: float = 0.0
+    """J/J0 on training with limits less that without."""
+    inertia: list[InertiaCard] = Field(default_factory=list)
+    """Inertia fitted beside the viscous terms; the predictor goes with it."""
     prior: PriorCard | None = None
     """The prior on coefficients, where one was used; verdicts stay those of the data
     alone.

@@ -395,7 +395,7 @@ class IdentifiedPlant:
 def identified_plant(
     vehicle: Vehicle, card: ModelCard, *, fin_limit_rad: float, fin_rate_rad_s: float
 ) -> IdentifiedPlant:
-    """Return the plant of a vehicle and the `solution` of a model card.
+    """Return the plant of a vehicle and the `predictor` of a model card.
 
     A constant force acts where one was fitted. The propeller's speed is limited to the
     table of level speeds, thruster forces to their curve. Raises `CampaignError` where
@@ -423,7 +423,7 @@ def identified_plant(
 
 def card_coefficients(card: ModelCard) -> tuple[dict[str, dict[str, float]], Array]:
     """Return axis -> term -> value and the constant force (6,) of a model card."""
-    solution = {axis: dict(card.solution.get(axis, {})) for axis in AXES}
+    solution = {axis: dict(card.predictor.get(axis, {})) for axis in AXES}
     trim = read_only([solution[axis].pop(CONSTANT, 0.0) for axis in AXES])
     return solution, trim
 

@@ -157,7 +157,7 @@ def _of_card(path: Path, file: object) -> dict[str, Any]:
         "kind": "coefficients",
         "name": card.name,
         "source": path.name,
-        "coefficients": card.solution,
+        "coefficients": card.predictor,
     }
 
 

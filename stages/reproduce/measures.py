@@ -179,7 +179,7 @@ def _turn_terms(cards: Mapping[str, ModelCard]) -> dict[str, tuple[str, float]]:
     return {
         model: (term, float(sway[term]))
         for model, card in cards.items()
-        for sway in [card.solution.get("Y", {})]
+        for sway in [card.predictor.get("Y", {})]
         for term in TURN_TERMS
         if term in sway
     }

@@ -2,34 +2,51 @@
 
 Each leg is mapped to a triangular factor of its data, and the factors are merged: every
 model is solved from the merged one. A second pass over the legs gives the coloured
-standard errors. One leg is in memory at a time.
+standard errors. One leg is in memory at a time. The eight published forms are plain
+least squares, as in the thesis; structures that follow from symmetry, and those that a
+campaign names, are fitted within physical limits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 
 import pyarrow as pa
 
-from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.data_schemas.records.models import FactorRecord, ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_term_names
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
-from auvid.hydro.dynamics.viscous.models import MODELS, ViscousModel, without_propeller_terms
-from auvid.hydro.identification.regression.least_squares import solve_axis
+from auvid.hydro.dynamics.viscous.models import (
+    MODELS,
+    Coefficients,
+    ViscousModel,
+    without_propeller_terms,
+)
+from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.synthesise.model_card import Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
-from auvid.stages.synthesise.training import TrainingData, TrainingSegment, coloured_covariances
+from auvid.stages.synthesise.training import (
+    TrainingData,
+    TrainingSegment,
+    coloured_covariances,
+    motion_factor,
+)
+from auvid.stages.synthesise.within_limits import DAMPING, Limits, within_limits
 
-PRIORS = ("none", "strip_theory")
+PRIORS = ("none", "vehicle", "strip_theory")
+STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True))
+"""Forms that follow from the symmetry of the hull, beside the eight published ones."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +54,32 @@ class Inputs:
     residual: Collection[pa.Table] = port("residual", many=True)
     segment: Collection[SegmentRecord] = port("segment", many=True)
     vehicle: Vehicle = port("vehicle")
+    fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
 
 
 @dataclass(frozen=True)
 class Params:
     models: tuple[str, ...] = param(
-        "1", tuple(model.name for model in MODELS), meaning="models to fit"
+        "1",
+        ("diagonal", "symmetric", *(model.name for model in MODELS)),
+        meaning="models to fit",
+    )
+    structures: Mapping[str, Mapping[str, list[str]]] = param(
+        "1",
+        {},
+        meaning="further models: name -> axis -> terms, as `u` or `u|u|`; fitted within limits",
+    )
+    damping: str = param(
+        "1",
+        "dissipative",
+        meaning=(
+            "limits on the damping of structures: none, none above 0 along an axis, or no motion"
+            " of the flown range gains energy"
+        ),
+        allowed=DAMPING,
+    )
+    inertia: tuple[str, ...] = param(
+        "1", (), meaning="added masses fitted beside the damping of structures, as N_rdot"
     )
     trim: bool = param(
         "1",
@@ -58,7 +95,10 @@ class Params:
     prior: str = param(
         "1",
         "none",
-        meaning="prior on the terms that strip theory has too, from the vehicle's geometry",
+        meaning=(
+            "prior on coefficients: those published in the vehicle file, or of strip theory from"
+            " its geometry"
+        ),
         allowed=PRIORS,
     )
     prior_sd: float = param(
@@ -82,8 +122,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `CampaignError` for unknown models, `DataError` without a training leg.
     """
-    declared = _chosen(params.models)
-    means = viscous_terms(strip_theory_of(inputs.vehicle)) if params.prior == "strip_theory" else {}
+    declared = _chosen(params)
+    prior = Prior(params.prior, params.prior_sd, _prior_means(params.prior, inputs.vehicle))
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(
@@ -108,7 +148,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for axis in AXES
     }
     covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
-    prior = Prior(params.prior, params.prior_sd, means)
+    published = {model.name for model in MODELS}
     cards = {
         model.name: model_card(
             model,
@@ -116,11 +156,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             data=data,
             fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
             vehicle=inputs.vehicle,
-            prior=prior,
+            prior=prior if model.name in published else Prior("none", params.prior_sd, {}),
             trim=params.trim,
         )
         for whole, model in zip(declared, models, strict=True)
     }
+    structures = [model for model in models if model.name not in published]
+    if structures:
+        limits = Limits(params.damping, params.inertia, prior)
+        moving = _with_motion(inputs, training, structures) if params.inertia else data.factor
+        for model in structures:
+            per_one = {
+                axis: coloured_over_white(fits[model.name, axis], covariances[model.name, axis])
+                for axis in AXES
+            }
+            cards[model.name] = within_limits(
+                cards[model.name], model, moving, limits, inputs.vehicle, per_one
+            )
     factor = FactorRecord(
         terms=list(data.factor.columns),
         samples=data.factor.n_samples,
@@ -129,10 +181,20 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(cards, factor, synthesise_section(cards, data.motion))
 
 
-def _chosen(names: tuple[str, ...]) -> list[ViscousModel]:
-    known = {model.name: model for model in MODELS}
+def _chosen(params: Params) -> list[ViscousModel]:
+    """Return the models to fit: published forms, structures, and those of the campaign."""
     field = "stages.synthesise.models"
-    for name in names:
+    own = {name: _own_structure(name, terms) for name, terms in params.structures.items()}
+    known = {model.name: model for model in (*STRUCTURES, *MODELS)}
+    for name in own:
+        if name in known:
+            raise CampaignError(
+                "a structure has the name of a known model",
+                field="stages.synthesise.structures",
+                value=name,
+                remedy="Give it another name.",
+            )
+    for name in params.models:
         if name not in known:
             raise CampaignError(
                 "unknown model",
@@ -141,14 +203,60 @@ def _chosen(names: tuple[str, ...]) -> list[ViscousModel]:
                 allowed=tuple(known),
                 remedy=nearest(name, known),
             )
-    if not names or len(set(names)) < len(names):
+    if not (params.models or own) or len(set(params.models)) < len(params.models):
         raise CampaignError(
             "name at least one model, and each once",
             field=field,
-            value=list(names),
+            value=list(params.models),
             allowed=tuple(known),
         )
-    return [known[name] for name in names]
+    return [*own.values(), *(known[name] for name in params.models)]
+
+
+def _own_structure(name: str, terms: Mapping[str, list[str]]) -> ViscousModel:
+    field = f"stages.synthesise.structures.{name}"
+    if not isinstance(terms, Mapping) or not all(isinstance(row, list) for row in terms.values()):
+        raise CampaignError(
+            "a structure maps axes to lists of terms",
+            field=field,
+            value=terms,
+            remedy='Write {X: [u, "u|u|"], N: [r]}.',
+        )
+    try:
+        model = masked(terms, name=name)
+    except PipelineError as wrong:
+        raise CampaignError(
+            wrong.message, field=f"{field}.{wrong.field}", value=wrong.value, remedy=wrong.remedy
+        ) from wrong
+    if not model.n_bar:
+        raise CampaignError("a structure without a term", field=field)
+    return model
+
+
+def _prior_means(source: str, vehicle: Vehicle) -> Coefficients:
+    if source == "strip_theory":
+        return viscous_terms(strip_theory_of(vehicle))
+    return viscous_terms(vehicle.published.values()) if source == "vehicle" else {}
+
+
+def _with_motion(
+    inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel]
+) -> TriangularFactor:
+    """Return the factor with accelerations and rates of the actuator force.
+
+    Raises `DataError` without the fused state.
+    """
+    if inputs.fused is None:
+        raise DataError(
+            "fitting inertia needs the acceleration, and there is no fused state",
+            field="stages.synthesise.inertia",
+        )
+    used = {term for model in structures for row in model.terms.values() for term in row}
+    used |= {f"{a}*{b}" for a in VELOCITIES for b in VELOCITIES}
+    terms = tuple(term for term in basis_term_names() if term in used)
+    fused = inputs.fused
+    factors = (motion_factor(inputs.residual[key], fused[key], terms) for key in training)
+    return reduce(TriangularFactor.merge, factors)
 
 
 STAGE = Stage(

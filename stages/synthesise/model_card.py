@@ -56,7 +56,7 @@ def model_card(
 
     `declared`: the model before its propeller terms were left out.
     """
-    axes, solution, used, rank = {}, {}, {}, 0
+    axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
         covariance = coloured
         if data.errors is not None:
@@ -68,7 +68,7 @@ def model_card(
             data.factor, fit, covariance, means, relative_sd=prior.relative_sd, trim=trim
         )
         axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion)
-        solution[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
+        predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means
         rank += fit.rank - (CONSTANT in fit.terms and CONSTANT not in fit.zero_terms)
@@ -95,7 +95,7 @@ def model_card(
             name: VelocityRange(rms=item.rms, low=item.low, high=item.high)
             for name, item in data.motion.items()
         },
-        solution=solution,
+        predictor=predictor,
         prior=(
             PriorCard(source="strip_theory", relative_sd=prior.relative_sd, means=used)
             if used

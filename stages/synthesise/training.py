@@ -12,6 +12,11 @@ import pyarrow as pa
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.constrained.equations import (
+    ACCELERATIONS,
+    ACTUATOR_RATES,
+    extra_rows,
+)
 from auvid.hydro.identification.regression.attenuation import RegressorErrors
 from auvid.hydro.identification.regression.excitation import VelocityExcitation, axis_excitation
 from auvid.hydro.identification.regression.least_squares import (
@@ -20,13 +25,22 @@ from auvid.hydro.identification.regression.least_squares import (
     TriangularFactor,
 )
 from auvid.hydro.identification.regression.standard_errors import CoefficientScores
-from auvid.stages.columns import VELOCITY, VELOCITY_SD, forces
+from auvid.stages.columns import (
+    ACCELERATION,
+    VELOCITY,
+    VELOCITY_SD,
+    clock,
+    force_columns,
+    forces,
+)
 
 HAC_BLOCK_SAMPLES = 32_768
 """The coloured standard errors take correlation within so many samples into account (11
 minutes at 50 Hz): it bounds their memory.
 """
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
+ACTUATORS = ("fins", "propeller", "thrusters")
+"""Components of the residual force that a lag of the actuators delays."""
 Fits = Mapping[tuple[str, str], AxisFit]
 """Least-squares fits by model and axis."""
 T = TypeVar("T")
@@ -91,6 +105,20 @@ class TrainingData:
             errors = self.errors.merge(other.errors)
         motion = {name: item.merge(other.motion[name]) for name, item in self.motion.items()}
         return TrainingData(self.factor.merge(other.factor), errors, motion)
+
+
+def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> TriangularFactor:
+    """Return the factor of one leg with accelerations and rates of the actuator force."""
+    t_s, force = clock(residual), forces(residual, "tau_bar")
+    actuators = np.zeros_like(force)
+    for name in ACTUATORS:
+        if has_columns(residual, force_columns(name)):
+            actuators += forces(residual, name)
+    ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
+    extra = extra_rows(matrix(fused, ACCELERATION), actuators, step_s=float(np.mean(np.diff(t_s))))
+    rows = basis_rows(matrix(residual, VELOCITY).T, ratio, terms)
+    empty = TriangularFactor.empty((*terms, *ACCELERATIONS, *ACTUATOR_RATES))
+    return empty.update(np.vstack([rows, extra]), force)
 
 
 def coloured_covariances(

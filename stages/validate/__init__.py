@@ -13,7 +13,7 @@ written.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -25,13 +25,18 @@ from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.constrained.equations import (
+    added_mass_change,
+    added_mass_unknown,
+)
 from auvid.hydro.identification.regression.error_measures import ErrorSums, MiddleErrors
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import VELOCITY, clock, force_columns, forces, named
+from auvid.stages.columns import ACCELERATION, VELOCITY, clock, force_columns, forces, named
 from auvid.stages.presentation import Block
 from auvid.stages.validate.free_run import free_run_table, run_segment
 from auvid.stages.validate.presentation import (
@@ -90,27 +95,49 @@ class Outputs:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A model of a card: viscous terms, and the constant force `trim` (6,)."""
+    """A model of a card: viscous terms, constant force `trim` (6,), fitted inertia.
+
+    added_mass (6, 6) is what the card's inertia adds to M_A of the vehicle file.
+    """
 
     viscous: IdentifiedModel
     trim: Array
+    added_mass: Array
 
     @classmethod
     def of(cls, card: ModelCard) -> Predictor:
         """Return the model of a card."""
         terms = {
             axis: {term: value for term, value in row.items() if term != CONSTANT}
-            for axis, row in card.solution.items()
+            for axis, row in card.predictor.items()
         }
-        trim = [card.solution.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
-        return cls(IdentifiedModel(str(card.name), terms), np.array(trim))
+        change = added_mass_change(
+            {added_mass_unknown(item.name): item.change for item in card.inertia}
+        )
+        trim = [card.predictor.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
+        return cls(IdentifiedModel(card.name, terms), np.array(trim), change)
 
-    def force(self, residual: pa.Table) -> Array:
-        """Return the force (n, 6) at the velocities of a residual table."""
-        if not self.viscous.terms:
-            return np.tile(self.trim, (residual.num_rows, 1))
-        ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
-        return np.asarray(self.viscous.force(matrix(residual, VELOCITY), ratio) + self.trim)
+    def force(self, residual: pa.Table, fused: pa.Table | None) -> Array:
+        """Return the residual force (n, 6) that the model predicts on a segment.
+
+        tau_bar is formed with the inertia of the vehicle file, so a model with another
+        one also predicts dM_A nu_dot + C(dM_A, nu) nu.
+        """
+        nu, force = matrix(residual, VELOCITY), np.tile(self.trim, (residual.num_rows, 1))
+        if self.viscous.terms:
+            ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
+            force += self.viscous.force(nu, ratio)
+        if self.added_mass.any():
+            assert fused is not None  # the inertia was fitted with it
+            force += matrix(fused, ACCELERATION) @ self.added_mass.T
+            force += coriolis_force(self.added_mass, nu)
+        return force
+
+    def vehicle(self, vehicle: Vehicle) -> Vehicle:
+        """Return the vehicle with the model's inertia."""
+        if not self.added_mass.any():
+            return vehicle
+        return replace(vehicle, added_mass=vehicle.added_mass + self.added_mass)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -131,9 +158,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 value=ALL,
             )
 
-    def judged() -> Iterator[tuple[str, str, pa.Table, Array]]:
+    def judged() -> Iterator[tuple[str, str, pa.Table, Array, dict[str, Array]]]:
         for key, residual in inputs.residual.items():
-            yield key, str(segments[key].use), residual, forces(residual, "tau_bar")
+            predicted = _forces(inputs, models, key, residual)
+            yield key, str(segments[key].use), residual, forces(residual, "tau_bar"), predicted
 
     def groups(key: str, model: str) -> tuple[Group, Group]:
         use, leg = str(segments[key].use), str(segments[key].leg)
@@ -143,8 +171,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     covered: dict[str, RangeCovered] = {}
     plots: list[Block] = []
     free: dict[str, FreeRuns] = {}
-    for key, use, residual, measured in judged():
-        predicted = {name: model.force(residual) for name, model in models.items()}
+    for key, use, residual, measured, predicted in judged():
         for name, force in predicted.items():
             errors = ErrorSums.of(measured, force)
             for group in groups(key, name):
@@ -159,9 +186,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 free[key] = runs
     middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
     outside = np.zeros(6)
-    for key, use, residual, measured in judged():
-        for name, model in models.items():
-            force = model.force(residual)
+    for key, use, residual, measured, predicted in judged():
+        for name, force in predicted.items():
             for group in groups(key, name):
                 middle[group] = middle[group].add(measured, force)
         if use == "validation" and "training" in covered:
@@ -186,13 +212,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
+def _forces(
+    inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
+) -> dict[str, Array]:
+    fused = None
+    if inputs.fused is not None and any(model.added_mass.any() for model in models.values()):
+        fused = inputs.fused[key]
+    return {name: model.force(residual, fused) for name, model in models.items()}
+
+
 def _free_runs(
     inputs: Inputs, params: Params, models: Mapping[str, Predictor], key: str
 ) -> FreeRuns | None:
     if not (params.free_run and inputs.fused and inputs.controls and inputs.vehicle is not None):
         return None
+    vehicle = inputs.vehicle
     return run_segment(
-        inputs.vehicle,
+        [model.vehicle(vehicle) for model in models.values()],
         [model.viscous for model in models.values()],
         np.array([model.trim for model in models.values()]),
         inputs.fused[key],
@@ -211,7 +247,7 @@ def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> p
         "model": [name for name in models for _ in range(n)],
         "t_s": np.tile(clock(residual), len(models)),
     }
-    force = np.vstack([model.force(residual) for model in models.values()])
+    force = np.vstack(list(_forces(inputs, models, key, residual).values()))
     return make_table("predictions", columns | named(force_columns("tau"), force))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
 
 
 def run_segment(
-    vehicle: Vehicle,
+    vehicles: Sequence[Vehicle],
     models: Sequence[IdentifiedModel],
     trims: Array,
     fused: pa.Table,
@@ -54,25 +55,35 @@ def run_segment(
     every_s: float,
     minimum_speed: float,
 ) -> FreeRuns | None:
-    """Return free runs over one segment, None if shorter than the shortest horizon."""
+    """Return free runs over one segment, None if shorter than the shortest horizon.
+
+    vehicles: one for each model, as models may bring their own inertia.
+    """
     t_s = clock(fused)
     if t_s[-1] - t_s[0] < horizons_s[0]:
         return None
     rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
     control, level = control_of(controls, rows)
     state = np.hstack([matrix(fused, POSE), matrix(fused, VELOCITY)])[rows]
-    return free_runs(
-        vehicle,
-        models,
-        trims,
-        t_s[rows],
-        state,
-        control,
-        level_speed=level,
-        starts_s=np.arange(0.0, t_s[-1] - t_s[0], every_s),
-        horizons_s=np.asarray(horizons_s),
-        minimum_speed=minimum_speed,
-    )
+    starts_s = np.arange(0.0, t_s[-1] - t_s[0], every_s)
+    errors, diverged = [], []
+    for _, same in groupby(range(len(models)), key=lambda i: id(vehicles[i])):
+        own = list(same)
+        runs = free_runs(
+            vehicles[own[0]],
+            [models[i] for i in own],
+            trims[own],
+            t_s[rows],
+            state,
+            control,
+            level_speed=level,
+            starts_s=starts_s,
+            horizons_s=np.asarray(horizons_s),
+            minimum_speed=minimum_speed,
+        )
+        errors.append(runs.errors)
+        diverged.append(runs.diverged_s)
+    return FreeRuns(np.asarray(horizons_s), np.concatenate(errors), np.concatenate(diverged))
 
 
 def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.Table:

@@ -105,7 +105,7 @@ def test_coefficients_in_the_span_come_back(name: str) -> None:
         for term in model_named(name).terms[axis]:
             # relative to the axis's largest coefficient: the smallest are rounding of
             # the published tables, 1e-20
-            assert card.solution[axis][term] == pytest.approx(
+            assert card.predictor[axis][term] == pytest.approx(
                 truth.coefficients[axis][term], rel=1e-6, abs=1e-9 * largest
             )
     assert judged.error_metrics["validation"][name]["ratio"] < 1e-9
@@ -178,6 +178,6 @@ def test_trim_is_found_beside_the_model() -> None:
         tables[name] = table
     fitted, judged = fit(tables, "prestero", trim=True)
     card = fitted.model_card["prestero"]
-    assert [card.solution[axis]["constant"] for axis in AXES] == pytest.approx(trim, rel=1e-6)
+    assert [card.predictor[axis]["constant"] for axis in AXES] == pytest.approx(trim, rel=1e-6)
     assert (card.rank, card.n_bar, card.trim) == (30, 30, True)
     assert judged.error_metrics["validation"]["prestero"]["ratio"] < 1e-9

@@ -266,7 +266,7 @@ def _card(name: str) -> ModelCard:
             "axes": axes,
             "not_applicable": [],
             "conditions": {name: {"rms": 0.2, "low": -0.4, "high": 0.5} for name in "uvwpqr"},
-            "solution": {},
+            "predictor": {},
         }
     )
 

@@ -92,7 +92,8 @@ def unit_of(name: str) -> str:
     else:
         moving = [item.strip("|") for item in BASIS_TERMS[term].factors]
         power = (axis > 2) + sum(item in "pqr" for item in moving) - len(moving) + 1
-    return {-2: "kg/m^2", -1: "kg/m", 0: "kg", 1: "kg*m", 2: "kg*m^2"}[power]
+    unit = {-2: "kg/m^2", -1: "kg/m", 0: "kg", 1: "kg*m", 2: "kg*m^2"}[power]
+    return f"{unit}/s" if term in VELOCITIES else unit
 
 
 def added_mass_matrix(coefficients: Iterable[Coefficient]) -> Array:

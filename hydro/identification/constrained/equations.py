@@ -111,7 +111,7 @@ def inertia_equations(names: Sequence[str]) -> ForceEquations:
     >>> inertia_equations(["X_udot"]).shares[Unknown("X", "udot")][:3]
     (('X', 'udot', 1.0), ('N', 'u*v', -1.0), ('M', 'u*w', 1.0))
     """
-    return ForceEquations({_derivative(name): _inertia_parts(name) for name in names})
+    return ForceEquations({added_mass_unknown(name): _inertia_parts(name) for name in names})
 
 
 def lag_equations(axes: Sequence[str] | None = None) -> ForceEquations:
@@ -155,7 +155,12 @@ def inertia_pattern(unknown: Unknown) -> Array:
     return pattern
 
 
-def _derivative(name: str) -> Unknown:
+def added_mass_unknown(name: str) -> Unknown:
+    """Return the unknown of a derivative's name; `PipelineError` for another name.
+
+    >>> added_mass_unknown("N_vdot")
+    Unknown(axis='Y', term='rdot')
+    """
     known = [f"{axis}_{speed}" for axis in AXES for speed in ACCELERATIONS]
     if name not in known:
         raise PipelineError("not an added mass", value=name, remedy=nearest(name, known))
@@ -166,7 +171,7 @@ def _derivative(name: str) -> Unknown:
 
 
 def _inertia_parts(name: str) -> tuple[tuple[str, str, float], ...]:
-    pattern = inertia_pattern(_derivative(name))
+    pattern = inertia_pattern(added_mass_unknown(name))
     parts = [
         (AXES[i], ACCELERATIONS[j], 1.0) for i in range(6) for j in range(6) if pattern[i, j] != 0.0
     ]

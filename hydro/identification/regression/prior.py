@@ -42,7 +42,7 @@ def posterior(
     chosen = {term: mean for term, mean in means.items() if term in fit.terms and mean != 0.0}
     if not chosen:
         return fit, covariance
-    noise = fit.rms * np.sqrt(_inflation(fit, covariance))
+    noise = fit.rms * np.sqrt(coloured_over_white(fit, covariance))
     rows = np.zeros((len(chosen), len(factor.columns)))
     for row, (term, mean) in zip(rows, chosen.items(), strict=True):
         weight = noise / (relative_sd * abs(mean))
@@ -57,8 +57,11 @@ def posterior(
     )
 
 
-def _inflation(fit: AxisFit, covariance: Array) -> float:
-    """Return the median ratio, at least 1, of coloured to white variances."""
+def coloured_over_white(fit: AxisFit, covariance: Array) -> float:
+    """Return the median ratio, at least 1, of coloured to white variances.
+
+    It is how many samples count as one independent one.
+    """
     white, coloured = np.diag(fit.covariance), np.diag(covariance)
     known = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
     return max(1.0, float(np.median(coloured[known] / white[known]))) if known.any() else 1.0

@@ -177,7 +177,7 @@ def test_any_vehicle_flies_its_model_card() -> None:
 
 def test_an_unstable_model_is_refused_unless_told() -> None:
     card = CARD.model_copy(deep=True)
-    card.solution["N"]["r"] = 60.0
+    card.predictor["N"]["r"] = 60.0
     with pytest.raises(PipelineError, match=r"unstable along the trajectory.*mode of"):
         run(VT690, short_vt690(), card)
     found = run(VT690, short_vt690(), card, allow_unstable=True, members=0)

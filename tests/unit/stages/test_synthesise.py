@@ -118,7 +118,7 @@ def test_equals_the_literal_kronecker_and_mask_form(name: str) -> None:
             key: (np.where(np.arange(6) == 0, nu - 1.5, nu), force, ratio)
             for key, (nu, force, ratio) in legs.items()
         }
-    solution = run(legs, models=(name,)).model_card[name].solution
+    solution = run(legs, models=(name,)).model_card[name].predictor
     expected = kronecker(model, legs)
     for axis in AXES:
         assert list(solution[axis]) == list(expected[axis])
@@ -153,7 +153,7 @@ def test_chunks_give_the_factor_of_the_whole(monkeypatch: pytest.MonkeyPatch) ->
         assert chunked.model_card[name].rank == card.rank
         for axis in AXES:
             ours, theirs = (
-                list(cards[name].solution[axis].values())
+                list(cards[name].predictor[axis].values())
                 for cards in (chunked.model_card, whole.model_card)
             )
             np.testing.assert_allclose(
@@ -209,7 +209,7 @@ def test_memory_is_that_of_one_leg_and_the_fit_that_of_one_pass() -> None:
     for axis in AXES:
         fit = solve_axis(factor, axis, model_named("linear").terms[axis])
         np.testing.assert_allclose(
-            list(card.solution[axis].values()), fit.solution, rtol=1e-9, atol=1e-12
+            list(card.predictor[axis].values()), fit.solution, rtol=1e-9, atol=1e-12
         )
         assert card.axes[axis].j0 == pytest.approx(fit.j0, rel=1e-12)
     conditions = axis_excitation(nu)
@@ -309,7 +309,7 @@ def test_spikes_do_not_make_a_velocity_excited() -> None:
                         "not excited",
                     )
                     assert item.value is None
-    assert found.model_card["fossen"].solution["N"]["r*|r|"] == pytest.approx(
+    assert found.model_card["fossen"].predictor["N"]["r*|r|"] == pytest.approx(
         -50.0, rel=1e-6
     )  # what predictions are made with
 
@@ -409,7 +409,7 @@ def test_trim_takes_the_constant_and_does_not_count_as_a_term() -> None:
         {"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy", trim=True
     ).model_card["linear"]
     assert (card.n_bar, card.rank, card.trim) == (36, 36, True)
-    assert [card.solution[axis]["constant"] for axis in AXES] == pytest.approx(
+    assert [card.predictor[axis]["constant"] for axis in AXES] == pytest.approx(
         [1.0, 2.0, -4.5, 0.1, 0.2, 0.3]
     )
     assert card.axes["Z"].terms[-1].verdict == "identified"
@@ -456,7 +456,7 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
     exact, wide = (item.model_card["linear"] for item in cards)
     assert not exact.velocity_errors
     assert wide.velocity_errors
-    assert wide.solution == exact.solution
+    assert wide.predictor == exact.predictor
     before, after = (card.axes["Y"].covariance.lower for card in (exact, wide))
     assert all(new[-1] >= old[-1] for old, new in zip(before, after, strict=True))
     assert after[1][1] > 1.5 * before[1][1]  # of v, whose error is the largest
@@ -533,7 +533,7 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
     }  # w*p and p*q are not in strip theory
     for axis, terms in means.items():  # as a whole nearer to the prior than the data alone
         near, far = (
-            sum((one.solution[axis][term] / mean - 1.0) ** 2 for term, mean in terms.items())
+            sum((one.predictor[axis][term] / mean - 1.0) ** 2 for term, mean in terms.items())
             for one in (card, plain)
         )
         assert near < far

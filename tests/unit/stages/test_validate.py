@@ -100,7 +100,7 @@ def test_measures_are_those_of_their_formulas(
     nu, measured = (np.concatenate([values[index] for values in data.values()]) for index in (0, 1))
     table = rows(found)
     for model in MODELS:
-        error = IdentifiedModel(model, cards[model].solution).force(nu) - measured
+        error = IdentifiedModel(model, cards[model].predictor).force(nu) - measured
         for axis, part in (
             ("all", slice(None)),
             *((axis, [index]) for index, axis in enumerate(AXES)),
@@ -143,7 +143,7 @@ def test_predictions_are_the_models_at_the_velocities(
     for model in MODELS:
         part = table[table["model"] == model]
         assert set(part["segment"]) == {"check"}
-        expected = IdentifiedModel(model, cards[model].solution).force(nu)
+        expected = IdentifiedModel(model, cards[model].predictor).force(nu)
         np.testing.assert_allclose(
             part.filter(like="tau_").to_numpy(), expected, rtol=1e-12, atol=1e-12
         )
@@ -324,7 +324,7 @@ def test_memory_is_that_of_one_leg_and_the_errors_those_of_all_samples() -> None
     """
     solution = {axis: {name: -29.0} for axis, name in zip(AXES, "uvwpqr", strict=True)}
     cards, _ = run(legs(names=("one", "check")))
-    card = cards["linear"].model_copy(update={"solution": solution})
+    card = cards["linear"].model_copy(update={"predictor": solution})
     peaks = {}
     for count in (1, 3, 12):
         names = [f"leg_{number}" for number in range(count)]

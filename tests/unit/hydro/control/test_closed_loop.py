@@ -90,9 +90,9 @@ def test_linearisation_agrees_with_central_differences(plant: ControlledPlant) -
 
 def test_terms_with_propulsion_ratio_are_differentiated_too() -> None:
     card = CARD.model_copy(deep=True)
-    card.solution["Y"]["(u*v)*(eta-1)"] = -12.0
-    card.solution["K"]["(u*u)*(eta-1)"] = 0.4
-    card.solution["Z"]["w*V"] = -30.0
+    card.predictor["Y"]["(u*v)*(eta-1)"] = -12.0
+    card.predictor["K"]["(u*u)*(eta-1)"] = 0.4
+    card.predictor["Z"]["w*V"] = -30.0
     plant = identified_plant(VT690_VEHICLE, card, **LIMITS)
     chi = np.random.default_rng(1).normal(size=(4, 12)) * 0.2
     chi[:, 0] += 1.8
