@@ -137,12 +137,18 @@ class InertiaCard(Model):
     """The same from the vehicle file."""
     change: float
     """What is added to the derivative of the vehicle file (negative adds inertia)."""
-    lag_s: float | None = None
-    """Thrust lag, fitted beside it as a check; null where no actuator acts."""
-    lag_correlation: float | None = None
-    """Correlation of inertia and lag in that fit: near 1 they are one parameter."""
+    beside_lag: float
+    """The change where a thrust lag on the axis is fitted beside it."""
+    beside_lag_error: float
+    """Its standard error."""
+    lag_s: float
+    """That thrust lag."""
+    lag_error_s: float
+    """Its standard error."""
+    correlation: float
+    """Of inertia and lag: near 1 or -1 they are one parameter."""
     verdict: Literal["identified", "weak", "inseparable"]
-    """Inseparable: from a thrust lag."""
+    """Inseparable: from the thrust lag."""
 
 
 class ModelCard(Model):

@@ -42,7 +42,7 @@ from auvid.stages.synthesise.training import (
     coloured_covariances,
     motion_factor,
 )
-from auvid.stages.synthesise.within_limits import DAMPING, Limits, within_limits
+from auvid.stages.synthesise.within_limits import DAMPING, PhysicalLimits, within_limits
 
 PRIORS = ("none", "vehicle", "strip_theory")
 STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True))
@@ -163,7 +163,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     structures = [model for model in models if model.name not in published]
     if structures:
-        limits = Limits(params.damping, params.inertia, prior)
+        limits = PhysicalLimits(params.damping, params.inertia, prior)
         moving = _with_motion(inputs, training, structures) if params.inertia else data.factor
         for model in structures:
             per_one = {

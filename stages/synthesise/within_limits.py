@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -29,37 +28,40 @@ from auvid.hydro.dynamics.viscous.models import ViscousModel
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
-    ALL_AXES,
-    LAG,
     ForceEquations,
     Unknown,
     added_mass_unknown,
     inertia_equations,
-    lag_equations,
     viscous_equations,
 )
 from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within
+from auvid.hydro.identification.constrained.inertia import inertia_against_lag
 from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
     damping,
     dissipation,
     dissipation_cuts,
     envelope,
-    linear_dissipation,
     positive_inertia,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
+from auvid.hydro.identification.constrained.statuses import (
+    AT_BOUND,
+    FROM_PRIOR,
+    CoefficientStatus,
+    statuses,
+)
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.stages.synthesise.model_card import Prior
 
 DAMPING = ("free", "negative", "dissipative")
-ONE_PARAMETER = 0.95
-"""Correlation from which on inertia and thrust lag count as one parameter."""
+CHANGED = 1e-6
+"""Share of a value from which on limits count as having changed it."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class PhysicalLimits:
     """What a structure is fitted within.
 
     damping: of `DAMPING`; inertia: added masses to fit, as `N_rdot`; prior: means by
@@ -75,7 +77,7 @@ def within_limits(
     card: ModelCard,
     model: ViscousModel,
     factor: TriangularFactor,
-    limits: Limits,
+    limits: PhysicalLimits,
     vehicle: Vehicle,
     samples_per_one: Mapping[str, float],
 ) -> ModelCard:
@@ -110,9 +112,10 @@ def within_limits(
             ],
             "limits_cost": fit.cost,
             "inertia": [
-                _inertia(name, fit, factor, equations, noise, vehicle) for name in limits.inertia
+                _inertia(name, fit, factor, model, noise, vehicle=vehicle, trim=card.trim)
+                for name in limits.inertia
             ],
-            "axes": {axis: _axis(axis, part, fit, prior) for axis, part in card.axes.items()},
+            "axes": {axis: _axis(axis, part, fit) for axis, part in card.axes.items()},
             "predictor": {
                 axis: {term: values[axis][term] for term in row}
                 for axis, row in card.predictor.items()
@@ -123,7 +126,7 @@ def within_limits(
 
 
 def _physics(
-    unknowns: Sequence[Unknown], card: ModelCard, limits: Limits, vehicle: Vehicle
+    unknowns: Sequence[Unknown], card: ModelCard, limits: PhysicalLimits, vehicle: Vehicle
 ) -> tuple[list[InequalityRows], list[Cuts]]:
     """Return the limits as rows, and as cuts that are made while solving."""
     rows: list[InequalityRows] = []
@@ -131,15 +134,13 @@ def _physics(
     if limits.damping != "free":
         rows.append(damping(unknowns))
     if limits.damping == "dissipative":
-        viscous = [u for u in unknowns if u.term not in ACCELERATIONS and u.term != "constant"]
-        if all(u.term in VELOCITIES for u in viscous):
-            cuts.append(linear_dissipation(unknowns))
-        else:
-            # Alike in both directions: a hull is not to gain energy astern either.
-            flown = [card.conditions[name] for name in VELOCITIES]
-            high = np.array([max(abs(item.low), abs(item.high)) for item in flown])
-            rows.append(dissipation(unknowns, envelope(-high, high)))
-            cuts.append(dissipation_cuts(unknowns, -high, high))
+        # Alike in both directions: a hull is not to gain energy astern either.
+        flown = {name: card.conditions[name] for name in VELOCITIES}
+        high = np.array(
+            [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
+        )
+        rows.append(dissipation(unknowns, envelope(-high, high)))
+        cuts.append(dissipation_cuts(unknowns, -high, high))
     if limits.inertia:
         rows.append(added_mass_bounds(unknowns, vehicle.added_mass))
         cuts.append(positive_inertia(unknowns, vehicle.mass_matrix))
@@ -174,12 +175,13 @@ def _prior_card(prior: Prior, used: NormalPrior) -> PriorCard:
     )
 
 
-def _axis(axis: str, part: AxisCard, fit: ConstrainedFit, prior: NormalPrior | None) -> AxisCard:
-    """Return the axis with values, errors and verdicts of the fit within limits."""
-    at_bound = {item.unknowns[0] for item in fit.active if len(item.unknowns) == 1}
+def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:
+    """Return the axis with values, errors and statuses of the fit within limits."""
     index = [fit.unknowns.index(Unknown(axis, item.term)) for item in part.terms]
+    verdicts = {fit.unknowns[i]: item.verdict for i, item in zip(index, part.terms, strict=True)}
+    status = statuses(fit, verdicts)
     terms = [
-        _term(item, i, fit, at_bound=fit.unknowns[i] in at_bound, prior=prior)
+        _term(item, i, fit, status[fit.unknowns[i]])
         for item, i in zip(part.terms, index, strict=True)
     ]
     kept = [i for i in index if fit.covariance[i, i] > 0.0]
@@ -192,58 +194,48 @@ def _axis(axis: str, part: AxisCard, fit: ConstrainedFit, prior: NormalPrior | N
     )
 
 
-def _term(
-    item: TermCard, i: int, fit: ConstrainedFit, *, at_bound: bool, prior: NormalPrior | None
-) -> TermCard:
+def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus) -> TermCard:
     value, free, error = float(fit.values[i]), float(fit.free[i]), float(fit.standard_errors[i])
-    changed = free if abs(value - free) > 1e-6 * max(abs(free), abs(value)) else None
-    if at_bound:
-        update = {"value": value, "standard_error": None, "verdict": "at its bound"}
-    elif item.verdict == IDENTIFIED:
+    update: dict[str, object] = {"verdict": status.status}
+    if status.status == AT_BOUND:
+        update |= {"value": value, "standard_error": None}
+    elif status.status == FROM_PRIOR:
+        update |= {"value": value, "standard_error": error}
+    elif item.value is not None:
         # The wider one: least squares also counts errors of the velocities.
-        update = {"value": value, "standard_error": max(error, item.standard_error or 0.0)}
-    elif prior is not None and fit.unknowns[i] in prior.unknowns:
-        update = {"value": value, "standard_error": error, "verdict": "from the prior"}
-    else:
-        update = {} if item.value is None else {"value": value, "standard_error": error}
-    return item.model_copy(update={**update, "free_value": changed if update else None})
+        update |= {"value": value, "standard_error": max(error, item.standard_error or 0.0)}
+    if update.get("value") is not None and abs(value - free) > CHANGED * max(abs(free), abs(value)):
+        update["free_value"] = free
+    return item.model_copy(update=update)
 
 
 def _inertia(
     name: str,
     fit: ConstrainedFit,
     factor: TriangularFactor,
-    equations: ForceEquations,
+    model: ViscousModel,
     noise: Mapping[str, float],
+    *,
     vehicle: Vehicle,
+    trim: bool,
 ) -> InertiaCard:
     """Return a fitted inertia, and how far a thrust lag could take its place."""
     unknown = added_mass_unknown(name)
     i = fit.unknowns.index(unknown)
     row, column = AXES.index(unknown.axis), ACCELERATIONS.index(unknown.term)
     in_file = float(vehicle.mass_matrix[row, column])
-    total, error = in_file - float(fit.values[i]), float(fit.standard_errors[i])
-    lag, correlation = None, None
-    axis_lag = Unknown(ALL_AXES, LAG)
-    both = fit_within(factor, equations.with_unknowns_of(lag_equations()), noise=noise)
-    if np.isfinite(both.data_variances[both.unknowns.index(axis_lag)]):
-        j, k = both.unknowns.index(unknown), both.unknowns.index(axis_lag)
-        lag = float(both.values[k])
-        correlation = float(
-            both.covariance[j, k] / np.sqrt(both.covariance[j, j] * both.covariance[k, k])
-        )
-    if correlation is not None and abs(correlation) > ONE_PARAMETER:
-        verdict: Literal["identified", "weak", "inseparable"] = "inseparable"
-    else:
-        verdict = "identified" if abs(fit.values[i]) >= T_LIMIT * error else "weak"
+    trade = inertia_against_lag(factor, viscous_equations(model, trim=trim), name, noise=noise)
     return InertiaCard(
         name=name,
-        unit="kg" if row < 3 and column < 3 else "kg*m^2" if row > 2 and column > 2 else "kg*m",
-        value=total,
-        standard_error=error,
+        unit=("kg", "kg*m", "kg*m^2")[(row > 2) + (column > 2)],
+        value=in_file - float(fit.values[i]),
+        standard_error=float(fit.standard_errors[i]),
         in_vehicle_file=in_file,
         change=float(fit.values[i]),
-        lag_s=lag,
-        lag_correlation=correlation,
-        verdict=verdict,
+        beside_lag=trade.joint[0],
+        beside_lag_error=trade.joint_errors[0],
+        lag_s=trade.joint[1],
+        lag_error_s=trade.joint_errors[1],
+        correlation=trade.correlation,
+        verdict=trade.verdict,
     )
