@@ -252,7 +252,7 @@ def default_edge_s(cutoff_hz: float | None) -> float:
 
 
 def _inside_edges(t_s: Array, edge_s: float, segment: SegmentRecord) -> Mask:
-    """Return the rows of the leg that are at least an edge away from the data's ends."""
+    """Return the rows of the leg that lie an edge or more inside the data."""
     first, last = max(0.0, t_s[0] + edge_s), min(segment.duration_s, t_s[-1] - edge_s)
     keep: Mask = (t_s >= first - 1e-9) & (t_s <= last + 1e-9)
     if keep.sum() < 10:

@@ -158,7 +158,7 @@ def segment_ids(leg: str, spans: Sequence[Span]) -> list[str]:
 
 
 def gap_list(signals: Sequence[Signal], max_gap_s: float, window: Span) -> list[LegGap]:
-    """Return the pauses of a leg longer than allowed, in seconds from the log's start."""
+    """Return the pauses of a leg longer than allowed, in s from the log's start."""
     pauses: list[LegGap] = []
     for item in signals:
         for index in np.flatnonzero(np.diff(item.t_s) > max_gap_s):

@@ -182,7 +182,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _chosen(params: Params) -> list[ViscousModel]:
-    """Return the models to fit: published forms, structures, and those of the campaign."""
+    """Return the models to fit: the campaign's own, structures, published forms."""
     field = "stages.synthesise.models"
     own = {name: _own_structure(name, terms) for name, terms in params.structures.items()}
     known = {model.name: model for model in (*STRUCTURES, *MODELS)}

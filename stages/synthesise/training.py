@@ -108,7 +108,7 @@ class TrainingData:
 
 
 def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> TriangularFactor:
-    """Return the factor of one leg with accelerations and rates of the actuator force."""
+    """Return the factor of a leg with accelerations and actuator force rates."""
     t_s, force = clock(residual), forces(residual, "tau_bar")
     actuators = np.zeros_like(force)
     for name in ACTUATORS:

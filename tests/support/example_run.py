@@ -214,7 +214,7 @@ def _segment(name: str, use: str, start: float, length: float) -> SegmentRecord:
             "start_us": 61_000_000 + int(start * 1e6),
             "leg_start_s": start,
             "duration_s": length,
-                "margins_s": [0.0, 0.0],
+            "margins_s": [0.0, 0.0],
             "samples": int(length * RATE_HZ),
             "rate_hz": RATE_HZ,
             "lags_s": {"velocity": 0.15},

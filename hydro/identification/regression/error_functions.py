@@ -66,7 +66,7 @@ def least_moduli(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None
 
     As a linear programme: min w'(p + m) with A x + p - m = b, p, m >= 0.
 
-    >>> least_moduli([[1.0, 1.0, 1.0]], [1.0, 2.0, 30.0]).tolist()
+    >>> least_moduli([[1.0, 1.0, 1.0]], [1.0, 2.0, 30.0]).round(9).tolist()
     [2.0]
     """
     A, b = _checked(rows, force)

@@ -58,7 +58,7 @@ def flown() -> tuple[pa.Table, pa.Table]:
 
 def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, float]]) -> pa.Table:
     found = run_segment(
-        VEHICLE,
+        [VEHICLE] * len(models),
         [IdentifiedModel(name, coefficients) for name, coefficients in models.items()],
         np.zeros((len(models), 6)),
         *flown,
@@ -114,7 +114,7 @@ def test_a_segment_shorter_than_every_horizon_gives_no_rows(
 ) -> None:
     fused, controls = (part.slice(0, 100) for part in flown)
     runs = run_segment(
-        VEHICLE,
+        [VEHICLE],
         [IdentifiedModel("true", STABLE)],
         np.zeros((1, 6)),
         fused,
