@@ -24,6 +24,7 @@ from auvid.data_schemas.records.models import (
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import ViscousModel
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import (
@@ -42,6 +43,7 @@ from auvid.hydro.identification.constrained.limits import (
     dissipation,
     dissipation_cuts,
     envelope,
+    linear_dissipation,
     positive_inertia,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
@@ -134,13 +136,18 @@ def _physics(
     if limits.damping != "free":
         rows.append(damping(unknowns))
     if limits.damping == "dissipative":
-        # Alike in both directions: a hull is not to gain energy astern either.
-        flown = {name: card.conditions[name] for name in VELOCITIES}
-        high = np.array(
-            [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
-        )
-        rows.append(dissipation(unknowns, envelope(-high, high)))
-        cuts.append(dissipation_cuts(unknowns, -high, high))
+        viscous = [u for u in unknowns if u.term in BASIS_TERMS]
+        if all(u.term in VELOCITIES for u in viscous):
+            # Of linear terms the power has one sign in every direction or at none.
+            cuts.append(linear_dissipation(unknowns))
+        else:
+            # Alike in both directions: a hull is not to gain energy astern either.
+            flown = {name: card.conditions[name] for name in VELOCITIES}
+            high = np.array(
+                [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
+            )
+            rows.append(dissipation(unknowns, envelope(-high, high)))
+            cuts.append(dissipation_cuts(unknowns, -high, high))
     if limits.inertia:
         rows.append(added_mass_bounds(unknowns, vehicle.added_mass))
         cuts.append(positive_inertia(unknowns, vehicle.mass_matrix))
