@@ -147,7 +147,7 @@ class InertiaCard(Model):
     """Its standard error."""
     correlation: float
     """Of inertia and lag: near 1 or -1 they are one parameter."""
-    verdict: Literal["identified", "weak", "inseparable"]
+    verdict: Literal["identified", "weak", "not excited", "inseparable"]
     """Inseparable: from the thrust lag."""
 
 

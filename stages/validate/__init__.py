@@ -12,7 +12,7 @@ written.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -27,6 +27,7 @@ from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
+from auvid.hydro.dynamics.simulation.growth import Growth, growth
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import (
@@ -41,6 +42,8 @@ from auvid.stages.presentation import Block
 from auvid.stages.validate.free_run import free_run_table, run_segment
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
+    cause_blocks,
+    free_run_blocks,
     prediction_plot,
     tables_as_text,
     validate_section,
@@ -171,6 +174,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     covered: dict[str, RangeCovered] = {}
     plots: list[Block] = []
     free: dict[str, FreeRuns] = {}
+    causes: dict[str, Growth] = {}
     for key, use, residual, measured, predicted in judged():
         for name, force in predicted.items():
             errors = ErrorSums.of(measured, force)
@@ -182,8 +186,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             t = clock(residual) + float(segments[key].leg_start_s)
             plots.append(prediction_plot(segments[key], t, measured, predicted))
             runs = _free_runs(inputs, params, models, key)
-            if runs is not None:
+            if runs is not None and inputs.vehicle is not None:
                 free[key] = runs
+                causes = loss_causes(runs, list(models.values()), inputs.vehicle) | causes
     middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
     outside = np.zeros(6)
     for key, use, residual, measured, predicted in judged():
@@ -197,6 +202,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for group in sorted(sums, key=lambda group: group[1] != ALL)
     }
     free_run = free_run_table(free, list(models))
+    titles = {name: card.title for name, card in cards.items()}
     return Outputs(
         predictions=Collection(
             {key: partial(_predictions, inputs, models, key) for key in segments}
@@ -206,10 +212,25 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         free_run=free_run,
         tables_text=tables_as_text(errors_of, cards, covered).encode("utf-8"),
         section=validate_section(
-            errors_of, cards, covered, outside, free_run, plots, failed_ratio=params.failed_ratio
+            errors_of,
+            cards,
+            covered,
+            outside,
+            [*free_run_blocks(free_run, titles), *cause_blocks(causes, titles), *plots],
+            failed_ratio=params.failed_ratio,
         ),
         views=validate_views(segments, cards),
     )
+
+
+def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -> dict[str, Growth]:
+    """Return, by name of a model with lost runs, the growth where the first one starts."""
+    causes = {}
+    for model, diverged in zip(models, runs.diverged_s, strict=True):
+        if np.isfinite(diverged).any():
+            start = runs.starts[int(np.nanargmin(diverged)), 6:]
+            causes[model.viscous.name] = growth(model.vehicle(vehicle), model.viscous, start)
+    return causes
 
 
 def _forces(

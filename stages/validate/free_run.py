@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
@@ -21,6 +22,8 @@ FASTEST_HZ = 50.0
 """A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is
 exact to 1e-7.
 """
+PERSISTENCE = "persistence"
+"""The reference row: the state stays as it was at the start."""
 STATE_ORDER = (6, 7, 8, 9, 10, 11, 3, 4, 5)
 NAMES = tuple(
     name.replace("_m_s", "_rms_m_s").replace("_rad", "_rms_rad", 1)
@@ -66,10 +69,10 @@ def run_segment(
     control, level = control_of(controls, rows)
     state = np.hstack([matrix(fused, POSE), matrix(fused, VELOCITY)])[rows]
     starts_s = np.arange(0.0, t_s[-1] - t_s[0], every_s)
-    errors, diverged = [], []
+    parts: list[FreeRuns] = []
     for _, same in groupby(range(len(models)), key=lambda i: id(vehicles[i])):
         own = list(same)
-        runs = free_runs(
+        part = free_runs(
             vehicles[own[0]],
             [models[i] for i in own],
             trims[own],
@@ -81,27 +84,38 @@ def run_segment(
             horizons_s=np.asarray(horizons_s),
             minimum_speed=minimum_speed,
         )
-        errors.append(runs.errors)
-        diverged.append(runs.diverged_s)
-    return FreeRuns(np.asarray(horizons_s), np.concatenate(errors), np.concatenate(diverged))
+        parts.append(part)
+    return replace(
+        parts[0],
+        errors=np.concatenate([part.errors for part in parts]),
+        diverged_s=np.concatenate([part.diverged_s for part in parts]),
+    )
 
 
 def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.Table:
-    """Return a row per segment, model and horizon that the segment reaches."""
+    """Return a row per segment, model and horizon that the segment reaches.
+
+    A run counts for a horizon that its data reach. The last row of each horizon is
+    `PERSISTENCE`, the error of expecting no change.
+    """
     heads = ("segment", "model", "horizon_s", "starts", "diverged", "first_divergence_s", *NAMES)
     rows: list[tuple[Any, ...]] = []
     for segment, runs in runs_of.items():
         error = runs.rms()[:, :, STATE_ORDER]
         for place, horizon in enumerate(runs.horizons_s):
+            reached = runs.reached[:, place]
+            if not reached.any():
+                continue
             for index, name in enumerate(names):
-                lost = runs.diverged_s[index]
+                lost = runs.diverged_s[index, reached]
                 lost = lost[np.isfinite(lost) & (lost <= horizon)]
-                bounded = int(np.isfinite(runs.errors[index, :, place, 6]).sum())
-                if bounded or lost.size:
-                    first = float(lost.min()) if lost.size else np.nan
-                    counts = (bounded + lost.size, int(lost.size), first)
-                    values = error[index, place].tolist()
-                    rows.append((segment, name, float(horizon), *counts, *values))
+                first = float(lost.min()) if lost.size else np.nan
+                counts = (int(reached.sum()), int(lost.size), first)
+                rows.append((segment, name, float(horizon), *counts, *error[index, place].tolist()))
+            change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[[*STATE_ORDER]]
+            rows.append(
+                (segment, PERSISTENCE, float(horizon), int(reached.sum()), 0, np.nan, *change)
+            )
     return make_table(
         "free_run", {head: [row[place] for row in rows] for place, head in enumerate(heads)}
     )

@@ -10,6 +10,7 @@ import pyarrow as pa
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
 from auvid.stages.presentation import (
@@ -29,6 +30,7 @@ from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_e
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 CONSTANT_TITLE = "constant alone"
+PERSISTENCE_TITLE = "no change (persistence)"
 """The reference row: the mean force of the training legs and no model."""
 FAILED_RATIO = 1.0
 OUTSIDE_SHARE = 0.05
@@ -40,8 +42,7 @@ def validate_section(
     cards: Mapping[str, ModelCard],
     covered: Mapping[str, RangeCovered],
     outside: Array,
-    free_run: pa.Table,
-    plots: Sequence[Block],
+    runs_and_plots: Sequence[Block],
     *,
     failed_ratio: float,
 ) -> dict[str, Any]:
@@ -53,8 +54,7 @@ def validate_section(
         *[block for use in LAYOUT for block in _error_tables(use, errors, cards, reference)],
         *_leg_table(errors, titles),
         *_range_blocks(covered, outside),
-        *free_run_blocks(free_run, titles),
-        *plots,
+        *runs_and_plots,
     ]
     if "validation" not in covered:
         blocks.append(
@@ -223,7 +223,7 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             note += f" {len(own) - len(bounded)} rows without a bounded run are left out."
         cells = [
             [
-                titles[row["model"]],
+                titles.get(row["model"], PERSISTENCE_TITLE),
                 *(row[name] for name in ("horizon_s", "starts", "diverged", *NAMES)),
             ]
             for row in bounded
@@ -251,6 +251,22 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             )
         blocks.insert(0, remark(words, "warning"))
     return blocks
+
+
+def cause_blocks(causes: Mapping[str, Growth], titles: Mapping[str, str]) -> list[Block]:
+    """Return a table of what makes each lost free run grow; none where none is lost."""
+    rows = [
+        [titles[name], cause.axis, cause.rate, f"{cause.axis} {cause.term}" if cause.term else ""]
+        for name, cause in causes.items()
+    ]
+    if not rows:
+        return []
+    note = (
+        "About the measured state from which the first lost run starts, without restoring force."
+        " A coefficient that feeds motion is one that the data did not determine."
+    )
+    heads: list[str | tuple[str, str]] = ["model", "axis", ("growth", "1/s"), "fed by"]
+    return [table("Why free runs are lost", heads, rows, note=note)]
 
 
 def _divergence(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array, Index
+from auvid.hydro.arrays import Array, Index, Mask
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.runge_kutta import runge_kutta_4
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -40,12 +40,17 @@ class FreeRuns:
 
     State errors (m, w, k, 12) at `horizons_s` (k,), simulated minus measured, yaw error
     wrapped; nan where the run had diverged. `diverged_s` (m, w): seconds after the
-    start, nan for a run that stayed bounded.
+    start, nan for a run that stayed bounded. `reached` (w, k): whether the data go on
+    to that horizon. `persistence` (w, k, 12): what the measured state changed by, the
+    error of expecting no change. `starts` (w, 12): measured states at the starts.
     """
 
     horizons_s: Array
     errors: Array
     diverged_s: Array
+    reached: Mask
+    persistence: Array
+    starts: Array
 
     def rms(self) -> Array:
         """Return the RMS over the starts that stayed bounded: (m, k, 12).
@@ -128,8 +133,12 @@ def free_runs(
             for place in np.flatnonzero(after == count + 1):
                 there = np.minimum(first + count + 1, last)
                 errors[:, inside, place] = (x - measured[there])[:, inside]
-    errors[..., 5] = (errors[..., 5] + np.pi) % (2 * np.pi) - np.pi
-    return FreeRuns(horizons, errors, diverged)
+    reached = first[:, None] + after <= last
+    kept = measured[first][:, None] - measured[np.minimum(first[:, None] + after, last)]
+    kept[~reached] = np.nan
+    for part in (errors, kept):
+        part[..., 5] = (part[..., 5] + np.pi) % (2 * np.pi) - np.pi
+    return FreeRuns(horizons, errors, diverged, reached, kept, measured[first])
 
 
 def _forces(

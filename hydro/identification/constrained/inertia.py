@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from auvid.hydro.identification.regression.verdicts import (
     T_LIMIT,
     VIF_LIMIT,
     WEAK,
+    TermStatus,
 )
 
 
@@ -48,7 +48,7 @@ class Trade:
     joint_errors: tuple[float, float]
     correlation: float
     gain: tuple[float, float, float]
-    verdict: Literal["identified", "weak", "inseparable"]
+    verdict: TermStatus
 
     def __str__(self) -> str:
         return (
@@ -94,7 +94,7 @@ def inertia_against_lag(
     axis = AXES.index(inertia.axis)
     gain = [1.0 - float(fits[key].rms[axis] / fits["none"].rms[axis]) ** 2 for key in fits]
     (single, single_error), (joint, joint_error) = values["inertia"][0], values["both"][0]
-    verdict: Literal["identified", "weak", "inseparable"]
+    verdict: TermStatus
     if 1.0 - correlation**2 < 1.0 / VIF_LIMIT:
         verdict = INSEPARABLE
     elif abs(joint) >= T_LIMIT * joint_error:

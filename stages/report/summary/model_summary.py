@@ -3,7 +3,8 @@
 Everything here is computed from model cards, the error table and the documents of
 segments and logs. The rule for the recommended model: of
 the models whose J on the validation legs is within `CLOSE` of the smallest, the one
-with the fewest terms; none, if the smallest J/J0 is 1 or more.
+with the fewest terms; none, if the smallest J/J0 is 1 or more. Models of which a free
+run is lost stand back where another one holds.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from auvid.stages.base import Document
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
+from auvid.stages.report.summary.simulation import Simulation, simulation
 
 _decimals = partial(fixed, places=2, empty="unknown")
 CLOSE = 1.05
@@ -45,7 +47,8 @@ def summarise(
     rows = error_table.to_pylist() if error_table is not None else []
     judged = any(row["use"] == "validation" for row in rows)
     models = _scores(rows, cards, "validation" if judged else "training")
-    recommended = choose(models)
+    flown = simulation(free_run)
+    recommended = choose(models, flown)
     card = next(
         (
             card
@@ -59,7 +62,7 @@ def summarise(
         *_said_of(recommended, sections),
         *_unbounded(recommended, free_run),
     ]
-    level, headline, explanation = _verdict(models, recommended, judged)
+    level, headline, explanation = _verdict(models, recommended, judged, flown)
     return Summary(
         level=level,
         headline=headline,
@@ -74,14 +77,20 @@ def summarise(
     )
 
 
-def choose(models: Sequence[ModelScore]) -> ModelScore | None:
+def choose(models: Sequence[ModelScore], flown: Simulation | None = None) -> ModelScore | None:
     """Return the recommended model by the rule of this module, or None.
 
     None if no model is better than no model at all.
     """
-    known = [model for model in models if model.j is not None]
-    if not known or ((ratio := _judged(known[0].total)) is not None and ratio >= 1):
+    known = [
+        model
+        for model in models
+        if model.j is not None and ((ratio := _judged(model.total)) is None or ratio < 1)
+    ]
+    if not known:
         return None
+    if flown is not None and (held := [model for model in known if flown.holds(model.name)]):
+        known = held
     smallest = known[0].j or 0.0
     return min(
         (model for model in known if (model.j or 0.0) <= CLOSE * smallest),
@@ -131,7 +140,10 @@ def _ratio(row: Mapping[str, Any] | None) -> float | None:
 
 
 def _verdict(
-    models: Sequence[ModelScore], recommended: ModelScore | None, judged: bool
+    models: Sequence[ModelScore],
+    recommended: ModelScore | None,
+    judged: bool,
+    flown: Simulation | None,
 ) -> tuple[Level, str, str]:
     if not models:
         return (
@@ -145,7 +157,7 @@ def _verdict(
         where = "on the validation legs" if judged else "on the training legs"
         return (
             "poor",
-            "Take none of these models",
+            "Use none of these models",
             (
                 f"The best of them, {best.title}, has J/J0 = {_decimals(ratio)} {where}: predicting"
                 " no force at all does as well."
@@ -176,15 +188,41 @@ def _verdict(
     )
     if recommended is not best:
         words += (
-            f" {best.title} has a slightly smaller error ({_decimals(best.total.validation)}) with"
-            f" {best.terms} terms."
+            f" {best.title} has a smaller error ({_decimals(best.total.validation)}) with"
+            f" {best.terms} terms"
         )
+        lost = flown is not None and best.name in flown.lost
+        words += ", but its free runs are lost." if lost else "."
+    use, reason = _usable_for(recommended, flown)
+    words += reason
     if failing:
         words += (
             f" It does not hold in {_listed(failing)}: there its error is larger than the force."
         )
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    return level, f"Take {recommended.title}" + (", with care" if level == "fair" else ""), words
+    return level, f"{recommended.title}: {use}" + (", with care" if level == "fair" else ""), words
+
+
+def _usable_for(model: ModelScore, flown: Simulation | None) -> tuple[str, str]:
+    """Return what a model can be used for, and why in a sentence."""
+    forces = "use it to predict forces"
+    if flown is None or model.name not in flown.useful:
+        return forces, " No free run says whether it can be simulated."
+    if not flown.holds(model.name):
+        return f"{forces}, not to simulate", ""
+    axes = flown.useful[model.name]
+    if not axes:
+        return (
+            f"{forces}, not to simulate",
+            f" Its free runs hold, but after {flown.horizon_s:g} s they are no better than"
+            " expecting no change.",
+        )
+    named = _listed([AXIS_WORDS[axis] for axis in axes])
+    rest = [AXIS_WORDS[axis] for axis in AXES if axis not in axes]
+    reason = f" All its free runs hold; after {flown.horizon_s:g} s they predict {named} better"
+    reason += " than expecting no change"
+    reason += f", {_listed(rest)} not." if rest else "."
+    return f"{forces} and to simulate {named}", reason
 
 
 def _failing(model: ModelScore) -> list[str]:

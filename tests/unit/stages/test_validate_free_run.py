@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -72,6 +73,10 @@ def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, flo
 
 def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) -> None:
     results = table_of(flown, true=STABLE)
+    kept = results.filter(pc.equal(results["model"], "persistence"))
+    assert kept["starts"].to_pylist() == [3, 2]
+    assert column(kept, "u_rms_m_s").min() > 0.01, "the flown motion changes"
+    results = results.filter(pc.equal(results["model"], "true"))
     assert results["horizon_s"].to_pylist() == [5.0, 10.0], "no start reaches 30 s"
     assert results["starts"].to_pylist() == [3, 2]
     for name in ("u_rms_m_s", "r_rms_rad_s", "psi_rms_rad"):
