@@ -47,10 +47,7 @@ def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
     found = summary_of(run)
     assert found.recommended == "fossen"
-    assert (
-        "McFarland & Whitcomb has a smaller error (0.40) with 216 terms"
-        in found.explanation
-    )
+    assert "McFarland & Whitcomb has a smaller error (0.40) with 216 terms" in found.explanation
 
 
 def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
