@@ -224,7 +224,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -> dict[str, Growth]:
-    """Return, by name of a model with lost runs, the growth where the first one starts."""
+    """Return the growth where the first lost run of each model starts, by name."""
     causes = {}
     for model, diverged in zip(models, runs.diverged_s, strict=True):
         if np.isfinite(diverged).any():
@@ -247,11 +247,11 @@ def _free_runs(
 ) -> FreeRuns | None:
     if not (params.free_run and inputs.fused and inputs.controls and inputs.vehicle is not None):
         return None
-    vehicle = inputs.vehicle
     return run_segment(
-        [model.vehicle(vehicle) for model in models.values()],
+        inputs.vehicle,
         [model.viscous for model in models.values()],
         np.array([model.trim for model in models.values()]),
+        np.array([model.added_mass for model in models.values()]),
         inputs.fused[key],
         inputs.controls[key],
         horizons_s=params.free_run_horizons_s,

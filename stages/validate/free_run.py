@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -48,9 +46,10 @@ def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
 
 
 def run_segment(
-    vehicles: Sequence[Vehicle],
+    vehicle: Vehicle,
     models: Sequence[IdentifiedModel],
     trims: Array,
+    added_mass: Array,
     fused: pa.Table,
     controls: pa.Table,
     *,
@@ -60,7 +59,7 @@ def run_segment(
 ) -> FreeRuns | None:
     """Return free runs over one segment, None if shorter than the shortest horizon.
 
-    vehicles: one for each model, as models may bring their own inertia.
+    added_mass (m, 6, 6): what the inertia of each model adds to the vehicle's.
     """
     t_s = clock(fused)
     if t_s[-1] - t_s[0] < horizons_s[0]:
@@ -68,27 +67,18 @@ def run_segment(
     rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
     control, level = control_of(controls, rows)
     state = np.hstack([matrix(fused, POSE), matrix(fused, VELOCITY)])[rows]
-    starts_s = np.arange(0.0, t_s[-1] - t_s[0], every_s)
-    parts: list[FreeRuns] = []
-    for _, same in groupby(range(len(models)), key=lambda i: id(vehicles[i])):
-        own = list(same)
-        part = free_runs(
-            vehicles[own[0]],
-            [models[i] for i in own],
-            trims[own],
-            t_s[rows],
-            state,
-            control,
-            level_speed=level,
-            starts_s=starts_s,
-            horizons_s=np.asarray(horizons_s),
-            minimum_speed=minimum_speed,
-        )
-        parts.append(part)
-    return replace(
-        parts[0],
-        errors=np.concatenate([part.errors for part in parts]),
-        diverged_s=np.concatenate([part.diverged_s for part in parts]),
+    return free_runs(
+        vehicle,
+        models,
+        trims,
+        t_s[rows],
+        state,
+        control,
+        level_speed=level,
+        starts_s=np.arange(0.0, t_s[-1] - t_s[0], every_s),
+        horizons_s=np.asarray(horizons_s),
+        minimum_speed=minimum_speed,
+        added_mass=added_mass,
     )
 
 

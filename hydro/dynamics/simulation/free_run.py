@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index, Mask
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.runge_kutta import runge_kutta_4
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import (
@@ -74,6 +75,7 @@ def free_runs(
     starts_s: ArrayLike,
     horizons_s: ArrayLike,
     minimum_speed: float = 0.05,
+    added_mass: ArrayLike | None = None,
 ) -> FreeRuns:
     """Simulate every model from every start with RK4.
 
@@ -81,8 +83,10 @@ def free_runs(
 
     state (n, 12): measured [eta, nu]; control: series (n, ...); level_speed (n,) u_c(n)
     [m/s] where models have terms with eta; trims (m, 6) [N, N m]; starts_s (w,),
-    horizons_s (k,) ascending [s]. A horizon beyond the end of the data counts as nan.
-    Raises `DataError` when no start leaves room for the shortest horizon.
+    horizons_s (k,) ascending [s]. added_mass (m, 6, 6): what each model's inertia adds
+    to M_A of the vehicle: (M - dM_A) nu_dot = M nu_dot_0 + C(dM_A, nu) nu, with nu_dot_0
+    the acceleration at the vehicle's own inertia. A horizon beyond the end of the data
+    counts as nan. Raises `DataError` when no start leaves room for the shortest horizon.
     """
     t, measured = np.asarray(t_s, dtype=np.float64), np.asarray(state, dtype=np.float64)
     starts, horizons = (
@@ -102,6 +106,11 @@ def free_runs(
     force = _forces(
         models, np.asarray(trims, dtype=np.float64), level_speed is not None, minimum_speed
     )
+    M = vehicle.mass_matrix
+    change = np.zeros((len(models), 1, 6, 6))
+    if added_mass is not None:
+        change[:, 0] = np.asarray(added_mass, dtype=np.float64)
+    gain = np.linalg.solve(M - change, np.broadcast_to(M, change.shape))
     level = None if level_speed is None else np.asarray(level_speed, dtype=np.float64)
     x = np.broadcast_to(measured[first], (len(models), len(first), 12)).copy()
     errors = np.full((len(models), len(first), len(after), 12), np.nan)
@@ -115,12 +124,14 @@ def free_runs(
             def derivative(now: Array, share: float, low: Index = low) -> Array:
                 high = np.minimum(low + 1, last)
                 speed = None if level is None else _between(level, low, high, share)
-                return state_derivative(
+                slope = state_derivative(
                     vehicle,
                     now,
                     _control_at(control, low, high, share),
-                    lambda nu: force(nu, speed),
+                    lambda nu: force(nu, speed) + coriolis_force(change, nu),
                 )
+                slope[..., 6:] = (gain @ slope[..., 6:, None])[..., 0]
+                return slope
 
             x = runge_kutta_4(derivative, x, step)
             gone = ~(

@@ -89,8 +89,8 @@ def choose(models: Sequence[ModelScore], flown: Simulation | None = None) -> Mod
     ]
     if not known:
         return None
-    if flown is not None and (held := [model for model in known if flown.holds(model.name)]):
-        known = held
+    if flown is not None and (stable := [model for model in known if flown.holds(model.name)]):
+        known = stable
     smallest = known[0].j or 0.0
     return min(
         (model for model in known if (model.j or 0.0) <= CLOSE * smallest),

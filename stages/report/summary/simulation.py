@@ -1,4 +1,4 @@
-"""What free runs say a model can simulate: which runs held, on which axes they are of use."""
+"""What free runs say a model can simulate: whether they hold, and on which axes."""
 
 from __future__ import annotations
 

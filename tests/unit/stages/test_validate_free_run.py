@@ -59,9 +59,10 @@ def flown() -> tuple[pa.Table, pa.Table]:
 
 def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, float]]) -> pa.Table:
     found = run_segment(
-        [VEHICLE] * len(models),
+        VEHICLE,
         [IdentifiedModel(name, coefficients) for name, coefficients in models.items()],
         np.zeros((len(models), 6)),
+        np.zeros((len(models), 6, 6)),
         *flown,
         horizons_s=(5.0, 10.0, 30.0),
         every_s=5.0,
@@ -119,9 +120,10 @@ def test_a_segment_shorter_than_every_horizon_gives_no_rows(
 ) -> None:
     fused, controls = (part.slice(0, 100) for part in flown)
     runs = run_segment(
-        [VEHICLE],
+        VEHICLE,
         [IdentifiedModel("true", STABLE)],
         np.zeros((1, 6)),
+        np.zeros((1, 6, 6)),
         fused,
         controls,
         horizons_s=(5.0,),

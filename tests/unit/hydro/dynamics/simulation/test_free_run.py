@@ -4,6 +4,7 @@ the run.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from tests.support.motions import shipped_vehicle
 
 VEHICLES = Path(__file__).parents[5] / "vehicles"
 STABLE = {
@@ -134,3 +136,38 @@ def test_terms_with_the_propulsion_ratio_need_a_propeller_speed(
 ) -> None:
     with pytest.raises(DataError, match="propeller speed"):
         runs(vehicle, run, {"X": {"(u*u)*(eta-1)": -1.0}})
+
+
+def test_inertia_of_a_model_is_that_of_a_vehicle_that_has_it() -> None:
+    """Two models, one with more inertia in yaw and a coupling of sway and yaw, fly as two
+    vehicles do that have each inertia.
+    """
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    model = IdentifiedModel(
+        "linear", {axis: {x: -4.0} for axis, x in zip("XYZKMN", "uvwpqr", strict=True)}
+    )
+    t_s = np.arange(0.0, 3.0, 0.02)
+    forces = 5.0 * np.sin(t_s[:, None] * np.arange(1, 9))
+    state = np.zeros((len(t_s), 12))
+    state[:, 6:] = [0.3, -0.1, 0.05, 0.02, -0.03, 0.4]
+    change = np.zeros((2, 6, 6))
+    change[1, 5, 5], change[1, 1, 5], change[1, 5, 1] = -2.5, 0.4, 0.4
+
+    def fly(own: Vehicle, added: Array) -> Array:
+        return free_runs(
+            own,
+            [model] * len(added),
+            np.zeros((len(added), 6)),
+            t_s,
+            state,
+            Control(thruster_force_N=forces),
+            starts_s=[0.0],
+            horizons_s=[1.0, 2.0],
+            added_mass=added,
+        ).errors
+
+    both = fly(vehicle, change)
+    for i in range(2):
+        other = replace(vehicle, added_mass=vehicle.added_mass + change[i])
+        np.testing.assert_allclose(both[i], fly(other, np.zeros((1, 6, 6)))[0], atol=1e-12)
+    assert np.abs(both[1] - both[0]).max() > 1e-2
