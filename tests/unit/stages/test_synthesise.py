@@ -15,8 +15,10 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.viscous.basis import basis, basis_rows, basis_term_names, coefficient_unit
 from auvid.hydro.dynamics.viscous.models import (
     MODELS,
@@ -30,6 +32,7 @@ from auvid.hydro.identification.regression.separability import breaks_symmetry, 
 from auvid.stages import synthesise
 from auvid.stages.base import Collection, collection
 from auvid.stages.columns import (
+    ACCELERATION,
     VELOCITY,
     VELOCITY_SD,
     force_columns,
@@ -559,3 +562,101 @@ def test_a_prior_needs_a_geometry() -> None:
             models=("fossen",),
             prior="strip_theory",
         )
+
+
+def test_structures_of_the_campaign_are_fitted_and_named() -> None:
+    own = {"steering": {"Y": ["v", "r"], "N": ["v", "r", "r|r|"]}}
+    cards = run(noisy_legs(), models=("linear",), structures=own, damping="free").model_card
+    assert list(cards) == ["steering", "linear"]
+    terms = {axis: list(row) for axis, row in cards["steering"].predictor.items()}
+    assert terms == {"X": [], "Y": ["v", "r"], "Z": [], "K": [], "M": [], "N": ["v", "r", "r*|r|"]}
+
+
+@pytest.mark.parametrize(
+    ("structures", "words"),
+    [
+        ({"own": {"X": ["u", "uu|w|"]}}, r"structures.own.X'.*unknown basis term.*'uu\|w\|'"),
+        ({"own": {"Q": ["u"]}}, "unknown axis.*'Q'"),
+        ({"own": {"X": ["u", "u"]}}, "named twice"),
+        ({"own": {"X": "u"}}, "maps axes to lists of terms"),
+        ({"own": {"X": []}}, "without a term"),
+        ({"linear": {"X": ["u"]}}, "name of a known model.*'linear'"),
+    ],
+)
+def test_wrong_structures_are_named(structures: Any, words: str) -> None:
+    with pytest.raises(CampaignError, match=words):
+        run(noisy_legs(), structures=structures)
+
+
+def test_without_limits_and_prior_a_structure_is_least_squares() -> None:
+    legs = noisy_legs()
+    card = run(legs, models=("symmetric",), damping="free", trim=True).model_card["symmetric"]
+    nu, force = (np.concatenate([leg[i] for leg in legs.values()]) for i in (0, 1))
+    for index, axis in enumerate(AXES):
+        names = list(card.predictor[axis])
+        columns = np.column_stack(
+            [
+                np.ones(len(nu)) if term == "constant" else nu[:, "uvwpqr".index(term)]
+                for term in names
+            ]
+        )
+        expected = np.linalg.lstsq(columns, force[:, index], rcond=None)[0]
+        np.testing.assert_allclose(list(card.predictor[axis].values()), expected, rtol=1e-9)
+    assert card.limits == []
+    assert card.limits_cost == pytest.approx(0.0, abs=1e-12)
+
+
+def test_damping_takes_energy_out_in_every_direction_and_says_what_that_costs() -> None:
+    legs = noisy_legs()
+    free = run(legs, models=("symmetric",), damping="free").model_card["symmetric"]
+    card = run(legs, models=("symmetric",)).model_card["symmetric"]
+
+    def largest(one: ModelCard) -> float:
+        K = np.array(
+            [[one.predictor[axis].get(x, 0.0) for x in "uvwpqr"] for axis in AXES], dtype=float
+        )
+        return float(np.linalg.eigvalsh(0.5 * (K + K.T)).max())
+
+    assert largest(free) > 1.0
+    assert largest(card) < 1e-6
+    assert card.limits
+    assert card.limits_cost > 0.0
+    held_back = [item for part in card.axes.values() for item in part.terms if item.free_value]
+    assert held_back, "values without limits stand beside those that limits changed"
+
+
+def test_published_forms_stay_least_squares_whatever_the_limits() -> None:
+    legs = noisy_legs()
+    one, other = (
+        run(legs, models=("linear", "symmetric"), damping=damping).model_card["linear"]
+        for damping in ("free", "dissipative")
+    )
+    assert one == other
+    assert one.method == "least squares"
+
+
+def test_inertia_needs_the_state_and_is_found_beside_the_damping() -> None:
+    """A force of linear damping and of 2 kg m2 more yaw inertia, with its acceleration."""
+    motion = rich_motion(60.0, seed=3)
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    damping = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    change = np.zeros((6, 6))
+    change[5, 5] = -2.0
+    force = motion.nu @ damping.T + motion.nu_dot @ change.T + coriolis_force(change, motion.nu)
+    force += np.random.default_rng(2).normal(size=force.shape)
+    table = residual_table(motion.nu, force, None)
+    segments = collection({"one": segment_document("one")})
+    params = synthesise.Params(models=("diagonal",), inertia=("N_rdot",))
+    with pytest.raises(DataError, match="needs the acceleration"):
+        synthesise.run(synthesise.Inputs(collection({"one": table}), segments, vehicle), params)
+    fused = pa.table({"t_s": motion.t_s, **named(ACCELERATION, motion.nu_dot)})
+    inputs = synthesise.Inputs(
+        collection({"one": table}), segments, vehicle, collection({"one": fused})
+    )
+    card = synthesise.run(inputs, params).model_card["diagonal"]
+    (item,) = card.inertia
+    assert item.change == pytest.approx(-2.0, abs=4.0 * item.standard_error)
+    assert item.standard_error < 0.1
+    assert item.value == pytest.approx(vehicle.mass_matrix[5, 5] - item.change, rel=1e-12)
+    assert item.verdict == "identified"
+    assert card.predictor["N"]["r"] == pytest.approx(-5.0, abs=0.3)
