@@ -13,6 +13,11 @@ from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.presentation import equation, remark, section, table
 from auvid.stages.synthesise.model_card import excitation_word
 
+PRIOR_TEXT = {
+    "strip_theory": "strip theory of the vehicle's geometry",
+    "vehicle": "coefficients published in the vehicle file",
+}
+
 
 def synthesise_section(
     cards: Mapping[str, ModelCard], motion: Mapping[str, VelocityExcitation]
@@ -76,6 +81,7 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     blocks = [table(title, heads, rows, note=note)]
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))
+    blocks += _limit_blocks(card)
     sums = [
         [axis, item.reading, item.standard_error]
         for axis, part in card.axes.items()
@@ -112,6 +118,53 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     return blocks
 
 
+def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
+    """Return what limits changed, and the inertia fitted beside the damping."""
+    blocks = []
+    if card.limits:
+        changed = [
+            [axis, item.term, item.free_value, item.value, item.unit]
+            for axis, part in card.axes.items()
+            for item in part.terms
+            if item.free_value is not None
+        ]
+        note = f"Limits on damping: {card.damping}. They cost {card.limits_cost:.2g} of J/J0 on"
+        note += f" training. Active: {'; '.join(dict.fromkeys(i.name for i in card.limits))}."
+        heads = ["axis", "term", "without limits", "within limits", "unit"]
+        blocks.append(table(f"{card.title}: what the limits changed", heads, changed, note=note))
+    if card.inertia:
+        rows = [
+            [
+                item.name,
+                item.value,
+                item.standard_error,
+                item.in_vehicle_file,
+                item.unit,
+                item.lag_s,
+                item.correlation,
+                item.verdict,
+            ]
+            for item in card.inertia
+        ]
+        note = (
+            "Total inertia, rigid body and added mass. A thrust lag fitted beside it answers to the"
+            " same motion: near a correlation of 1 or -1 the two are one. Damping, inertia and"
+            " thrust scale together."
+        )
+        columns: list[str | tuple[str, str]] = [
+            "derivative",
+            "inertia",
+            "standard error",
+            "in the vehicle file",
+            "unit",
+            ("lag beside it", "s"),
+            "correlation",
+            "verdict",
+        ]
+        blocks.append(table(f"{card.title}: inertia", columns, rows, note=note))
+    return blocks
+
+
 def _prior_remark(card: ModelCard, prior: PriorCard) -> dict[str, Any]:
     """Return which coefficients have a prior, and which the data leave to it."""
     means, sd = prior.means, prior.relative_sd
@@ -128,7 +181,7 @@ def _prior_remark(card: ModelCard, prior: PriorCard) -> dict[str, Any]:
         if (axis, term) not in identified
     ]
     words = (
-        f"{card.title}: a prior was used, strip theory of the vehicle's geometry with a standard"
+        f"{card.title}: a prior was used, {PRIOR_TEXT[prior.source]} with a standard"
         f" deviation of {100.0 * sd:g} % of each value, on {sum(map(len, means.values()))}"
         " coefficients. Verdicts are those of the data alone."
     )

@@ -31,6 +31,10 @@ LONGEST = 6
 """Longer lists of assumed numbers stay in the vehicle file."""
 
 
+INERTIA = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}
+"""Axis -> symbol of the rigid body's part of its inertia."""
+
+
 def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     """Return lines on damping, constant forces and the number of couplings.
 
@@ -70,6 +74,23 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
             " thrusters, sensor mounting and load first."
         )
         entries.append(CoefficientLine("couplings", (words,), note if any(crossed) else ""))
+    entries += [
+        CoefficientLine(
+            f"{AXIS_WORDS[item.name[0]]} inertia",
+            (
+                _figure(
+                    f"{INERTIA[item.name[0]]} - {item.name}",
+                    item.value,
+                    item.standard_error,
+                    item.unit,
+                ),
+            ),
+            f"{item.in_vehicle_file:.3g} {item.unit} in the vehicle file. It scales with the"
+            " thrust.",
+        )
+        for item in card.inertia
+        if item.verdict == IDENTIFIED
+    ]
     return tuple(entries)
 
 
