@@ -110,7 +110,10 @@ def _control(
     if vehicle.thrusters is not None:
         outputs = tuple(f"pwm_{number}_us" for number in vehicle.thrusters.outputs)
         raw["thrusters"] = thruster_forces(vehicle.thrusters, _columns(inputs, outputs), voltage)
-    if not (params.allow_no_actuation or any(np.any(values != 0.0) for values in raw.values())):
+    t_s = clock(inputs.resampled)
+    keep = np.searchsorted(t_s, clock(inputs.fused) - 1e-9)
+    acts = any(np.any(values[keep] != 0.0) for values in raw.values())
+    if not (params.allow_no_actuation or acts):
         raise DataError(
             f"no actuator acts in segment '{inputs.segment.id}': every command is zero or"
             " neutral (was the vehicle armed?)",
@@ -119,8 +122,6 @@ def _control(
                 " stages.residual.allow_no_actuation if it was towed or drifting."
             ),
         )
-    t_s = clock(inputs.resampled)
-    keep = np.searchsorted(t_s, clock(inputs.fused) - 1e-9)
     level = None
     if vehicle.propeller is not None:
         level = level_speed(vehicle.propeller, raw["propeller"][keep])

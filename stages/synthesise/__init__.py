@@ -96,8 +96,8 @@ class Params:
         "1",
         "none",
         meaning=(
-            "prior on coefficients: those published in the vehicle file, or of strip theory from"
-            " its geometry"
+            "prior on coefficients: those published in the vehicle file (on structures), or of"
+            " strip theory from its geometry"
         ),
         allowed=PRIORS,
     )
@@ -149,6 +149,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
     published = {model.name for model in MODELS}
+    # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
+    none = Prior("none", params.prior_sd, {})
+    on_published = prior if prior.source == "strip_theory" else none
     cards = {
         model.name: model_card(
             model,
@@ -156,7 +159,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             data=data,
             fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
             vehicle=inputs.vehicle,
-            prior=prior if model.name in published else Prior("none", params.prior_sd, {}),
+            prior=on_published if model.name in published else none,
             trim=params.trim,
         )
         for whole, model in zip(declared, models, strict=True)

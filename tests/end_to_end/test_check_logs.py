@@ -555,10 +555,11 @@ def test_two_dives_cannot_be_aligned(capsys: pytest.CaptureFixture[str]) -> None
 def test_the_documentation_holds_every_finding() -> None:
     text = (ROOT / "docs" / "checks.md").read_text(encoding="utf-8")
     assert text == documentation()
+    words = " ".join(text.split())  # lines are wrapped
     for name, entry in checks().items():
         assert f"### `{name}`" in text
-        assert entry.remedy in text
-        assert entry.reason in text
+        assert entry.remedy in words
+        assert entry.reason in words
 
 
 def test_texts_lose_escapes_and_control_characters() -> None:

@@ -77,7 +77,7 @@ def test_the_dive_holds_its_golden_tables(
     setting = regress.open_setting(NAME, None)
     assert setting.folder.resolve() == GOLDEN
     assert regress.check(setting, as_json=False), capsys.readouterr().out
-    assert capsys.readouterr().out.startswith(f"{NAME}: all {2 * 8 * 11} cells hold")
+    assert capsys.readouterr().out.startswith(f"{NAME}: all {2 * 10 * 11} cells hold")
 
 
 def test_metrics_are_the_error_table(workspace: Path, tables: Tables) -> None:

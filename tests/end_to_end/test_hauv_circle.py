@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.control.plants import card_coefficients
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from tests.support.motions import shipped_vehicle
@@ -50,7 +51,7 @@ def test_card_of_the_redesign_is_what_the_chain_finds_in_the_logs(
 
 
 def test_card_of_the_redesign_has_the_coefficients_that_carry_the_motion() -> None:
-    card = json.loads(CARD.read_text(encoding="utf-8"))
+    card = ModelCard.model_validate_json(CARD.read_bytes())
     found, _ = card_coefficients(card)
     true = hybrid_vehicle(shipped_vehicle("hauv"), "as_simulated")
     for axis, (term, share) in LARGEST.items():

@@ -5,12 +5,12 @@ the closed circle of campaign hauv_redesign.
 from __future__ import annotations
 
 import copy
-import json
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import Flown, fly_case, models_of
@@ -79,7 +79,9 @@ def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
 
 
 def test_a_controller_on_the_identified_model_is_as_good_as_one_on_the_true_model() -> None:
-    card = json.loads((ROOT / "campaigns/hauv_redesign/prestero.json").read_text(encoding="utf-8"))
+    card = ModelCard.model_validate_json(
+        (ROOT / "campaigns/hauv_redesign/prestero.json").read_bytes()
+    )
     results = {
         (item.designed_on, item.flight.name): item
         for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, card)

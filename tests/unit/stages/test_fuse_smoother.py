@@ -12,6 +12,7 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages import fuse, resample
@@ -119,7 +120,7 @@ def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
         "dvl_mounting_sd_rad": [None] * 3,
         "dvl_mounting_determined": [False] * 3,
     }
-    warning, shown = installation_blocks(found)
+    warning, shown = installation_blocks(InstallationRecord.model_validate(found))
     assert (
         "does not determine the velocity sensor's arm y: the value of the vehicle file is used"
         in str(warning)

@@ -271,7 +271,7 @@ def true_states(*, last_s: float = 20.0, log: str = "a") -> replace_state.Output
         | {f"{name}_dot_rad_s": zeros for name in ("phi", "theta", "psi")}
         | {"u_m_s": zeros + 0.5},
     )
-    segment = SegmentRecord.model_construct(id="a", log="a", leg_start_s=2.107)
+    segment = SegmentRecord.model_construct(id="a", log="a", leg_start_s=2.107, duration_s=9.98)
     truth = collection({log: truth_table(np.arange(0.0, last_s, 0.02))})
     return replace_state.run(
         replace_state.Inputs(segment, resampled, truth), replace_state.Params()

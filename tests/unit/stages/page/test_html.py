@@ -145,9 +145,12 @@ def hostile_run() -> ExampleRun:
     made = example_run({"train": 4.0, "check": 2.0})
     made.campaign["title"] = made.campaign["notes"] = HOSTILE
     made.vehicle = replace(made.vehicle, title=HOSTILE)
-    made.logs["dive"]["notes"] = [HOSTILE]
-    made.logs["dive"]["files"][0]["name"] = HOSTILE
-    made.cards["linear"]["title"] = HOSTILE
+    dive = made.logs["dive"]
+    file = dive.files[0].model_copy(update={"name": HOSTILE})
+    made.logs["dive"] = dive.model_copy(
+        update={"notes": [HOSTILE], "files": [file, *dive.files[1:]]}
+    )
+    made.cards["linear"] = made.cards["linear"].model_copy(update={"title": HOSTILE})
     made.sections[f"evil/{HOSTILE}"] = section(
         HOSTILE,
         [
@@ -223,8 +226,8 @@ def test_report_is_the_same_every_time() -> None:
 
 def test_plots_of_several_logs_zoom_apart() -> None:
     made = example_run({"train": 4.0, "check": 2.0})
-    made.logs["second"] = {**made.logs["dive"], "log": "second"}
-    made.segments["check"]["log"] = "second"
+    made.logs["second"] = made.logs["dive"].model_copy(update={"log": "second"})
+    made.segments["check"] = made.segments["check"].model_copy(update={"log": "second"})
     groups = set(Tags(run(made.inputs(), Params()).report_html.decode()).values("data-group"))
     assert {"dive time", "second time"} <= groups
 
