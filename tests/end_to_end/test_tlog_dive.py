@@ -22,7 +22,7 @@ from auvid.data_schemas.tables import column
 ROOT = Path(__file__).parents[2]
 HERE = ROOT / "campaigns" / "bluerov2_dvl_tlog"
 NAMES = ("bluerov2_dvl", HERE.name)
-TRAINING_SHARE, VALIDATION_SHARE = 0.0015, 0.015
+TRAINING_SHARE, VALIDATION_SHARE = 0.0015, 0.02
 PREDICTION_FLOOR, PREDICTION_SHARE = (
     0.0005,
     0.3,
@@ -97,7 +97,7 @@ def test_error_tables_differ_by_what_the_messages_explain(
     tables: dict[str, dict[tuple[str, str], dict[str, Any]]],
 ) -> None:
     """The gyro's whole milliradians per second are nearly all of it: 0.1 % of J in
-    training at most, 1.1 % where a model extrapolates.
+    training at most, 1.6 % where a model extrapolates (the ends of a leg are in it, too).
     """
     with (HERE / "resolution.csv").open(encoding="utf-8") as file:
         costs = {(row.pop("use"), row.pop("model")): row for row in csv.DictReader(file)}
