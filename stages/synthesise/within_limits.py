@@ -58,8 +58,8 @@ from auvid.hydro.identification.regression.least_squares import TriangularFactor
 from auvid.stages.synthesise.model_card import Prior
 
 DAMPING = ("free", "negative", "dissipative")
-CHANGED = 1e-6
-"""Share of a value from which on limits count as having changed it."""
+CHANGED = 0.1
+"""Share of the standard error without limits from which on limits changed a value."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,8 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
     elif item.value is not None:
         # The wider one: least squares also counts errors of the velocities.
         update |= {"value": value, "standard_error": max(error, item.standard_error or 0.0)}
-    if update.get("value") is not None and abs(value - free) > CHANGED * max(abs(free), abs(value)):
+    spread = float(np.sqrt(fit.free_covariance[i, i]))
+    if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free
     return item.model_copy(update=update)
 

@@ -263,7 +263,7 @@ def cause_blocks(causes: Mapping[str, Growth], titles: Mapping[str, str]) -> lis
         return []
     note = (
         "About the measured state from which the first lost run starts, without restoring force."
-        " A coefficient that feeds motion is one that the data did not determine."
+        " Fed by: the term in the axis's own velocity that adds most; empty where couplings do."
     )
     heads: list[str | tuple[str, str]] = ["model", "axis", ("growth", "1/s"), "fed by"]
     return [table("Why free runs are lost", heads, rows, note=note)]

@@ -10,6 +10,7 @@ import pyarrow as pa
 from auvid.hydro.arrays import AXES, VELOCITIES
 
 PERSISTENCE = "persistence"
+ANGLES = ("phi_rms_rad", "theta_rms_rad", "psi_rms_rad")
 LONG_S = 10.0
 """Horizon at which a simulation is judged, the longest below it where legs are short."""
 
@@ -19,7 +20,8 @@ class Simulation:
     """Free runs of all models on all validation legs.
 
     horizon_s: at which errors are compared. lost: models of which a run left all
-    bounds. useful: model -> axes whose velocity it predicts better than no change.
+    bounds. useful: model -> axes whose velocity, and angle in roll, pitch and yaw, it
+    predicts better than no change.
     """
 
     horizon_s: float
@@ -38,22 +40,24 @@ def simulation(free_run: pa.Table | None) -> Simulation | None:
     if not horizons:
         return None
     horizon = max([h for h in horizons if h <= LONG_S], default=horizons[0])
-    names = [f"{velocity}_rms_{'m_s' if velocity in 'uvw' else 'rad_s'}" for velocity in VELOCITIES]
+    rates = [f"{velocity}_rms_{'m_s' if velocity in 'uvw' else 'rad_s'}" for velocity in VELOCITIES]
+    names = [*rates, *ANGLES]
     squares: dict[str, list[float]] = {}
     for row in rows:
         if row["horizon_s"] == horizon:
-            sums = squares.setdefault(row["model"], [0.0] * 6)
+            sums = squares.setdefault(row["model"], [0.0] * len(names))
             # A row without a bounded run has nan: it stays, and nothing is useful.
             weight = row["starts"] - row["diverged"]
             for i, name in enumerate(names):
                 value = row[name]
                 sums[i] += weight * value**2 if value is not None else float("nan")
-    kept = squares.pop(PERSISTENCE, None)
+    kept = squares.pop(PERSISTENCE, [float("inf")] * len(names))
     useful = {
         model: tuple(
             axis
-            for axis, own, none in zip(AXES, sums, kept or [float("inf")] * 6, strict=True)
-            if own < none
+            for i, axis in enumerate(AXES)
+            # A rotation is of use only where its angle is, too.
+            if all(sums[j] < kept[j] for j in ((i,) if i < 3 else (i, i + 3)))
         )
         for model, sums in squares.items()
     }
