@@ -1,4 +1,8 @@
-"""The graph of stages: an input port is fed by the stage that outputs its schema."""
+"""The graph of stages: an input port is fed by the stage that outputs its schema.
+
+A port of a campaign stage that takes artefacts by key (model cards by model) is fed by
+all earlier stages that output them, each under keys of its own.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +74,7 @@ class Feed:
     """How an input port is fed: by the manifest, one port, or all of a schema.
 
     A raw log is fed by the manifest, or by the one port of simulated logs; `runs` by
-    other runs (`Run.members`).
+    other runs (`Run.members`). Several `producers` give artefacts by key.
     """
 
     port: str
@@ -143,7 +147,8 @@ class Graph:
             )
         if not found and optional:
             return Feed(name, wanted, optional)
-        if len(found) != 1 or late:
+        joined = spec["many"] and all(port.keyed and port.level == WHOLE for port in found)
+        if not found or (len(found) > 1 and not joined) or late:
             givers = ", ".join(port.stage.name for port in found) or "none"
             raise WiringError(
                 f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is:"

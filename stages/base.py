@@ -1,8 +1,8 @@
 """The stage interface: a name, typed inputs, parameters and outputs, a pure `run`.
 
 What flows between stages is named by schema: the input port of a schema is fed by the
-one stage that outputs it. What a stage maps over is declared. Work items and what a
-port then delivers:
+one stage that outputs it; artefacts by key, as cards by model, by all stages that do.
+What a stage maps over is declared. Work items and what a port then delivers:
 
     log       one log of the campaign (ingest)
     leg       one leg of the manifest (rlse, resample)

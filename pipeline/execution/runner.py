@@ -289,7 +289,17 @@ class Run:
             if document is None:
                 return Value(None)
             return Value(delivered(document, feed.schema), document)
-        return self._produced(stage, feed, feed.producers[0], place)
+        parts = [self._produced(stage, feed, producer, place) for producer in feed.producers]
+        if len(parts) == 1:
+            return parts[0]
+        return Many(
+            {
+                key: part
+                for many in parts
+                if isinstance(many, Many)
+                for key, part in many.entries.items()
+            }
+        )
 
     def _manifest_document(self, schema_name: str, place: Place) -> Any:
         if schema_name == "campaign":

@@ -23,6 +23,7 @@ from auvid.hydro.identification.maximum_likelihood.likelihood import (
     NoiseModel,
     WindowRun,
 )
+from auvid.hydro.identification.maximum_likelihood.records import CHANNELS
 from auvid.hydro.identification.maximum_likelihood.windows import DroppedWindow
 from auvid.hydro.identification.regression.standard_errors import automatic_lags, long_run_moment
 
@@ -36,7 +37,8 @@ class LikelihoodEstimate:
     `noise`: standard deviations of samples, and the unsteady force where it was
     estimated. `log_likelihood`: after each step taken. `weighted_residual`: root mean
     square of errors in parts of their standard deviations, 1 for a model that explains
-    its data. `word`: `converged` or `no convergence`; `at_bound` (k,).
+    its data; `channel_residuals` (13,) the same by channel, nan without samples.
+    `word`: `converged` or `no convergence`; `at_bound` (k,).
     """
 
     names: tuple[str, ...]
@@ -49,6 +51,7 @@ class LikelihoodEstimate:
     noise: NoiseModel
     log_likelihood: tuple[float, ...]
     weighted_residual: float
+    channel_residuals: Array
     word: str
     at_bound: Mask
     windows: int
@@ -92,6 +95,9 @@ def estimate_from(
     inverse[cell] = solve_scaled(information[cell], np.eye(int(informed.sum())))
     robust[cell] = inverse[cell] @ moment[cell] @ inverse[cell]
     errors = np.concatenate([run.errors / np.sqrt(run.variances) for run in runs])
+    channel = np.concatenate([run.channel for run in runs])
+    squares = np.bincount(channel, weights=errors**2, minlength=len(CHANNELS))
+    samples = np.bincount(channel, minlength=len(CHANNELS))
     return LikelihoodEstimate(
         names=likelihood.parameters.names,
         theta=theta,
@@ -103,6 +109,7 @@ def estimate_from(
         noise=noise,
         log_likelihood=tuple(log_likelihood),
         weighted_residual=float(np.sqrt(np.mean(errors**2))),
+        channel_residuals=np.sqrt(squares / np.where(samples > 0, samples, np.nan)),
         word=word,
         at_bound=at_bound[:k],
         windows=len(likelihood.windows),

@@ -76,7 +76,8 @@ def result_files(run: Run) -> dict[str, Path]:
         for port in run.graph.producers(schema_name):
             artefacts = list(run.artefacts_of(port, WHOLE).values())
             if artefacts:
-                files[name] = artefacts[0].path.parent if port.many else artefacts[0].path
+                key = name if name not in files else f"{name}, {port.stage.name}"
+                files[key] = artefacts[0].path.parent if port.many else artefacts[0].path
     return files
 
 

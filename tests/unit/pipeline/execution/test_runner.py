@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,9 @@ from auvid.pipeline.store import atomic_files as files
 from auvid.pipeline.store import fingerprints
 from auvid.pipeline.store.atomic_files import TEMPORARY
 from auvid.pipeline.store.manifest import Manifest
-from auvid.stages.base import make_params, port
+from auvid.stages.base import Collection, Stage, make_params, port
 from tests.support import toy_stages
-from tests.support.toy_stages import MANIFEST, STAGES, open_run, write_campaign
+from tests.support.toy_stages import MANIFEST, STAGES, TotalParams, open_run, write_campaign
 
 ROOT = Path(__file__).parents[4]
 
@@ -387,6 +387,44 @@ def test_stages_that_do_not_fit_together_are_refused() -> None:
     twin = replace(STAGES[0], name="decode_too")
     with pytest.raises(WiringError, match="there is: decode, decode_too"):
         Graph((STAGES[0], twin, STAGES[1]))
+
+
+@dataclass(frozen=True)
+class AddInputs:
+    mode: Collection[pa.Table] = port("mode", many=True)
+
+
+@dataclass(frozen=True)
+class AddOutputs:
+    mode: Mapping[str, pa.Table] = port("mode", many=True)
+
+
+@dataclass(frozen=True)
+class ListOutputs:
+    tables_text: bytes = port("tables_text")
+
+
+def test_artefacts_by_key_come_from_all_stages_that_give_them(campaign: Path, runs: Path) -> None:
+    """As model cards by model: the later stage reads those of the earlier one."""
+
+    def add(inputs: AddInputs, params: TotalParams) -> AddOutputs:
+        return AddOutputs({f"{name}_more": table for name, table in inputs.mode.items()})
+
+    def names(inputs: AddInputs, params: TotalParams) -> ListOutputs:
+        return ListOutputs(" ".join(inputs.mode).encode())
+
+    total = replace(
+        STAGES[3], outputs=AddOutputs, run=lambda i, p: AddOutputs(STAGES[3].run(i, p).mode)
+    )
+    more = Stage("add", "More of them", "campaign", AddInputs, TotalParams, AddOutputs, add)
+    last = Stage("names", "Their names", "campaign", AddInputs, TotalParams, ListOutputs, names)
+    run = open_run(campaign, runs)
+    stages = (*STAGES[:3], total, more, last)
+    params = {**run.params, "add": TotalParams(), "names": TotalParams()}
+    joined = Run(run.campaign, Graph(stages), params, run.folder)
+    run_all(joined)
+    (names_of,) = joined.artefacts_of(joined.graph.producers("tables_text")[0], "campaign").values()
+    assert names_of.load() == b"one two three one_more two_more three_more"
 
 
 def test_engine_names_and_jobs_are_checked() -> None:
