@@ -21,8 +21,17 @@ INTRODUCTION = """# What `auvid check` finds
 Every finding of the health page: what it means, the threshold beyond which it is
 reported and why it lies there, and what to do about it. An *error* means that the chain
 would refuse the log or use wrong data, a *warning* that results depend on it, a *note*
-is good to know. `auvid check` exits with 0 if it found no error and no loss, with 3 if
-it did, and with 1 if a log could not be read at all.
+is good to know.
+
+A finding that *stops a run* means that units, signs, axes or clocks are probably wrong:
+`auvid run` goes no further than the decoding of the logs. Who knows better writes
+`accept: [FINDING]` into the manifest, for one log or for the campaign; an accepted
+finding stays in the report.
+
+`auvid run` and `auvid check CAMPAIGN` agree in their exit codes: 1 if a log cannot be
+read, a finding stops the run, or the campaign cannot feed its stages. `auvid check`
+exits with 3 for losses and errors that stop nothing, as `auvid run --strict` does for
+losses, and with 0 otherwise.
 
 This page is made from `data_schemas/formats/checks.yaml`:
 `python -m auvid.data_schemas.checks > docs/checks.md`.
@@ -31,7 +40,10 @@ This page is made from `data_schemas/formats/checks.yaml`:
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """One kind of finding. `threshold` is None where it is a matter of yes or no."""
+    """One kind of finding. `threshold` is None where it is a matter of yes or no.
+
+    `stops`: a run stops at it unless the manifest accepts it.
+    """
 
     id: str
     severity: str
@@ -41,6 +53,7 @@ class HealthCheck:
     means: str
     reason: str
     remedy: str
+    stops: bool = False
 
     @property
     def limit(self) -> float:
@@ -57,6 +70,30 @@ def checks() -> Mapping[str, HealthCheck]:
     return MappingProxyType({name: HealthCheck(id=name, **entry) for name, entry in raw.items()})
 
 
+def accepted_findings(manifest: Mapping[str, Any], log: str) -> frozenset[str]:
+    """Return the findings of a log that a manifest accepts, for it or all logs."""
+    entry = next((item for item in manifest.get("logs", ()) if item["id"] == log), {})
+    return frozenset([*(manifest.get("accept") or ()), *(entry.get("accept") or ())])
+
+
+def finding_line(log: str, item: Mapping[str, Any], accepted: frozenset[str]) -> str:
+    """Return a finding of a log in one line, with whether it is accepted."""
+    note = ", accepted" if item["id"] in accepted else ""
+    return f"log '{log}': {item['text']} ({item['id']}{note})"
+
+
+def finding_lines(
+    manifest: Mapping[str, Any], health: Mapping[str, Mapping[str, Any]]
+) -> tuple[str, ...]:
+    """Return errors, warnings and what stops a run, a line each; `health` by log."""
+    return tuple(
+        finding_line(log, item, accepted_findings(manifest, log))
+        for log, document in health.items()
+        for item in document["findings"]
+        if item["severity"] != "note" or checks()[item["id"]].stops
+    )
+
+
 def documentation() -> str:
     """docs/checks.md: one section per finding, the severe ones first."""
     parts = [INTRODUCTION]
@@ -70,7 +107,12 @@ def documentation() -> str:
                     else f"Threshold: {check.threshold:g}{_unit(check.unit)}. "
                 )
                 parts.append(f"\n### `{check.id}`: {check.title}\n")
-                for words in (check.means, limit + check.reason, f"*Remedy:* {check.remedy}"):
+                stops = "*Stops a run.* " if check.stops else ""
+                for words in (
+                    stops + check.means,
+                    limit + check.reason,
+                    f"*Remedy:* {check.remedy}",
+                ):
                     parts.append(f"\n{fill(words, 88, break_on_hyphens=False)}\n")
     return "".join(parts)
 

@@ -93,7 +93,12 @@ def run(
 ) -> None:
     """Run a campaign: only what is stale runs.
 
-    Exits with 1 if a twin misses a bound that its campaign sets.
+    A run stops behind stage ingest where findings of the logs speak against it
+    (auvid check CAMPAIGN ends with the same code).
+
+    Exit codes: 0 fine; 1 a log cannot be read, findings stop the run, a stage
+    fails, or a twin misses a bound of its campaign; 2 wrong use; 3 losses, with
+    --strict; 130 interrupted.
     """
     from auvid.pipeline.commands.run.run_command import run_campaign
 
@@ -162,7 +167,8 @@ def check(
 ) -> None:
     """Check what is wrong with logs and what they can be used for.
 
-    Exits with 1 if a log is refused, with 3 if there are losses or errors.
+    Exit codes: 0 fine; 1 a log cannot be read, or auvid run CAMPAIGN would stop at
+    its findings; 2 wrong use; 3 losses or errors that stop no run.
     """
     from auvid.pipeline.commands.check import check_command
 

@@ -4,7 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from auvid.data_schemas.documents.model import Model, Range
+from pydantic import AfterValidator
+
+from auvid.data_schemas.checks import checks
+from auvid.data_schemas.documents.model import Faults, Model, Range, fault
+from auvid.data_schemas.errors import nearest
+
+
+def _finding(name: str) -> str:
+    """Return the name of a finding; raise `Faults` for one that there is not."""
+    if name not in checks():
+        remedy = nearest(name, checks()) or "docs/checks.md lists all findings."
+        raise Faults(fault("no such finding", value=name, remedy=remedy))
+    return name
+
+
+FindingName = Annotated[str, AfterValidator(_finding)]
 
 
 class SimulateEntry(Model):
@@ -50,6 +65,8 @@ class LogEntry(Model):
     """Stream -> source that replaces the preferred one."""
     files: list[FileEntry] | None = None
     """Several files of one log on one clock."""
+    accept: list[FindingName] | None = None
+    """Findings of docs/checks.md that shall not stop a run, in this log."""
 
 
 class LegEntry(Model):
@@ -105,5 +122,7 @@ class CampaignDocument(Model):
     """The logs; a twin has none in its manifest."""
     legs: list[LegEntry]
     """The legs; a twin has those of its plan."""
+    accept: list[FindingName] | None = None
+    """Findings of docs/checks.md that shall not stop a run, in any log."""
     stages: dict[str, dict[str, object]] | None = None
     """Parameters per stage that differ from params.yaml."""

@@ -8,10 +8,11 @@ and the provenance.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pyarrow as pa
 
+from auvid.data_schemas.checks import finding_lines
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
@@ -36,6 +37,7 @@ class Inputs:
     tables: Collection[pa.Table] = every("table")
     results: Collection[Document] = every("results")
     log_info: Collection[LogInfo] | None = port("log_info", many=True, optional=True)
+    health: Collection[Document] | None = port("health", many=True, optional=True)
     segment: Collection[SegmentRecord] | None = port("segment", many=True, optional=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     model_card: Collection[ModelCard] | None = port("model_card", many=True, optional=True)
@@ -116,6 +118,8 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             inputs.vehicle.document,
             inputs.free_run,
         )
+    findings = finding_lines(inputs.campaign, dict(inputs.health or {}))
+    summary = replace(summary, missing=(*findings, *summary.missing))
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
 
 

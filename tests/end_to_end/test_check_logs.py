@@ -174,7 +174,7 @@ LOGS = (
             "no_velocity": None,
         },
         (WRONG_SENSORS | LOSSES | {"gap", "low_rate", "firmware_unknown", "no_actuation"}),
-        0,
+        3,
         "not an underwater vehicle",
     ),
     Row(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError, UsageError
 from auvid.pipeline.commands.check import check_page
 from auvid.pipeline.commands.check.clock_alignment import align_clocks
-from auvid.pipeline.commands.check.log_page import log_pages
+from auvid.pipeline.commands.check.log_page import campaign_refusal, log_pages, names_campaign
 from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.terminal import plain_lines
 
 FINE, REFUSED, LOSSES = 0, 1, 3
 
@@ -25,11 +27,14 @@ def check(
 ) -> int:
     """Print the health page of every log and return the exit code.
 
-    The code is 0 for fine, 1 for a log that is refused, 3 for losses or errors. Raises
+    The code is 1 for a log that cannot be read and a campaign whose run would stop at
+    its findings, 3 for losses, errors, or a finding that would stop a run, else 0.
+    Raises
     `PipelineError` for what concerns the call itself: no such campaign, a column map
     that does not hold, nothing to align.
     """
-    pages = [page for target in targets for page in log_pages(target, columns)]
+    by_target = {target: log_pages(target, columns) for target in targets}
+    pages = [page for group in by_target.values() for page in group]
     if align and len(pages) != 2:
         raise UsageError(
             "--align needs exactly two logs",
@@ -58,8 +63,21 @@ def check(
         check_page.print_pages(pages)
         if alignment is not None:
             print(alignment.text)
+    stopped = [
+        fault
+        for target, group in by_target.items()
+        if names_campaign(target) and (fault := campaign_refusal(target, group)) is not None
+    ]
+    for fault in stopped:
+        print(plain_lines(f"auvid run would stop: {fault}"), file=sys.stderr)
     if alignment_fault is not None:
         raise alignment_fault
-    if refused:
+    if refused or stopped:
         return REFUSED
-    return LOSSES if any(page.losses for page in pages) else FINE
+    campaigns = {target for target in targets if names_campaign(target)}
+    losses = any(
+        page.losses or (page.stops and target not in campaigns)
+        for target, group in by_target.items()
+        for page in group
+    )
+    return LOSSES if losses else FINE

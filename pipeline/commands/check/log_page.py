@@ -8,13 +8,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.checks import checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile, load_campaign
-from auvid.pipeline.campaigns.workspace import workspace_of
+from auvid.pipeline.campaigns.workspace import load_defaults, stage_params, workspace_of
 from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.execution.task_inputs import log_files, log_source
-from auvid.stages import KINDS, ingest
+from auvid.pipeline.graph import stages_of_kind
+from auvid.stages import KINDS, STAGES, ingest
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
@@ -36,6 +39,13 @@ class LogPage:
         return self.health is not None and (
             self.health["status"] != "complete"
             or any(item["severity"] == "error" for item in self.health["findings"])
+        )
+
+    @property
+    def stops(self) -> bool:
+        """Whether a finding stops a run that does not accept it."""
+        return self.health is not None and any(
+            checks()[item["id"]].stops for item in self.health["findings"]
         )
 
     @property
@@ -87,6 +97,19 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
         else:
             pages.append(_page(name, log, files, campaign))
     return pages
+
+
+def campaign_refusal(target: str, pages: Sequence[LogPage]) -> PipelineError | None:
+    """Return why a run of a campaign would stop at what these pages of it hold."""
+    workspace = workspace_of(target)
+    campaign = load_campaign(
+        workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()
+    )
+    defaults = load_defaults(workspace, STAGES)
+    stages = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
+    params = {stage.name: stage_params(stage, defaults, campaign) for stage in stages}
+    health = {page.health["log"]: page.health for page in pages if page.health is not None}
+    return refusal(campaign, health, [stage.name for stage in stages], params)
 
 
 def _page(

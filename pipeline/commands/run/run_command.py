@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from auvid.data_schemas.checks import finding_lines
 from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.commands.history import history_page, run_history
 from auvid.pipeline.commands.open_run import open_run, show_progress
 from auvid.pipeline.commands.run.run_summary import (
     bound_missed,
+    health_of,
     losses,
     print_summary,
     result_files,
+    shortened,
 )
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import AnyStage, select
+from auvid.pipeline.terminal import plain
 
 FINE, FAILED, LOSSES = 0, 1, 3
 
@@ -33,7 +38,8 @@ def run_campaign(
 ) -> int:
     """Run what is stale, print the results in short, and return the exit code.
 
-    The code is 0 for fine, 1 for a bound that is missed, 3 for losses under `strict`.
+    The code is 0 for fine, 1 for a bound that is missed, 3 for losses under `strict`;
+    findings that stop the run raise `DataError`, which ends with 1.
     """
     run = open_run(campaign)
     stages = select(run.graph, only=only, until=until)
@@ -57,17 +63,40 @@ def execute(
 ) -> int:
     """Bring stages of a run up to date and return how many items had to run.
 
+    Stages behind ingest run only if the findings of the logs let them: `DataError`.
     A run that makes its report again is entered into the history of the campaign.
     """
-    reported = any(stage.name == "report" for stage in stages)
-    with show_progress() as progress:
-        return run.execute(
-            stages,
-            make_engine(engine, jobs),
-            progress,
-            force=force,
-            after=run_history.add_entry if reported else None,
-        )
+    names = [stage.name for stage in stages]
+    decoding = stages[: names.index("ingest") + 1] if "ingest" in names else ()
+    count = 0
+    if decoding:
+        with show_progress() as progress:
+            count = run.execute(decoding, make_engine(engine, jobs), progress, force=force)
+    rest = stages[len(decoding) :]
+    if rest:
+        if names != ["report"]:
+            _stop_at_findings(run, [stage.name for stage in rest])
+        with show_progress() as progress:
+            count += run.execute(
+                rest,
+                make_engine(engine, jobs),
+                progress,
+                force=force,
+                after=run_history.add_entry if "report" in names else None,
+            )
+    return count
+
+
+def _stop_at_findings(run: Run, stages: Sequence[str]) -> None:
+    """Print findings of the logs; raise `DataError` where they stop these stages."""
+    health = health_of(run)
+    lines = finding_lines(run.campaign.document, health)
+    fault = refusal(run.campaign, health, stages, run.params)
+    if fault is not None:
+        raise fault
+    if lines:
+        print(f"findings ({len(lines)}; auvid check {run.campaign.name} tells more):")
+        print("\n".join(f"  {plain(line)}" for line in shortened(list(lines))))
 
 
 def report_file(

@@ -125,6 +125,11 @@ def comparison_rows(run: Run) -> list[dict[str, Any]]:
     return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
 
 
+def health_of(run: Run) -> dict[str, dict[str, Any]]:
+    """Return the health of every log by its id."""
+    return dict(_per_item(run, "health"))
+
+
 def losses(run: Run) -> list[str]:
     """Return what of the logs did not reach the results: damage, rejected samples."""
     found = []

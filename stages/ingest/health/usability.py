@@ -10,6 +10,7 @@ import numpy as np
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
+from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
 from auvid.stages.number_format import significant
@@ -23,6 +24,7 @@ SHORTEST_S = 5.0
 """The default of stages.resample.min_segment_s."""
 FEWEST = 5
 NO_STATE, NO_FORCE = "no fused state", "no residual force"
+IDLE = "no actuator acts"
 CAVEATS = {
     "low_actuator_rate": "commands are recorded too slowly",
     "estimated_velocity": "velocity is the estimate of the navigation filter",
@@ -91,14 +93,14 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
 def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return which stages can run on the log, and why not: {name, possible, reason}."""
     resample = _resample(log)
-    dead = None if set(motions(log)) & set("pqr") else "no live gyro"
-    kinematic = resample or _without(log, "velocity", "imu") or dead
+    dead = log.has("imu") and not set(motions(log)) & set("pqr")
+    kinematic = resample or _without(log, "velocity") or ("no live gyro" if dead else None)
     accelerometer = None if log.accelerometer() is not None else "no accelerometer"
-    integrating = kinematic or accelerometer
+    integrating = kinematic or _without(log, "imu") or accelerometer
     residual = _forces(log) or (NO_STATE if kinematic else None)
     rows = [
         ("resample", resample, "attitude and depth"),
-        ("fuse (kinematic)", kinematic, "velocity, gyro and depth"),
+        ("fuse (kinematic)", kinematic, "velocity, depth, and the gyro or attitude"),
         (
             "fuse (thesis)",
             integrating,
@@ -244,5 +246,20 @@ def _forces(log: CheckedLog) -> str | None:
     columns = log.tables["actuators"].column_names
     if not log.thrusters() and not any(name.startswith(("propeller", "fin_")) for name in columns):
         return "normalised commands only, which give no newtons"
+    unheard = [name for name in _listened(log) if name not in columns]
+    if unheard:
+        return f"no {listed(unheard)} among the actuators, to which the vehicle listens"
     moving = activity(log)
-    return "no actuator acts" if moving is not None and not moving.any() else None
+    return IDLE if moving is not None and not moving.any() else None
+
+
+def _listened(log: CheckedLog) -> list[str]:
+    """Return the columns of the actuators that the vehicle file listens to."""
+    if log.vehicle is None:
+        return []
+    parts = log.vehicle
+    return [
+        *([] if parts.propeller is None else ["propeller_rev_s"]),
+        *([] if parts.fins is None else FINS),
+        *([] if parts.thrusters is None else [f"pwm_{n}_us" for n in parts.thrusters.outputs]),
+    ]

@@ -1,0 +1,130 @@
+"""What the findings of its logs decide for a run: go on, or stop before any fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from auvid.data_schemas.checks import accepted_findings, checks
+from auvid.data_schemas.errors import DataError
+from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.stages.base import Document
+from auvid.stages.ingest.health.usability import IDLE, NO_FORCE, NO_STATE
+
+ACCELEROMETER = "accelerometer_"
+"""How the findings begin that method `kinematic`, which takes no accelerometer, is
+not concerned by.
+"""
+ONE_CHANNEL = {"w": "heave", "r": "yaw"}
+"""Channels that a log shows without a velocity sensor: depth rate and gyro."""
+
+
+def refusal(
+    campaign: Campaign,
+    health: Mapping[str, Document],
+    stages: Sequence[str],
+    params: Mapping[str, Any],
+) -> DataError | None:
+    """Return why a run of these stages stops behind ingest, or None if it goes on.
+
+    `health` by log; `params` by stage. One error holds all findings that stop the run,
+    or else all that the logs lack.
+    """
+    method = str(params["fuse"].method) if "fuse" in params else ""
+    return _stopped(campaign, health, method) or _starved(campaign, health, stages, method)
+
+
+def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) -> DataError | None:
+    stopping = [
+        (log, item)
+        for log, document in health.items()
+        for item in document["findings"]
+        if checks()[item["id"]].stops
+        and item["id"] not in accepted_findings(campaign.document, log)
+        and not (method == "kinematic" and item["id"].startswith(ACCELEROMETER))
+    ]
+    if not stopping:
+        return None
+    names = list(dict.fromkeys(item["id"] for _, item in stopping))
+    lines = [
+        f"\n  log '{log}': {item['text']} ({item['id']})\n    {item['remedy']}"
+        for log, item in stopping
+    ]
+    count = "a finding" if len(stopping) == 1 else f"{len(stopping)} findings"
+    return DataError(
+        f"{count} about units, signs, axes or clocks stopped the run:{''.join(lines)}\n"
+        f"auvid check {campaign.name} shows all findings",
+        file=campaign.file.path,
+        remedy=(
+            "Where the log is right, accept what was found, for the campaign or one log:"
+            f" accept: [{', '.join(names)}]."
+        ),
+    )
+
+
+def _starved(
+    campaign: Campaign, health: Mapping[str, Document], stages: Sequence[str], method: str
+) -> DataError | None:
+    """Return what the logs lack for the first stage that they cannot feed."""
+    named = {"resample": "resample", "fuse": f"fuse ({method})", "residual": "residual"}
+    used = {leg["log"] for leg in campaign.legs.values()}
+    feeds = {
+        log: {item["name"]: item for item in document["capabilities"]}
+        for log, document in health.items()
+        if log in used
+    }
+    for position, stage in enumerate(stages):
+        if stage not in named:
+            continue
+        reasons = {
+            log: rows[named[stage]]["reason"]
+            for log, rows in feeds.items()
+            if not rows[named[stage]]["possible"]
+        }
+        idle = [log for log, why in reasons.items() if why == IDLE]
+        if stage == "residual" and len(idle) < len(feeds):
+            # A leg without a driven actuator is the stage's own decision.
+            reasons = {log: why for log, why in reasons.items() if why != IDLE}
+        if reasons:
+            return _lacking(campaign, health, stage, reasons, stages[:position])
+    return None
+
+
+def _lacking(
+    campaign: Campaign,
+    health: Mapping[str, Document],
+    stage: str,
+    reasons: Mapping[str, str],
+    before: Sequence[str],
+) -> DataError:
+    logs: dict[str, list[str]] = {}
+    for log, why in reasons.items():
+        also = _also(health[log]) if stage != "residual" else None
+        logs.setdefault("; ".join(filter(None, (why, also))), []).append(log)
+    words = "; ".join(f"log {', '.join(map(repr, names))}: {why}" for why, names in logs.items())
+    routes = []
+    if before:
+        routes.append(f"auvid run {campaign.name} --until {before[-1]} goes as far as the logs do.")
+    first = health[next(iter(reasons))]
+    if any(why == "no accelerometer" for why in reasons.values()):
+        routes.append("stages.fuse.method: kinematic needs no accelerometer.")
+    channels = [word for axis, word in ONE_CHANNEL.items() if first["excitation"][axis]["excited"]]
+    needs_velocity = any("no velocity" in why or "no newtons" in why for why in reasons.values())
+    if needs_velocity and channels and "actuators" in first["streams"]:
+        routes.append(
+            f"Partial use: {' and '.join(channels)} only, each from its own leg (channel:"
+            f" {channels[0]}) in a campaign of kind bench, which takes normalised commands too"
+            " (docs/bench.md)."
+        )
+    routes.append(f"auvid check {campaign.name} shows what each log can be used for.")
+    return DataError(
+        f"the logs cannot feed stage {stage}: {words}",
+        file=campaign.file.path,
+        remedy=" ".join(routes),
+    )
+
+
+def _also(document: Document) -> str | None:
+    """Return why the same log could not feed the stage of forces either."""
+    (row,) = (item for item in document["capabilities"] if item["name"] == "residual")
+    return None if row["possible"] or row["reason"] in (NO_STATE, NO_FORCE) else row["reason"]

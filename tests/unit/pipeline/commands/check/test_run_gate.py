@@ -1,0 +1,150 @@
+"""A run stops behind ingest where findings of its logs say so, in one message, and goes
+on where the manifest accepts them. On made-up logs and the real stages of a campaign.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.checks import finding_lines
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
+from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
+from auvid.pipeline.commands.check.run_gate import refusal
+from auvid.stages import KINDS
+from auvid.stages.fuse import Params as FuseParams
+from tests.support.sound_log import Log, sound
+
+VEHICLES = {"rov": Path(__file__).resolve().parents[5] / "vehicles" / "bluerov2_heavy.yaml"}
+MANIFEST = """kind: identification
+vehicle: rov
+logs:
+  - {{id: one, file: one.csv{one}}}
+  - {{id: two, file: two.csv}}
+legs:
+  - {{id: train, log: one, use: training}}
+  - {{id: check, log: two, use: validation}}
+{more}
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Any:
+    def make(*, one: str = "", more: str = "") -> Campaign:
+        (tmp_path / "campaign.yaml").write_text(MANIFEST.format(one=one, more=more))
+        return load_campaign(tmp_path, kinds=KINDS, vehicles=VEHICLES)
+
+    return make
+
+
+def fault(
+    campaign: Campaign, *logs: Log, method: str = "smoother", until: str = "report"
+) -> DataError | None:
+    """Return why a run on these logs stops."""
+    health = dict(zip(("one", "two"), (log.health() for log in logs), strict=True))
+    stages = KINDS["identification"]
+    params = {"fuse": FuseParams(method=method)}
+    return refusal(campaign, health, stages[: stages.index(until) + 1], params)
+
+
+def turned(log: Log) -> Log:
+    """The gyro's y the other way round."""
+    log.streams["imu"]["gyro_y_rad_s"] = -log.streams["imu"]["gyro_y_rad_s"]
+    return log
+
+
+def without(*streams: str) -> Log:
+    log = sound()
+    for stream in streams:
+        del log.streams[stream]
+    return log
+
+
+def test_sound_logs_stop_nothing(campaign: Any) -> None:
+    assert fault(campaign(), sound(), sound()) is None
+
+
+def test_one_message_holds_all_findings_that_stop_and_how_to_accept_them(campaign: Any) -> None:
+    log = turned(sound())
+    log.info["vehicle"] = "ArduCopter V4.5.0"
+    found = fault(campaign(), log, turned(sound()))
+    text = str(found)
+    assert text.count("Gyro y turns against pitch") == 2
+    assert "log 'one'" in text
+    assert "log 'two'" in text
+    assert "ArduCopter" in text
+    assert "accept: [gyro_sign, not_underwater]" in text
+    assert "campaign.yaml" in text
+
+
+def test_the_manifest_accepts_findings_of_a_log_or_of_the_campaign(campaign: Any) -> None:
+    logs = turned(sound()), sound()
+    assert fault(campaign(one=", accept: [gyro_sign]"), *logs) is None
+    assert fault(campaign(more="accept: [gyro_sign]"), *logs) is None
+    assert fault(campaign(one=", accept: [gyro_sign]"), *reversed(logs)) is not None
+    accepting = campaign(more="accept: [gyro_sign]")
+    lines = finding_lines(accepting.document, {"one": logs[0].health()})
+    assert len(lines) == 1
+    assert lines[0].startswith("log 'one': Gyro y turns against pitch")
+    assert lines[0].endswith("(gyro_sign, accepted)")
+
+
+def test_an_unknown_finding_is_refused_with_the_nearest(campaign: Any) -> None:
+    with pytest.raises(PipelineError) as caught:
+        campaign(one=", accept: [gyro_sing]")
+    text = str(caught.value)
+    assert isinstance(caught.value, CampaignError)
+    assert "row 4" in text
+    assert "Did you mean 'gyro_sign'?" in text
+
+
+def test_an_accelerometer_that_no_stage_takes_does_not_stop(campaign: Any) -> None:
+    log = sound()
+    for axis in "xyz":
+        log.streams["imu"][f"accel_{axis}_m_s2"] /= 9.81
+    assert "accelerometer_unit" in str(fault(campaign(), log, sound()))
+    assert fault(campaign(), log, sound(), method="kinematic") is None
+
+
+def test_logs_without_velocity_are_refused_once_with_the_route_that_exists(campaign: Any) -> None:
+    text = str(fault(campaign(), without("velocity"), without("velocity")))
+    assert text.count("no velocity") == 1
+    assert "log 'one', 'two': no velocity" in text
+    assert "--until resample" in text
+    assert "heave and yaw only" in text
+    assert "kind bench" in text
+    assert fault(campaign(), without("velocity"), sound(), until="resample") is None
+    both = str(fault(campaign(), without("velocity", "actuators"), sound()))
+    assert "no velocity; no actuators" in both
+    assert "bench" not in both, "without commands no channel can be identified"
+
+
+def test_a_missing_accelerometer_names_the_method_that_needs_none(campaign: Any) -> None:
+    log = sound()
+    for axis in "xyz":
+        log.streams["imu"][f"accel_{axis}_m_s2"] = np.full(log.t_s("imu").size, np.nan)
+    assert "stages.fuse.method: kinematic" in str(fault(campaign(), log, sound()))
+    assert fault(campaign(), log, sound(), method="kinematic") is None
+
+
+def test_rates_may_come_from_the_attitude(campaign: Any) -> None:
+    assert fault(campaign(), without("imu"), sound(), method="kinematic") is None
+
+
+def test_one_idle_log_of_two_stops_nothing_but_two_do(campaign: Any) -> None:
+    idle = sound()
+    for number in range(1, 9):
+        idle.streams["actuators"][f"pwm_{number}_us"] = np.full(idle.t_s("actuators").size, 1500.0)
+    assert fault(campaign(), idle, sound()) is None
+    assert "no actuator acts" in str(fault(campaign(), idle, idle))
+
+
+def test_outputs_that_the_vehicle_listens_to_must_be_there(campaign: Any) -> None:
+    made = campaign()
+    log = sound()
+    log.vehicle = made.vehicle
+    del log.streams["actuators"]["pwm_7_us"]
+    assert "no pwm_7_us among the actuators" in str(fault(made, log, sound()))
