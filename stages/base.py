@@ -98,6 +98,9 @@ class Collection(Mapping[str, T]):
     def __iter__(self) -> Iterator[str]:
         return iter(self._loaders)
 
+    def __contains__(self, key: object) -> bool:
+        return key in self._loaders  # without loading it
+
     def __len__(self) -> int:
         return len(self._loaders)
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 from auvid.data_schemas.tables import has_columns, make_table, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control
-from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns, MeasuredMotion, free_runs
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ATTITUDE, FINS, POSE, VELOCITY, clock
@@ -71,10 +71,7 @@ def run_segment(
         vehicle,
         models,
         trims,
-        t_s[rows],
-        state,
-        control,
-        level_speed=level,
+        MeasuredMotion(t_s[rows], state, control, level),
         starts_s=np.arange(0.0, t_s[-1] - t_s[0], every_s),
         horizons_s=np.asarray(horizons_s),
         minimum_speed=minimum_speed,

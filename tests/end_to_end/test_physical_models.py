@@ -18,7 +18,7 @@ import pytest
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.equations_of_motion import Control
-from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns, MeasuredMotion, free_runs
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.dynamics.viscous.structures import symmetric
@@ -175,9 +175,7 @@ def simulated(result: Fitted, leg: Leg) -> FreeRuns:
         heavier,
         [model],
         np.array([[table[axis]["constant"] for axis in AXES]]),
-        leg.t_s,
-        leg.state,
-        Control(thruster_force_N=leg.thrusters),
+        MeasuredMotion(leg.t_s, leg.state, Control(thruster_force_N=leg.thrusters)),
         starts_s=np.arange(0.0, leg.t_s[-1] - leg.t_s[0], 5.0),
         horizons_s=np.array([5.0, 10.0, 30.0]),
     )

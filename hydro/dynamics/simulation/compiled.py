@@ -165,6 +165,28 @@ def derivative(x: Array, inputs: Array, c: Tables, out: Array, factors: Array) -
     (6) [N, N m]. `factors` (FACTOR_COUNT + terms,): scratch.
     """
     # x, inputs, out and factors are arrays, or addresses within the loop.
+    if c.physical:
+        viscous = _physical_force((x[6], x[7], x[8], x[9], x[10], x[11]), c)
+    else:
+        viscous = model_force(x, inputs, c, factors)
+    if c.lag_s > 0.0:
+        for i in range(6):
+            out[12 + i] = (viscous[i] - x[12 + i]) / c.lag_s
+        viscous = (x[12], x[13], x[14], x[15], x[16], x[17])
+    motion_rates(x, inputs, viscous, c, out)
+
+
+@_compiled
+def model_force(x: Array, inputs: Array, c: Tables, factors: Array) -> Any:
+    """Return the force of the coefficients at a state and its inputs."""
+    nu = (x[6], x[7], x[8], x[9], x[10], x[11])
+    eta = propulsion_ratio(inputs[1], nu[0], nu[1], nu[2], c.minimum_speed)
+    return _model_force(nu, eta, c, factors)
+
+
+@_compiled
+def motion_rates(x: Array, inputs: Array, viscous: Any, c: Tables, out: Array) -> None:
+    """Write d/dt of [eta, nu] (12,) under a viscous force and the inputs."""
     nu = (x[6], x[7], x[8], x[9], x[10], x[11])
     sf, cf = np.sin(x[3]), np.cos(x[3])
     st, ct = np.sin(x[4]), np.cos(x[4])
@@ -175,16 +197,6 @@ def derivative(x: Array, inputs: Array, c: Tables, out: Array, factors: Array) -
     for i in range(3):
         out[i] = rotation[i][0] * nu[0] + rotation[i][1] * nu[1] + rotation[i][2] * nu[2]
         out[3 + i] = turning[i][0] * nu[3] + turning[i][1] * nu[4] + turning[i][2] * nu[5]
-    # Viscous force, at once or after its lag.
-    if c.physical:
-        viscous = _physical_force(nu, c)
-    else:
-        eta = propulsion_ratio(inputs[1], nu[0], nu[1], nu[2], c.minimum_speed)
-        viscous = _model_force(nu, eta, c, factors)
-    if c.lag_s > 0.0:
-        for i in range(6):
-            out[12 + i] = (viscous[i] - x[12 + i]) / c.lag_s
-        viscous = (x[12], x[13], x[14], x[15], x[16], x[17])
     # The other forces, and M^-1 of their sum.
     coriolis = coriolis_components(nu, _six(c.mass, nu))
     restoring = restoring_components(

@@ -9,7 +9,8 @@ models run at once as one batch (McCarter 2.60-2.66 with the identified tau_nu).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,22 +18,18 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index, Mask
-from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
-from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
-from auvid.hydro.dynamics.simulation.runge_kutta import runge_kutta_4
+from auvid.hydro.dynamics.equations_of_motion import Control, actuator_force
+from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import (
-    basis,
-    basis_term_names,
-    eta_ratio,
-    needs_propeller_speed,
-)
-from auvid.hydro.dynamics.viscous.models import IdentifiedModel, coefficient_matrix
+from auvid.hydro.dynamics.viscous.basis import needs_propeller_speed
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
 """Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours
 comes near them.
 """
+LIMITS = np.array([np.inf] * 6 + [SPEED_LIMIT] * 3 + [RATE_LIMIT] * 3)
+"""Of each state; a position or an angle has none but to be finite."""
 
 
 @dataclass(frozen=True)
@@ -63,130 +60,195 @@ class FreeRuns:
         return np.where(count > 0, np.sqrt(total / np.maximum(count, 1)), np.nan)
 
 
+@dataclass(frozen=True)
+class MeasuredMotion:
+    """A motion on a uniform clock that free runs start from, with its actuators.
+
+    t_s (n,) [s]; state (n, 12): measured [eta, nu]; control: series (n, ...);
+    level_speed (n,): u_c(n) [m/s] where models have terms with eta.
+    """
+
+    t_s: Array
+    state: Array
+    control: Control
+    level_speed: Array | None = None
+
+    @property
+    def step_s(self) -> float:
+        """Return the step of the clock [s]."""
+        return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
+
+    def samples(self, seconds: ArrayLike) -> Index:
+        """Return samples of times after the first."""
+        return np.round(np.asarray(seconds, dtype=np.float64) / self.step_s).astype(np.intp)
+
+    def inputs(self, vehicle: Vehicle) -> Array:
+        """Return what acts (n, 12): propeller, u_c(n), fins (4), thruster force (6).
+
+        Raises `DataError` for an actuator of the vehicle without a command.
+        """
+        acting = np.zeros((len(self.t_s), 12))
+        forces = actuator_force(vehicle, self.state[:, 6:], self.control)
+        if vehicle.propeller is not None:
+            acting[:, 0] = self.control.propeller_rev_s
+        if self.level_speed is not None:
+            acting[:, 1] = self.level_speed
+        if vehicle.fins is not None:
+            acting[:, 2:6] = self.control.fins_rad
+        acting[:, 6:] = forces.get("thrusters", 0.0)
+        return acting
+
+
+@dataclass(frozen=True)
+class WanderingForce:
+    """A force beside the model: a normal disturbance that wanders, by model and axis.
+
+    deviation (m, 6) [N, N m]; time_s (6,): over which it forgets itself, as exp(-t /
+    time_s); seed.
+    """
+
+    deviation: Array
+    time_s: Array
+    seed: int = 0
+
+
+def fly_freely(
+    vehicle: Vehicle,
+    coefficients: Sequence[IdentifiedModel],
+    trims: Array,
+    motion: MeasuredMotion,
+    *,
+    first: Index,
+    steps: Index,
+    added_mass: Array | None = None,
+    imposed: Mask | None = None,
+    minimum_speed: float = 0.05,
+    disturbance: WanderingForce | None = None,
+) -> tuple[Array, Array]:
+    """Return states (m, w, k, 12) at `steps` (k,) after each start, and losses (m, w).
+
+    RK4 with the steps of the clock. first (w,): samples of the starts; steps ascending
+    from 0. added_mass (m, 6, 6): what each model adds to M_A of the vehicle; imposed
+    (12,): states put in as measured. A loss is seconds after the start until a velocity
+    is beyond its limit, nan for never; states after a loss, and after the end of the
+    motion, are nan. Models of one set of terms fly as one batch.
+    """
+    # Imported here, since numba takes a second.
+    from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, THREADS
+    from auvid.hydro.dynamics.simulation.compiled_free_run import Course, Models, fly
+
+    if motion.level_speed is None and any(
+        needs_propeller_speed(term) for model in coefficients for term in model.terms
+    ):
+        raise DataError(
+            "a model has terms with the propulsion ratio, but the propeller speed is not known"
+        )
+    course = Course(
+        motion.state.flatten(),
+        motion.inputs(vehicle).flatten(),
+        np.asarray(first, dtype=np.int64),
+        np.asarray(steps, dtype=np.int64),
+        np.zeros(12) if imposed is None else np.asarray(imposed, dtype=np.float64),
+        LIMITS,
+        len(motion.t_s),
+        motion.step_s,
+    )
+    count = len(coefficients)
+    states = np.full((count, len(first), len(steps), 12), np.nan)
+    lost = np.empty((count, len(first)))
+    masses = np.broadcast_to(vehicle.mass_matrix, (count, 6, 6))
+    if added_mass is not None:
+        masses = masses - added_mass
+    batches: dict[tuple[str, ...], list[int]] = {}
+    for i, model in enumerate(coefficients):
+        batches.setdefault(model.terms, []).append(i)
+    for members in batches.values():
+        tables = [
+            plant_tables(vehicle, coefficients[i], lag_s=0.0, minimum_speed=minimum_speed)
+            for i in members
+        ]
+        wander = np.zeros((len(members), 6)) if disturbance is None else disturbance.deviation
+        rho = np.zeros(6) if disturbance is None else np.exp(-motion.step_s / disturbance.time_s)
+        models = Models(
+            masses[members].reshape(-1, 36),
+            np.linalg.inv(masses[members]).reshape(-1, 36),
+            np.stack([item.coefficients for item in tables]),
+            trims[members],
+            np.ascontiguousarray(wander if disturbance is None else wander[members]),
+            rho,
+            np.array(members, dtype=np.int64) + (0 if disturbance is None else disturbance.seed),
+        )
+        out, gone = np.full((len(members), *states.shape[1:]), np.nan), lost[members]
+        share = -(-len(members) // THREADS)
+
+        def run(
+            start: int,
+            models: Models = models,
+            tables: Tables = tables[0],
+            out: Array = out,
+            gone: Array = gone,
+            share: int = share,
+        ) -> None:
+            scratch, factors = np.empty((6, 12)), np.empty(FACTOR_COUNT + tables.counts[0])
+            stop = min(start + share, len(out))
+            fly(course, models, tables, start, stop, scratch, factors, out, gone)
+
+        with ThreadPoolExecutor(THREADS) as pool:
+            list(pool.map(run, range(0, len(members), share)))
+        states[members], lost[members] = out, gone
+    return states, lost
+
+
 def free_runs(
     vehicle: Vehicle,
     models: Sequence[IdentifiedModel],
     trims: ArrayLike,
-    t_s: ArrayLike,
-    state: ArrayLike,
-    control: Control,
+    motion: MeasuredMotion,
     *,
-    level_speed: ArrayLike | None = None,
     starts_s: ArrayLike,
     horizons_s: ArrayLike,
     minimum_speed: float = 0.05,
-    added_mass: ArrayLike | None = None,
+    added_mass: Array | None = None,
+    imposed: Mask | None = None,
 ) -> FreeRuns:
-    """Simulate every model from every start with RK4.
+    """Simulate every model from every start, and compare at horizons.
 
-    Its steps are those of the uniform clock t_s (n,) [s].
-
-    state (n, 12): measured [eta, nu]; control: series (n, ...); level_speed (n,) u_c(n)
-    [m/s] where models have terms with eta; trims (m, 6) [N, N m]; starts_s (w,),
-    horizons_s (k,) ascending [s]. added_mass (m, 6, 6): what each model's inertia adds
-    to M_A of the vehicle: (M - dM_A) nu_dot = M nu_dot_0 + C(dM_A, nu) nu, with nu_dot_0
-    the acceleration at the vehicle's own inertia. A horizon beyond the end of the data
-    counts as nan. Raises `DataError` when no start leaves room for the shortest horizon.
+    trims (m, 6) [N, N m]; starts_s (w,), horizons_s (k,) ascending [s]; the rest as
+    `fly_freely`. A horizon beyond the end of the data counts as nan. Raises `DataError`
+    when no start leaves room for the shortest horizon.
     """
-    t, measured = np.asarray(t_s, dtype=np.float64), np.asarray(state, dtype=np.float64)
-    starts, horizons = (
-        np.asarray(starts_s, dtype=np.float64),
-        np.asarray(horizons_s, dtype=np.float64),
-    )
-    starts = starts[starts + horizons[0] <= t[-1] - t[0] + 1e-9]
+    measured, horizons = motion.state, np.asarray(horizons_s, dtype=np.float64)
+    length = float(motion.t_s[-1] - motion.t_s[0])
+    starts = np.asarray(starts_s, dtype=np.float64)
+    starts = starts[starts + horizons[0] <= length + 1e-9]
     if not len(starts):
         raise DataError(
             "the segment is shorter than the shortest horizon of the free run",
-            value=float(t[-1] - t[0]),
+            value=length,
             allowed=f"{horizons[0]} s",
         )
-    step = float(t[-1] - t[0]) / (len(t) - 1)
-    first = np.round(starts / step).astype(np.intp)
-    after = np.round(horizons / step).astype(np.intp)
-    force = _forces(
-        models, np.asarray(trims, dtype=np.float64), level_speed is not None, minimum_speed
+    first, after = motion.samples(starts), motion.samples(horizons)
+    states, diverged = fly_freely(
+        vehicle,
+        models,
+        np.asarray(trims, dtype=np.float64),
+        motion,
+        first=first,
+        steps=np.concatenate([[0], after]),
+        added_mass=added_mass,
+        imposed=imposed,
+        minimum_speed=minimum_speed,
     )
-    M = vehicle.mass_matrix
-    change = np.zeros((len(models), 1, 6, 6))
-    if added_mass is not None:
-        change[:, 0] = np.asarray(added_mass, dtype=np.float64)
-    gain = np.linalg.solve(M - change, np.broadcast_to(M, change.shape))
-    level = None if level_speed is None else np.asarray(level_speed, dtype=np.float64)
-    x = np.broadcast_to(measured[first], (len(models), len(first), 12)).copy()
-    errors = np.full((len(models), len(first), len(after), 12), np.nan)
-    diverged = np.full(x.shape[:2], np.nan)
-    last = len(t) - 1
-
-    with np.errstate(all="ignore"):
-        for count in range(int(after[-1])):
-            low = np.minimum(first + count, last)
-
-            def derivative(now: Array, share: float, low: Index = low) -> Array:
-                high = np.minimum(low + 1, last)
-                speed = None if level is None else _between(level, low, high, share)
-                slope = state_derivative(
-                    vehicle,
-                    now,
-                    _control_at(control, low, high, share),
-                    lambda nu: force(nu, speed) + coriolis_force(change, nu),
-                )
-                slope[..., 6:] = (gain @ slope[..., 6:, None])[..., 0]
-                return slope
-
-            x = runge_kutta_4(derivative, x, step)
-            gone = ~(
-                np.all(np.abs(x[..., 6:9]) < SPEED_LIMIT, axis=-1)
-                & np.all(np.abs(x[..., 9:]) < RATE_LIMIT, axis=-1)
-            )
-            inside = first + count + 1 <= last
-            diverged = np.where(gone & np.isnan(diverged) & inside, (count + 1) * step, diverged)
-            x[gone] = np.nan
-            for place in np.flatnonzero(after == count + 1):
-                there = np.minimum(first + count + 1, last)
-                errors[:, inside, place] = (x - measured[there])[:, inside]
+    last = len(motion.t_s) - 1
     reached = first[:, None] + after <= last
-    kept = measured[first][:, None] - measured[np.minimum(first[:, None] + after, last)]
+    there = measured[np.minimum(first[:, None] + after, last)]
+    errors, kept = states[:, :, 1:] - there, measured[first][:, None] - there
     kept[~reached] = np.nan
     for part in (errors, kept):
-        part[..., 5] = (part[..., 5] + np.pi) % (2 * np.pi) - np.pi
+        part[..., 5] = wrapped(part[..., 5])
     return FreeRuns(horizons, errors, diverged, reached, kept, measured[first])
 
 
-def _forces(
-    models: Sequence[IdentifiedModel], trims: Array, with_ratio: bool, minimum_speed: float
-) -> Callable[[Array, Array | None], Array]:
-    """tau_nu of all models at once: nu (m, w, 6), u_c (w,) -> (m, w, 6)."""
-    used = {term for model in models for axis in model.coefficients.values() for term in axis}
-    terms = tuple(term for term in basis_term_names() if term in used)
-    if not with_ratio and any(needs_propeller_speed(term) for term in terms):
-        raise DataError(
-            "a model has terms with the propulsion ratio, but the propeller speed is not known"
-        )
-    gains = (
-        np.stack([coefficient_matrix(model.coefficients, terms) for model in models])
-        if terms
-        else np.zeros((len(models), 6, 0))
-    )
-
-    def force(nu: Array, level: Array | None) -> Array:
-        ratio = None if level is None else eta_ratio(level, nu, minimum_speed)
-        return np.asarray(
-            np.einsum("mij,mwj->mwi", gains, basis(nu, ratio, terms)) + trims[:, None, :]
-        )
-
-    return force
-
-
-def _between(values: ArrayLike, low: Index, high: Index, share: float) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    return np.asarray((1.0 - share) * array[low] + share * array[high])
-
-
-def _control_at(control: Control, low: Index, high: Index, share: float) -> Control:
-    """The control series linearly between two samples, per starting point."""
-    return Control(
-        **{
-            name: None if series is None else _between(series, low, high, share)
-            for name, series in vars(control).items()
-        }
-    )
+def wrapped(angle: Array) -> Array:
+    """Return angles [rad] between -pi and pi."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

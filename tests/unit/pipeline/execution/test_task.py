@@ -91,3 +91,12 @@ def test_keys_that_are_no_file_names_are_refused(tmp_path: Path) -> None:
     stage = replace(task.stage, run=lambda inputs, params: Outputs({"../a": table()}))
     assert "cannot be file names" in str(execute(replace(task, stage=stage)).crash)
     assert files(tmp_path) == []
+
+
+def test_asking_for_a_key_loads_nothing() -> None:
+    def load() -> str:
+        raise AssertionError("loaded")
+
+    pieces = Collection({"a": load})
+    assert "a" in pieces
+    assert "b" not in pieces

@@ -16,7 +16,13 @@ from scipy.integrate import solve_ivp
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
-from auvid.hydro.dynamics.simulation.free_run import FreeRuns, free_runs
+from auvid.hydro.dynamics.simulation.free_run import (
+    FreeRuns,
+    MeasuredMotion,
+    WanderingForce,
+    fly_freely,
+    free_runs,
+)
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -78,9 +84,7 @@ def runs(
         vehicle,
         [IdentifiedModel("model", coefficients)],
         trim[None],
-        t,
-        state,
-        Control(thruster_force_N=thrust),
+        MeasuredMotion(t, state, Control(thruster_force_N=thrust)),
         starts_s=[0.0, 5.0, 12.0],
         horizons_s=[5.0, 10.0],
     )
@@ -123,9 +127,7 @@ def test_a_segment_shorter_than_the_horizon_is_refused(
             vehicle,
             [IdentifiedModel("model", STABLE)],
             TRIM[None],
-            t,
-            state,
-            Control(thruster_force_N=thrust),
+            MeasuredMotion(t, state, Control(thruster_force_N=thrust)),
             starts_s=[0.0],
             horizons_s=[5.0],
         )
@@ -158,9 +160,7 @@ def test_inertia_of_a_model_is_that_of_a_vehicle_that_has_it() -> None:
             own,
             [model] * len(added),
             np.zeros((len(added), 6)),
-            t_s,
-            state,
-            Control(thruster_force_N=forces),
+            MeasuredMotion(t_s, state, Control(thruster_force_N=forces)),
             starts_s=[0.0],
             horizons_s=[1.0, 2.0],
             added_mass=added,
@@ -171,3 +171,65 @@ def test_inertia_of_a_model_is_that_of_a_vehicle_that_has_it() -> None:
         other = replace(vehicle, added_mass=vehicle.added_mass + change[i])
         np.testing.assert_allclose(both[i], fly(other, np.zeros((1, 6, 6)))[0], atol=1e-12)
     assert np.abs(both[1] - both[0]).max() > 1e-2
+
+
+def test_states_put_in_as_measured_carry_the_others(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
+    """Where the damping of roll pushes, the run is lost; with roll as measured it is not."""
+    t, thrust, state = run
+    motion = MeasuredMotion(t, state, Control(thruster_force_N=thrust))
+    roll = np.zeros(12, dtype=bool)
+    roll[[3, 9]] = True
+    wild = IdentifiedModel("wild", {**STABLE, "K": {"p": 30.0}})
+    free, held = (
+        free_runs(
+            vehicle,
+            [wild],
+            TRIM[None],
+            motion,
+            starts_s=[0.0, 5.0],
+            horizons_s=[5.0, 10.0],
+            imposed=imposed,
+        )
+        for imposed in (None, roll)
+    )
+    assert np.isfinite(free.diverged_s).all()
+    assert np.isnan(held.diverged_s).all()
+    assert np.abs(held.errors[..., [3, 9]]).max() == 0.0
+    # The other axes follow the true motion, because their model is the true one.
+    assert np.nanmax(np.abs(held.errors)) < 1e-5, "measured roll is linear between samples"
+
+
+def test_a_wandering_force_spreads_models_as_it_should(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
+    """Two hundred equal models under a force that wanders in surge: the spread of u is
+    that of a damped mass, sd^2 T / (X (m + X T)) of its variance once it has settled.
+    """
+    still = MeasuredMotion(
+        0.02 * np.arange(1501), np.zeros((1501, 12)), Control(thruster_force_N=np.zeros((1501, 8)))
+    )
+    lone = replace(vehicle, added_mass=np.diag(np.diag(vehicle.added_mass)))
+    model = IdentifiedModel("model", {**STABLE, "X": {"u": -40.0}})
+    sd, time_s = np.zeros((400, 6)), np.full(6, 0.5)
+    sd[:, 0] = 2.0
+
+    def spread(seed: int) -> Array:
+        states, lost = fly_freely(
+            lone,
+            [model] * 400,
+            np.zeros((400, 6)),
+            still,
+            first=np.array([0]),
+            steps=np.array([0, 1500]),
+            disturbance=WanderingForce(sd, time_s, seed),
+        )
+        assert np.isnan(lost).all()
+        return states[:, 0, 1]
+
+    mass, X = lone.mass_matrix[0, 0], 40.0
+    expected = np.sqrt(2.0**2 * time_s[0] / (X * (mass + X * time_s[0])))
+    assert spread(0)[:, 6].std() == pytest.approx(expected, rel=0.1)
+    np.testing.assert_array_equal(spread(0), spread(0))
+    assert np.abs(spread(1) - spread(0)).max() > 0.0
