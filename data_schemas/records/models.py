@@ -34,6 +34,8 @@ class TermCard(Model):
     """The value without limits, where limits changed it."""
     inseparable_from: list[str] | None = None
     """Terms it cannot be told from."""
+    turns_without: list[str] | None = None
+    """Training legs without which its sign turns."""
 
 
 class CovarianceCard(Model):
@@ -175,6 +177,9 @@ class ModelCard(Model):
     velocity_errors: bool | None = None
     """Whether standard errors and covariance allow for errors of the velocities;
     absent: no.
+    """
+    left_out: list[str] = Field(default_factory=list)
+    """Training legs left out in turn to see whether signs hold; none where there is one.
     """
     assumed: list[str]
     """Figures of the vehicle that are assumed."""

@@ -33,6 +33,7 @@ from auvid.hydro.dynamics.viscous.models import (
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.prior import coloured_over_white
+from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.synthesise.model_card import Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
@@ -41,6 +42,8 @@ from auvid.stages.synthesise.training import (
     TrainingSegment,
     coloured_covariances,
     motion_factor,
+    others_of,
+    parts_of,
 )
 from auvid.stages.synthesise.within_limits import DAMPING, PhysicalLimits, within_limits
 
@@ -139,14 +142,21 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     def legs() -> Iterator[TrainingSegment]:
         return (TrainingSegment.of(inputs.residual[key], with_ratio=with_ratio) for key in training)
 
-    data = reduce(TrainingData.merge, map(partial(TrainingData.of, terms=terms), legs()))
-    fits = {
-        (model.name, axis): solve_axis(
-            data.factor, axis, model.terms.get(axis, ()), trim=params.trim
-        )
-        for model in models
-        for axis in AXES
-    }
+    parts: dict[str, TrainingData] = {}
+    names = parts_of([inputs.segment[key].leg for key in training])
+    for name, leg in zip(names, legs(), strict=True):
+        own = TrainingData.of(leg, terms)
+        parts[name] = parts[name].merge(own) if name in parts else own
+    data = reduce(TrainingData.merge, parts.values())
+    others = others_of({name: part.factor for name, part in parts.items()})
+    fits, turns = {}, {}
+    for model in models:
+        for axis in AXES:
+            fit = partial(solve_axis, axis=axis, terms=model.terms.get(axis, ()), trim=params.trim)
+            fits[model.name, axis] = fit(data.factor)
+            turns[model.name, axis] = sign_turns(
+                fits[model.name, axis], {name: fit(factor) for name, factor in others.items()}
+            )
     covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
     published = {model.name for model in MODELS}
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
@@ -158,6 +168,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             declared=whole,
             data=data,
             fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
+            turns={axis: turns[model.name, axis] for axis in AXES},
+            left_out=list(others),
             vehicle=inputs.vehicle,
             prior=on_published if model.name in published else none,
             trim=params.trim,

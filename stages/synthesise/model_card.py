@@ -48,13 +48,16 @@ def model_card(
     declared: ViscousModel,
     data: TrainingData,
     fits: Mapping[str, tuple[AxisFit, Array]],
+    turns: Mapping[str, Mapping[str, tuple[str, ...]]],
+    left_out: Sequence[str],
     vehicle: Vehicle,
     prior: Prior,
     trim: bool,
 ) -> ModelCard:
     """Return the card of a model from its fits and their covariances, by axis.
 
-    `declared`: the model before its propeller terms were left out.
+    `declared`: the model before its propeller terms were left out. turns: by axis, of
+    `sign_turns` over the training legs `left_out` in turn.
     """
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
@@ -67,7 +70,7 @@ def model_card(
         after, wide = posterior(
             data.factor, fit, covariance, means, relative_sd=prior.relative_sd, trim=trim
         )
-        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion)
+        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion, turns[axis])
         predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means
@@ -83,6 +86,7 @@ def model_card(
         samples=data.factor.n_samples,
         trim=trim,
         velocity_errors=data.errors is not None,
+        left_out=list(left_out),
         assumed=list(vehicle.assumed),
         axes=axes,
         not_applicable=[
@@ -110,13 +114,14 @@ def _axis_entry(
     after: AxisFit,
     wide: Array,
     motion: Mapping[str, VelocityExcitation],
+    turns: Mapping[str, tuple[str, ...]],
 ) -> AxisCard:
     """Return what the data say of every term of one axis.
 
     Verdicts are of `fit` with `covariance`; numbers and errors are those with the
     prior, `after` with `wide`.
     """
-    verdicts, determined = judge_with_motion(fit, motion, covariance=covariance)
+    verdicts, determined = judge_with_motion(fit, motion, covariance=covariance, turns=turns)
     errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
     summed = {term for item in determined for term in item.weights}
     terms = []
@@ -137,6 +142,7 @@ def _axis_entry(
                 inseparable_from=(
                     list(verdict.partners) if verdict.status == INSEPARABLE else None
                 ),
+                turns_without=list(turns[term]) if has_number and term in turns else None,
             )
         )
     return AxisCard(

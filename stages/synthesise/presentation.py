@@ -63,6 +63,8 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
         for item in part.terms:
             partners = item.inseparable_from
             verdict = f"inseparable from {', '.join(partners)}" if partners else item.verdict
+            if item.turns_without:
+                verdict += f"; its sign turns without {', '.join(item.turns_without)}"
             rows.append([axis, item.term, item.value, item.standard_error, item.unit, verdict])
     heads = ["axis", "term", "value", "standard error", "unit", "verdict"]
     title = f"{card.title}: {card.n_bar} terms, rank {card.rank}" + (
@@ -76,6 +78,8 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
         )
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
+    if not card.left_out:
+        note += " There is one training leg: whether signs hold without it is not tested."
     if card.assumed:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
     blocks = [table(title, heads, rows, note=note)]

@@ -23,11 +23,15 @@ from auvid.hydro.identification.regression.least_squares import TriangularFactor
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     INSEPARABLE,
-    T_LIMIT,
     VIF_LIMIT,
     WEAK,
     TermStatus,
 )
+
+CLEAR = 2.0
+"""Standard errors from which on an inertia is clear: one number that was named before
+the fit, not the clearest of many terms.
+"""
 
 
 @dataclass(frozen=True)
@@ -97,10 +101,10 @@ def inertia_against_lag(
     verdict: TermStatus
     if 1.0 - correlation**2 < 1.0 / VIF_LIMIT:
         verdict = INSEPARABLE
-    elif abs(joint) >= T_LIMIT * joint_error:
+    elif abs(joint) >= CLEAR * joint_error:
         verdict = IDENTIFIED
     else:
-        verdict = INSEPARABLE if abs(single) >= T_LIMIT * single_error else WEAK
+        verdict = INSEPARABLE if abs(single) >= CLEAR * single_error else WEAK
     return Trade(
         inertia=inertia,
         lag=lag,

@@ -64,20 +64,31 @@ def one_sided_groups(
 
 
 def judge_with_motion(
-    fit: AxisFit, motion: VelocityExcitations, *, covariance: Array
+    fit: AxisFit,
+    motion: VelocityExcitations,
+    *,
+    covariance: Array,
+    turns: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
     """Return the verdict on every term, and the combinations that are determined.
 
     Combinations stand for coefficients that are not, those of the rank included.
     covariance (k, k): of the solution, in the order of `fit.terms`, best from
-    `CoefficientScores`. Inseparability is mutual: a term is inseparable only from terms
-    that are themselves not told from zero or not from it; otherwise it is weak.
+    `CoefficientScores`. turns: of `verdicts.sign_turns`. Inseparability is mutual: a
+    term is inseparable only from terms that are themselves not told from zero or not
+    from it; otherwise it is weak.
     Dependent columns that rest on nothing but unexcited motion are not excited, and so
     are their combinations.
     """
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     verdicts = _mutual(
-        judge(fit, floors=motion_floors(fit.terms, motion), standard_errors=errors), fit
+        judge(
+            fit,
+            floors=motion_floors(fit.terms, motion),
+            standard_errors=errors,
+            turns=turns,
+        ),
+        fit,
     )
     for term, verdict in verdicts.items():
         if verdict.status == IDENTIFIED and verdict.share < ROUNDING_SHARE:

@@ -14,7 +14,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.stages.number_format import (
     estimate,
     fixed,
@@ -118,7 +118,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
         error = item.standard_error
         if (
             error
-            and abs(item.value) >= 2 * error
+            and abs(item.value) >= T_LIMIT * error
             and all(_own(axis, term) for term in item.weights)
         ):
             units = {_unit(axis, term) for term in item.weights}

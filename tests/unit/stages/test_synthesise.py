@@ -660,3 +660,31 @@ def test_inertia_needs_the_state_and_is_found_beside_the_damping() -> None:
     assert item.value == pytest.approx(vehicle.mass_matrix[5, 5] - item.change, rel=1e-12)
     assert item.verdict == "identified"
     assert card.predictor["N"]["r"] == pytest.approx(-5.0, abs=0.3)
+
+
+def test_a_coefficient_that_one_leg_carries_is_weak_and_the_leg_is_named() -> None:
+    """Sway damps in two legs and drives in a third; what holds in all stays identified."""
+    rng = np.random.default_rng(11)
+    legs: dict[str, Leg] = {}
+    for name, sway in (("one", -60.0), ("two", -60.0), ("three", 300.0)):
+        motion = rich_motion(30.0, seed=5)
+        damping = -np.diag([40.0, -sway, 70.0, 2.0, 3.0, 5.0])
+        force = motion.nu @ damping.T + 0.1 * rng.normal(size=motion.nu.shape)
+        legs[name] = (motion.nu, force, None)
+    card = run(legs, models=("diagonal",), damping="free").model_card["diagonal"]
+    (surge,), (across,) = card.axes["X"].terms, card.axes["Y"].terms
+    assert card.left_out == ["one", "two", "three"]
+    assert (surge.verdict, surge.turns_without) == ("identified", None)
+    assert (across.verdict, across.turns_without) == ("weak", ["three"])
+    alone = run({"one": legs["one"]}, models=("diagonal",)).model_card["diagonal"]
+    assert alone.left_out == []
+    assert alone.axes["Y"].terms[0].verdict == "identified"
+
+
+def test_many_legs_are_left_out_in_groups_and_each_once() -> None:
+    legs = [f"leg {i}" for i in range(30) for _ in range(2)]
+    parts = training.parts_of(legs)
+    assert len(set(parts)) == training.MOST_PARTS
+    assert parts == sorted(parts, key=parts.index), "neighbours go together"
+    assert all(parts[2 * i] == parts[2 * i + 1] for i in range(30)), "a leg stays in one part"
+    assert parts[0] == "leg 0 to leg 2"

@@ -19,7 +19,12 @@ from auvid.hydro.identification.regression.least_squares import (
     TriangularFactor,
     solve_axis,
 )
-from auvid.hydro.identification.regression.verdicts import judge
+from auvid.hydro.identification.regression.verdicts import (
+    T_LIMIT,
+    discovery_limit,
+    judge,
+    sign_turns,
+)
 
 
 def fit_of(nu: np.ndarray, terms: tuple[str, ...], force: np.ndarray) -> AxisFit:
@@ -149,3 +154,46 @@ def test_excitation_refuses_nothing_and_nan() -> None:
         axis_excitation(np.zeros((0, 6)))
     with pytest.raises(DataError, match="not finite"):
         axis_excitation(np.full((3, 6), np.nan))
+
+
+def test_terms_without_a_force_are_not_discovered_among_many() -> None:
+    """40 fits of 12 terms that have no part in the force: none is identified."""
+    rng = np.random.default_rng(6)
+    terms = ("u", "v", "w", "p", "q", "r", "u*v", "u*w", "v*r", "p*q", "w*q", "u*r")
+    above_two = 0
+    for _ in range(40):
+        fit = fit_of(rng.standard_normal((6, 300)), terms, rng.standard_normal(300))
+        verdicts = judge(fit).values()
+        assert not [item.term for item in verdicts if item.status == "identified"]
+        above_two += sum(item.t_ratio >= 2.0 for item in verdicts)
+    assert above_two > 10
+    assert discovery_limit(2, rate=0.05) < discovery_limit(133, rate=0.05) < T_LIMIT
+
+
+def test_a_sign_that_one_leg_carries_is_not_identified() -> None:
+    rng = np.random.default_rng(7)
+    motion = [rng.standard_normal((6, 2000)) for _ in range(3)]
+    # Sway has another sign in the third leg, which moves most.
+    motion[2][1] *= 3.0
+    drag = [2.0, 2.0, -2.0]
+    force = [
+        -8.0 * nu[0] + own * nu[1] + 0.1 * rng.standard_normal(2000)
+        for nu, own in zip(motion, drag, strict=True)
+    ]
+    terms = ("u", "v")
+    fit = fit_of(np.hstack(motion), terms, np.concatenate(force))
+    others = {
+        name: fit_of(
+            np.hstack([nu for j, nu in enumerate(motion) if j != i]),
+            terms,
+            np.concatenate([part for j, part in enumerate(force) if j != i]),
+        )
+        for i, name in enumerate("abc")
+    }
+    turns = sign_turns(fit, others)
+    assert turns == {"v": ("c",)}
+    assert judge(fit)["v"].t_ratio > T_LIMIT
+    assert {term: item.status for term, item in judge(fit, turns=turns).items()} == {
+        "u": "identified",
+        "v": "weak",
+    }
