@@ -64,7 +64,7 @@ def simulation(plant: SimulatedVehicle, batch: int, steps: int) -> Callable[[], 
     start = np.tile(
         plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.05, 0.0, 0.0, 0.0, 0.1]), (batch, 1)
     )
-    start[:, 6] += np.linspace(0.0, 0.5, batch)
+    start[:, 0] += np.linspace(0.0, 0.5, batch)
     inputs = constant_actuation(
         np.full(batch, 35.0), np.tile([0.02, -0.02, 0.05, -0.05], (batch, 1)), knots=steps + 1
     )

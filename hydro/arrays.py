@@ -15,6 +15,8 @@ AXES = ("X", "Y", "Z", "K", "M", "N")
 """Forces and moments in body axes, as SNAME names them."""
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 """Linear and angular velocities in body axes, as SNAME names them."""
+STATES = (*VELOCITIES, "x", "y", "z", "phi", "theta", "psi")
+"""The state [nu, eta] of every simulation, plant and controller: Al Makdah (3.1)."""
 
 
 def read_only(values: ArrayLike) -> Array:

@@ -89,14 +89,14 @@ class StepAutopilot:
     pitch_sum: float = 0.0
 
     def __call__(self, tick: int, state: Array, fins: Array) -> Array:
-        """Return the fins (4,) [rad] at the next tick from [eta, nu] (12,)."""
+        """Return the fins (4,) [rad] at the next tick from [nu, eta] (12,)."""
         g = self.gains
         z, theta, psi, q, r = (
-            float(state[2]),
-            float(state[4]),
-            float(state[5]),
+            float(state[8]),
             float(state[10]),
             float(state[11]),
+            float(state[4]),
+            float(state[5]),
         )
         heading = math.remainder(float(self.yaw_rad[tick]) - psi, 2.0 * math.pi)
         if abs(heading) < g.integral_zone_rad:

@@ -13,9 +13,8 @@ Equations of Al Makdah 2016.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,28 +51,25 @@ class Flights:
     powered: Array
 
 
-def force_field(t_s: Array, given: Mapping[str, Any]) -> Array:
-    """The force field of section 4.4 in NED (n, 3) [N] at `t_s`.
+@dataclass(frozen=True)
+class ForceField:
+    """The force field of section 4.4 in NED, from `start_s` on.
 
-    `constant_N` (3,) plus `amplitude_N` (3,) sin(`rate_rad_s` t + `phase_rad`), from
-    `start_s` on. Raises `CampaignError` where a list has not three numbers.
+    `constant_N` + `amplitude_N` sin(`rate_rad_s` t + `phase_rad`), each (3,).
     """
-    columns = {}
-    for key in ("constant_N", "amplitude_N", "rate_rad_s", "phase_rad"):
-        values = np.asarray(given.get(key, [0.0, 0.0, 0.0]), dtype=np.float64)
-        if values.shape != (3,):
-            raise CampaignError(
-                "a force field has three components, north, east and down",
-                field=f"disturbance.{key}",
-                value=values.tolist(),
-            )
-        columns[key] = values
-    wave = columns["amplitude_N"] * np.sin(
-        t_s[:, None] * columns["rate_rad_s"] + columns["phase_rad"]
-    )
-    return np.where(
-        t_s[:, None] >= float(given.get("start_s", 0.0)), columns["constant_N"] + wave, 0.0
-    )
+
+    constant_N: ArrayLike = (0.0, 0.0, 0.0)
+    amplitude_N: ArrayLike = (0.0, 0.0, 0.0)
+    rate_rad_s: ArrayLike = (0.0, 0.0, 0.0)
+    phase_rad: ArrayLike = (0.0, 0.0, 0.0)
+    start_s: float = 0.0
+
+    def at(self, t_s: Array) -> Array:
+        """Return the force (n, 3) [N] at times (n,)."""
+        t = t_s[:, None]
+        angle = t * np.asarray(self.rate_rad_s) + np.asarray(self.phase_rad)
+        force = np.asarray(self.constant_N) + np.asarray(self.amplitude_N) * np.sin(angle)
+        return np.where(t >= self.start_s, force, 0.0)
 
 
 def fly(
@@ -91,6 +87,12 @@ def fly(
 ) -> Flights:
     """Fly a batch of b members along the schedule of a controller.
 
+    At each tick U = U_eq + Gamma d - k (chi_hat - chi_eq - Pi d), (3.22) and (5.9)
+    corrected, within the limits of the inputs; without an observer chi_hat is chi and d
+    is 0. The observer's Z = [chi_hat - chi_eq; d] moves by Z[k+1] = phi Z[k] + by_input
+    (U - U_eq) + by_state (chi - chi_eq), the measured deviation being its mean over the
+    tick.
+
     It lasts as long as the (first) schedule, or `duration_s`.
 
     `start` (12,) or (b, 12): default on the trajectory. `force_ned_N` (n, 3) or (b, n,
@@ -100,20 +102,18 @@ def fly(
     `members`: b, where no argument tells it. A member that diverges is nan from there
     on. Raises `CampaignError` where schedules, switch and reference do not go together.
     """
-    given = (schedules,) if isinstance(schedules, Schedule) else tuple(schedules)
-    if len(given) != (1 if switch is None else 2) or (switch is not None and waiting is None):
+    schedules = (schedules,) if isinstance(schedules, Schedule) else tuple(schedules)
+    if len(schedules) != (1 if switch is None else 2) or (switch is not None and waiting is None):
         raise CampaignError(
             "a mode switch needs two schedules and a waiting reference",
             field="switch",
-            value=len(given),
+            value=len(schedules),
         )
-    equilibrium = given[0].equilibrium
-    n = (
-        len(equilibrium.t_s)
-        if duration_s is None
-        else min(len(equilibrium.t_s), round(duration_s / equilibrium.step_s) + 1)
-    )
-    m = equilibrium.U.shape[1]
+    equilibrium, step_s = schedules[0].equilibrium, schedules[0].equilibrium.step_s
+    n, m = equilibrium.U.shape
+    if duration_s is not None:
+        n = min(n, round(duration_s / step_s) + 1)
+    # Everything as a batch of b members.
     use = np.asarray(use_observer, dtype=np.float64)
     first = equilibrium.chi[0] if start is None else np.asarray(start, dtype=np.float64)
     force = np.zeros((n, 3)) if force_ned_N is None else np.asarray(force_ned_N, dtype=np.float64)
@@ -121,8 +121,9 @@ def fly(
         np.size(use), len(first) if first.ndim == 2 else 1, len(force) if force.ndim == 3 else 1
     )
     force = np.broadcast_to(force[..., :n, :], (b, n, 3))
-    pushed, observed = bool(np.any(force)), given[0].observer is not None
+    is_pushed, has_observer = bool(np.any(force)), schedules[0].observer is not None
     use = np.broadcast_to(use, (b,))[:, None]
+    # State and inputs of the vehicle, and Z of the observer.
     chi = np.broadcast_to(first, (b, N)).copy()
     U = np.broadcast_to(
         np.clip(equilibrium.U[0], plant.inputs.low, plant.inputs.high), (b, m)
@@ -131,64 +132,52 @@ def fly(
     flown = Flights(
         equilibrium.t_s[:n], *(np.zeros((b, n, *size)) for size in ((N,), (m,), (D,), (), ()))
     )
-    reference = Reference(given, b, waiting)
+    reference = Reference(schedules, b, waiting)
     with np.errstate(all="ignore"):  # a member that diverges becomes nan
         for tick in range(n):
-            wanted_chi, U_eq, mass = (
-                reference.value("chi"),
-                reference.value("U"),
-                reference.value("mass_kg"),
-            )
-            if switch is not None and reference.switch(switch, plant, chi, Z[:, N:] * use, mass):
-                Z[:, :N] += wanted_chi - reference.value("chi")
-                wanted_chi, U_eq, mass = (
-                    reference.value("chi"),
-                    reference.value("U"),
-                    reference.value("mass_kg"),
-                )
-            wanted, deviation = U_eq, chi - wanted_chi
-            if observed:
+            # Where the controller aims. A switch of mode moves that, and Z counts from it.
+            aim = reference.aim()
+            if switch is not None:
+                before_switch = aim.chi
+                if reference.switch(switch, plant, chi, Z[:, N:] * use, aim.mass_kg):
+                    aim = reference.aim()
+                    Z[:, :N] += before_switch - aim.chi
+            # The controller: deviation from the aim, and what holds the disturbance.
+            deviation, U_hold = chi - aim.chi, aim.U
+            if has_observer:
                 d = Z[:, N:] * use
-                wanted = wanted + matrix_product(reference.value("inputs"), d)
                 deviation = Z[:, :N] - matrix_product(reference.value("state"), d)
-            U = limited(
-                wanted - matrix_product(reference.value("k"), deviation),
-                U,
-                plant.inputs,
-                equilibrium.step_s,
-            )
+                U_hold = aim.U + matrix_product(reference.value("inputs"), d)
+            U_asked = U_hold - matrix_product(reference.value("k"), deviation)
+            U = limited(U_asked, U, plant.inputs, step_s)
             flown.chi[:, tick], flown.U[:, tick], flown.disturbance[:, tick] = chi, U, Z[:, N:]
             flown.reference_s[:, tick], flown.powered[:, tick] = reference.time_s, reference.mode
             if tick == n - 1:
                 break
-            if observed:
+            # The observer moves on with the inputs; its gains are those of this tick.
+            if has_observer:
                 Z = matrix_product(reference.value("phi"), Z) + matrix_product(
-                    reference.value("by_input"), U - U_eq
+                    reference.value("by_input"), U - aim.U
                 )
                 by_state = reference.value("by_state")
-            before = chi - wanted_chi
-            chi = _advance(
-                plant,
-                chi,
-                U,
-                mass,
-                force[:, tick] if pushed else None,
-                current_ned_m_s,
-                equilibrium.step_s,
-            )
-            ahead, shift = reference.advance(chi, equilibrium.step_s * (tick + 1))
-            after = chi - ahead
-            chi[~(np.abs(after[:, 6:9]).max(axis=1) < LOST_M)] = np.nan
-            if observed:
-                Z = Z + matrix_product(by_state, 0.5 * (before + after))
+            # The vehicle moves on; one that is too far away is lost.
+            deviation_before = chi - aim.chi
+            push = force[:, tick] if is_pushed else None
+            chi = _advance(plant, chi, U, aim.mass_kg, push, current_ned_m_s, step_s)
+            chi_ahead, shift = reference.advance(chi, step_s * (tick + 1))
+            deviation_after = chi - chi_ahead
+            chi[~(np.abs(deviation_after[:, 6:9]).max(axis=1) < LOST_M)] = np.nan
+            # The observer measures; a reference that waits stays behind by `shift`.
+            if has_observer:
+                Z = Z + matrix_product(by_state, 0.5 * (deviation_before + deviation_after))
                 Z[:, :N] += shift
     return flown
 
 
-def limited(wanted: Array, before: Array, limits: InputLimits, step_s: float) -> Array:
+def limited(U: Array, before: Array, limits: InputLimits, step_s: float) -> Array:
     """Return inputs (..., m) within their limits and limits of their rates."""
     reach = limits.rate * step_s
-    return np.clip(np.clip(wanted, before - reach, before + reach), limits.low, limits.high)
+    return np.clip(np.clip(U, before - reach, before + reach), limits.low, limits.high)
 
 
 def _advance(
@@ -220,9 +209,9 @@ def linear_response(
     leaves out, is left out here too.
     """
     m = B.shape[-1]
-    whole = np.zeros((len(A), N + m, N + m))
-    whole[:, :N, :N], whole[:, :N, N:] = A, B
-    flow = exponential(whole * equilibrium.step_s)[:, :N]
+    augmented = np.zeros((len(A), N + m, N + m))
+    augmented[:, :N, :N], augmented[:, :N, N:] = A, B
+    flow = exponential(augmented * equilibrium.step_s)[:, :N]
     out = np.empty(equilibrium.chi.shape)
     deviation = np.asarray(start, dtype=np.float64) - equilibrium.chi[0]
     moved = np.asarray(U, dtype=np.float64) - equilibrium.U
@@ -258,7 +247,7 @@ class Performance:
 def performance(
     trajectory: Trajectory,
     flights: Flights,
-    found_chi: Array,
+    desired_chi: Array,
     inputs: InputLimits,
     *,
     after_s: float = 0.0,
@@ -281,7 +270,7 @@ def performance(
             allowed=limit,
         )
     late = flights.t_s >= flights.t_s[-1] - 0.2 * (flights.t_s[-1] - flights.t_s[0])
-    turned = flights.chi[..., 9:] - found_chi[:n, 9:]
+    turned = flights.chi[..., 9:] - desired_chi[:n, 9:]
     turned = np.arctan2(np.sin(turned), np.cos(turned))
     span = 1e-6 * (inputs.high - inputs.low)
     at_limit = (inputs.high - span <= flights.U) | (inputs.low + span >= flights.U)

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.hybrid_vehicle import STATES, HybridVehicle, chi_dot
+from auvid.hydro.arrays import STATES, Array
+from auvid.hydro.dynamics.hybrid_vehicle import HybridVehicle, chi_dot
 from auvid.hydro.dynamics.quantities import Quantities
 
 PITCH_LIMIT_RAD = 1.5

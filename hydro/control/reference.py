@@ -49,6 +49,18 @@ class ModeSwitch:
     off_N: float
 
 
+@dataclass(frozen=True)
+class Aim:
+    """Where the controller aims: `chi`, `U` and `mass_kg` of the equilibrium there.
+
+    With a waiting reference the members are in front.
+    """
+
+    chi: Array
+    U: Array
+    mass_kg: Array
+
+
 class Reference:
     """The references of b members.
 
@@ -71,6 +83,10 @@ class Reference:
         first = schedules[0].equilibrium
         velocity = np.gradient(first.chi[:, 6:9], first.t_s, axis=0)
         self.tangent = velocity / np.sqrt(np.sum(velocity**2, axis=1))[:, None]
+
+    def aim(self) -> Aim:
+        """Return the equilibrium at the reference."""
+        return Aim(self.value("chi"), self.value("U"), self.value("mass_kg"))
 
     def value(self, name: str) -> Array:
         """Return a value of the schedules at the reference.
@@ -105,15 +121,15 @@ class Reference:
 
         The shift is how far the chosen reference stays behind (chi_eq ahead - chi_eq).
         """
-        whole = self.step_s / self.ratio[self.mode]
-        ahead = self._at("chi", self.time_s + whole)
+        tick_s = self.step_s / self.ratio[self.mode]
+        ahead = self._at("chi", self.time_s + tick_s)
         if self.waiting is None:
             self.time_s = self.time_s + self.step_s
             return ahead, np.zeros(N)
         lead = np.einsum("bi,bi->b", self._tangent(), chi[:, 6:9] - ahead[:, 6:9])
         pace = 1.0 + lead / self.waiting.lead_m + (now_s - self.time_s) / self.waiting.catch_up_s
         pace = np.where(np.isfinite(pace), np.clip(pace, 0.0, self.waiting.fastest), 1.0)
-        self.time_s = np.minimum(self.time_s + pace * whole, self.schedules[0].equilibrium.t_s[-1])
+        self.time_s = np.minimum(self.time_s + pace * tick_s, self.schedules[0].equilibrium.t_s[-1])
         return ahead, ahead - self.value("chi")
 
     def switch(

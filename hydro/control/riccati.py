@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_continuous_are
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import STATES, Array
 
-STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 CONTROLLABLE = 1e-9
 """Smallest singular value of [A - lambda I, B] over the largest, below which a mode
 counts as out of the inputs' reach.

@@ -160,14 +160,14 @@ def forward_dynamics(
 def state_derivative(
     vehicle: Vehicle, state: ArrayLike, control: Control, viscous_force: ViscousForce
 ) -> Array:
-    """Return the rate of the state [eta, nu] (..., 12) under `control`.
+    """Return the rate of the state [nu, eta] (..., 12) under `control`.
 
     tau_nu = viscous_force(nu). nan at singular pitch.
     """
     state = np.asarray(state, dtype=np.float64)
-    eta, nu = state[..., :6], state[..., 6:]
+    nu, eta = state[..., :6], state[..., 6:]
     return np.concatenate(
-        [eta_dot(eta, nu), forward_dynamics(vehicle, eta, nu, control, viscous_force(nu))], axis=-1
+        [forward_dynamics(vehicle, eta, nu, control, viscous_force(nu)), eta_dot(eta, nu)], axis=-1
     )
 
 

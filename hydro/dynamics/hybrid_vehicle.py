@@ -32,7 +32,6 @@ from auvid.hydro.dynamics.viscous.coefficients import (
 )
 from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
 
-STATES = ("u", "v", "w", "p", "q", "r", "x", "y", "z", "phi", "theta", "psi")
 INPUTS = ("X_thrust", "delta_r", "delta_s_right", "delta_s_left")
 PARAMETER_SETS = ("as_printed", "as_simulated", "corrected")
 

@@ -164,10 +164,10 @@ def acceleration(model: SimplifiedModel, eta: ArrayLike, nu: ArrayLike, tau: Arr
 
 
 def state_rate(model: SimplifiedModel, state: ArrayLike, tau: ArrayLike) -> Array:
-    """Rate of the state [eta, nu] (..., 12) under propulsion `tau` (..., 6)."""
+    """Rate of the state [nu, eta] (..., 12) under propulsion `tau` (..., 6)."""
     state = np.asarray(state, dtype=np.float64)
-    eta, nu = state[..., :6], state[..., 6:]
-    return np.concatenate([eta_dot(eta, nu), acceleration(model, eta, nu, tau)], axis=-1)
+    nu, eta = state[..., :6], state[..., 6:]
+    return np.concatenate([acceleration(model, eta, nu, tau), eta_dot(eta, nu)], axis=-1)
 
 
 DERIVATIVES = tuple(

@@ -14,6 +14,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import Array
+from auvid.hydro.control.closed_loop import ForceField
 from auvid.hydro.control.controllers import Weights
 from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
 from auvid.hydro.control.paths.paths import Curve, helix, saw_tooth
@@ -26,15 +27,14 @@ from auvid.stages.base import Document
 class FlightCase:
     """One flight along a trajectory.
 
-    A force field (`force_field`), a current (3,) or None, whether the observer's
-    estimate is used.
+    A force field, a current (3,) or None, whether the observer's estimate is used.
     """
 
     name: str
     title: str
     observer: bool
     clock: bool
-    force: Mapping[str, Any]
+    force: ForceField
     current: Array | None
     headline: bool
     redesign: bool
@@ -279,17 +279,12 @@ def _trajectory(
 
 
 def _flight(name: str, entry: Document, read: Quantities) -> FlightCase:
-    force: dict[str, Any] = {}
-    if entry.get("force"):
-        part = read.part("force")
-        for key, unit, into in (
-            ("constant", "N", "constant_N"),
-            ("amplitude", "N", "amplitude_N"),
-            ("rate", "rad/s", "rate_rad_s"),
-            ("phase", "rad", "phase_rad"),
-        ):
-            force[into] = part.array(key, unit, shape=(3,), default=np.zeros(3))
-        force["start_s"] = part.number("start", "s", default=0.0)
+    part = read.part("force")
+    units = {"constant": "N", "amplitude": "N", "rate": "rad/s", "phase": "rad"}
+    force = ForceField(
+        *(part.array(key, unit, shape=(3,), default=np.zeros(3)) for key, unit in units.items()),
+        start_s=part.number("start", "s", default=0.0),
+    )
     current = read.array("current", "m/s", shape=(3,)) if "current" in read else None
     flags = {
         key: bool(entry.get(key, False)) for key in ("observer", "clock", "headline", "redesign")

@@ -13,8 +13,8 @@ import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
-from auvid.hydro.arrays import AXES, Array
-from auvid.hydro.control.closed_loop import Flights, Performance, fly, force_field, performance
+from auvid.hydro.arrays import AXES, STATES, Array
+from auvid.hydro.control.closed_loop import Flights, Performance, fly, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import equilibrium, require_reachable
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
@@ -25,7 +25,6 @@ from auvid.hydro.control.plants import (
     hybrid_plant,
     identified_plant,
 )
-from auvid.hydro.control.riccati import STATES
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
@@ -249,7 +248,7 @@ def _fly_groups(
             plant,
             schedules[0] if clock else schedules,
             start=np.tile(start_of(trajectory, first), (len(group), 1)),
-            force_ned_N=np.stack([force_field(trajectory.t_s, flight.force) for flight in group]),
+            force_ned_N=np.stack([flight.force.at(trajectory.t_s) for flight in group]),
             current_ned_m_s=(
                 np.stack([np.zeros(3) if f.current is None else f.current for f in group])
                 if drifting
@@ -318,7 +317,7 @@ def monte_carlo(
             varied,
             schedule,
             start=start_of(flown.trajectory, schedule),
-            force_ned_N=force_field(flown.trajectory.t_s, flown.flight.force),
+            force_ned_N=flown.flight.force.at(flown.trajectory.t_s),
             current_ned_m_s=flown.flight.current,
             use_observer=flown.flight.observer,
             waiting=None if clock else case.waiting,

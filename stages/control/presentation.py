@@ -14,10 +14,9 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import STATES, Array
 from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import ControlledPlant, InputLimits
-from auvid.hydro.control.riccati import STATES
 from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
 from auvid.stages.presentation import Block, panel, plot, remark, series, table, text
@@ -188,7 +187,7 @@ def _without_observer(item: Flown, flown: Sequence[Flown]) -> Flown | None:
 
     def conditions(other: Flown) -> tuple[Any, ...]:
         flight = other.flight
-        force = {name: np.asarray(value).tolist() for name, value in flight.force.items()}
+        force = [np.asarray(value).tolist() for value in vars(flight.force).values()]
         current = None if flight.current is None else flight.current.tolist()
         return other.case.name, other.designed_on, flight.clock, force, current
 

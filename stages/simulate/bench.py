@@ -108,7 +108,7 @@ def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExp
     start = np.array([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0])
     truth = experiment.entry["truth"]
     trajectory = drive(plan.model(truth, vehicle), start, changes, tau, experiment.end_s)
-    shallowest = float(trajectory(np.arange(0.0, experiment.end_s, LOOK_S))[0][:, 2].min())
+    shallowest = float(trajectory(np.arange(0.0, experiment.end_s, LOOK_S))[0][:, 8].min())
     if shallowest < 0.0:
         remedy = "Start deeper (depth_m), or heave less."
         raise DataError(
@@ -273,7 +273,7 @@ def _record_tank(
 
 def _free(t_s: Array, trajectory: BenchMotion) -> Motion:
     state, rate = trajectory(t_s)
-    return _motion(t_s, state[:, :6], state[:, 6:], rate[:, 6:])
+    return _motion(t_s, state[:, 6:], state[:, :6], rate[:, :6])
 
 
 def _motion(t_s: Array, eta: Array, nu: Array, nu_dot: Array) -> Motion:

@@ -86,7 +86,7 @@ def _plot(name: str, flown: FlownExperiment) -> Block:
     unit = "m/s" if axis < 3 else "rad/s"
     panels = [
         panel("pulse", "us", pulses),
-        panel("uvwpqr"[axis], unit, [series("true", t, state[:, 6 + axis], "true")]),
+        panel("uvwpqr"[axis], unit, [series("true", t, state[:, axis], "true")]),
     ]
     return plot(
         f"True motion of {name}",

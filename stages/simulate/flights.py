@@ -230,7 +230,7 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
         flight = fly_leg(_steady(plan), leg, simulated, seed=0).flight
         if flight.stop is not None:
             raise DataError(f"the physical truth cannot fly leg '{leg.id}': {flight.stop}")
-        nu = flight.state[:: plan.steps_per_tick, 6:12]
+        nu = flight.state[:: plan.steps_per_tick, :6]
         nu = nu[round(plan.settle_s / plan.tick_s) :]
         nu = nu + SPREAD * random_of(0, leg.id, SCATTER).standard_normal(nu.shape)
         ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)

@@ -228,7 +228,7 @@ def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -
     causes = {}
     for model, diverged in zip(models, runs.diverged_s, strict=True):
         if np.isfinite(diverged).any():
-            start = runs.starts[int(np.nanargmin(diverged)), 6:]
+            start = runs.starts[int(np.nanargmin(diverged)), :6]
             causes[model.viscous.name] = growth(model.vehicle(vehicle), model.viscous, start)
     return causes
 

@@ -22,7 +22,8 @@ exact to 1e-7.
 """
 PERSISTENCE = "persistence"
 """The reference row: the state stays as it was at the start."""
-STATE_ORDER = (6, 7, 8, 9, 10, 11, 3, 4, 5)
+COMPARED = [0, 1, 2, 3, 4, 5, 9, 10, 11]
+"""Places of `NAMES` in the state [nu, eta]: all but the position."""
 NAMES = tuple(
     name.replace("_m_s", "_rms_m_s").replace("_rad", "_rms_rad", 1)
     for name in (*VELOCITY, *ATTITUDE)
@@ -66,7 +67,7 @@ def run_segment(
         return None
     rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
     control, level = control_of(controls, rows)
-    state = np.hstack([matrix(fused, POSE), matrix(fused, VELOCITY)])[rows]
+    state = matrix(fused, (*VELOCITY, *POSE))[rows]
     return free_runs(
         vehicle,
         models,
@@ -88,7 +89,7 @@ def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.
     heads = ("segment", "model", "horizon_s", "starts", "diverged", "first_divergence_s", *NAMES)
     rows: list[tuple[Any, ...]] = []
     for segment, runs in runs_of.items():
-        error = runs.rms()[:, :, STATE_ORDER]
+        error = runs.rms()[:, :, COMPARED]
         for place, horizon in enumerate(runs.horizons_s):
             reached = runs.reached[:, place]
             if not reached.any():
@@ -99,7 +100,7 @@ def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.
                 first = float(lost.min()) if lost.size else np.nan
                 counts = (int(reached.sum()), int(lost.size), first)
                 rows.append((segment, name, float(horizon), *counts, *error[index, place].tolist()))
-            change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[[*STATE_ORDER]]
+            change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[COMPARED]
             rows.append(
                 (segment, PERSISTENCE, float(horizon), int(reached.sum()), 0, np.nan, *change)
             )

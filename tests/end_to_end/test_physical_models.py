@@ -78,7 +78,7 @@ class Leg:
         thrusters = [item for item in controls.column_names if item.startswith("thruster_")]
         return cls(
             clock(residual),
-            np.hstack([matrix(fused, POSE), nu]),
+            np.hstack([nu, matrix(fused, POSE)]),
             dict(zip(names, values, strict=True)),
             forces(residual, "tau_bar"),
             matrix(controls, thrusters),
@@ -128,7 +128,7 @@ def fitted(*legs: Leg, inertia: bool = True) -> Fitted:
         for i, axis in enumerate(AXES)
     }
     least = np.array([THRESHOLDS[name] for name in "uvwpqr"])
-    high = np.maximum(np.max([np.abs(leg.state[:, 6:]).max(axis=0) for leg in legs], axis=0), least)
+    high = np.maximum(np.max([np.abs(leg.state[:, :6]).max(axis=0) for leg in legs], axis=0), least)
     u = equations.unknowns
     fit = fit_within(
         factor,
@@ -191,8 +191,8 @@ def test_the_force_is_explained_on_both_legs(default: Fitted, legs: tuple[Leg, L
 def test_free_runs_of_all_six_axes_stay(default: Fitted, legs: tuple[Leg, Leg]) -> None:
     runs = simulated(default, legs[1])
     assert np.isnan(runs.diverged_s).all()
-    assert np.sum(np.isfinite(runs.errors[0, :, :, 6]), axis=0).tolist() == [7, 6, 2]
-    at_10_s = runs.rms()[0, 1, 6:]
+    assert np.sum(np.isfinite(runs.errors[0, :, :, 0]), axis=0).tolist() == [7, 6, 2]
+    at_10_s = runs.rms()[0, 1, :6]
     assert at_10_s[0] <= 0.04
     assert at_10_s[1] <= 0.03
     assert at_10_s[2] <= 0.03

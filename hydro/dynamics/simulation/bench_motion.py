@@ -44,10 +44,10 @@ def drive(
 
     Each row acts from `changes_s` (m,) on, the first from 0.
 
-    `start`: pose eta (6,). State [eta, nu] (n, 12). Raises `DataError` where the motion
+    `start`: pose eta (6,). State [nu, eta] (n, 12). Raises `DataError` where the motion
     cannot be followed (pitch of 90 degrees).
     """
-    pieces, state = [], np.concatenate([start, np.zeros(6)])
+    pieces, state = [], np.concatenate([np.zeros(6), start])
     edges = np.append(changes_s, end_s)
     for index, force in enumerate(tau):
         piece = _follow(

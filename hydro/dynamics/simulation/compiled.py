@@ -159,14 +159,14 @@ def _physical_force(nu: Any, c: Tables) -> Any:
 
 @_compiled
 def derivative(x: Array, inputs: Array, c: Tables, out: Array, factors: Array) -> None:
-    """Write d/dt of the state [eta, nu] (12,), or with the lagged force after it (18,).
+    """Write d/dt of the state [nu, eta] (12,), or with the lagged force after it (18,).
 
     `inputs` (12,): propeller [rev/s], u_c(n) [m/s], four fins [rad], any further force
     (6) [N, N m]. `factors` (FACTOR_COUNT + terms,): scratch.
     """
     # x, inputs, out and factors are arrays, or addresses within the loop.
     if c.physical:
-        viscous = _physical_force((x[6], x[7], x[8], x[9], x[10], x[11]), c)
+        viscous = _physical_force((x[0], x[1], x[2], x[3], x[4], x[5]), c)
     else:
         viscous = model_force(x, inputs, c, factors)
     if c.lag_s > 0.0:
@@ -179,24 +179,24 @@ def derivative(x: Array, inputs: Array, c: Tables, out: Array, factors: Array) -
 @_compiled
 def model_force(x: Array, inputs: Array, c: Tables, factors: Array) -> Any:
     """Return the force of the coefficients at a state and its inputs."""
-    nu = (x[6], x[7], x[8], x[9], x[10], x[11])
+    nu = (x[0], x[1], x[2], x[3], x[4], x[5])
     eta = propulsion_ratio(inputs[1], nu[0], nu[1], nu[2], c.minimum_speed)
     return _model_force(nu, eta, c, factors)
 
 
 @_compiled
 def motion_rates(x: Array, inputs: Array, viscous: Any, c: Tables, out: Array) -> None:
-    """Write d/dt of [eta, nu] (12,) under a viscous force and the inputs."""
-    nu = (x[6], x[7], x[8], x[9], x[10], x[11])
-    sf, cf = np.sin(x[3]), np.cos(x[3])
-    st, ct = np.sin(x[4]), np.cos(x[4])
+    """Write d/dt of [nu, eta] (12,) under a viscous force and the inputs."""
+    nu = (x[0], x[1], x[2], x[3], x[4], x[5])
+    sf, cf = np.sin(x[9]), np.cos(x[9])
+    st, ct = np.sin(x[10]), np.cos(x[10])
     # Kinematics.
-    rotation = rotation_entries(sf, cf, st, ct, np.sin(x[5]), np.cos(x[5]))
+    rotation = rotation_entries(sf, cf, st, ct, np.sin(x[11]), np.cos(x[11]))
     singular: Any = np.nan if abs(ct) < SINGULAR_COSINE else ct
     turning = euler_rate_entries(sf, cf, st, singular)
     for i in range(3):
-        out[i] = rotation[i][0] * nu[0] + rotation[i][1] * nu[1] + rotation[i][2] * nu[2]
-        out[3 + i] = turning[i][0] * nu[3] + turning[i][1] * nu[4] + turning[i][2] * nu[5]
+        out[6 + i] = rotation[i][0] * nu[0] + rotation[i][1] * nu[1] + rotation[i][2] * nu[2]
+        out[9 + i] = turning[i][0] * nu[3] + turning[i][1] * nu[4] + turning[i][2] * nu[5]
     # The other forces, and M^-1 of their sum.
     coriolis = coriolis_components(nu, _six(c.mass, nu))
     restoring = restoring_components(
@@ -206,13 +206,13 @@ def motion_rates(x: Array, inputs: Array, viscous: Any, c: Tables, out: Array) -
     spin = propeller_terms(nu[0], inputs[0], c.inflow_per_u)
     propeller = (_row(c.propeller, 0, spin), 0.0, 0.0, _row(c.propeller, 1, spin), 0.0, 0.0)
     for i in range(6):
-        out[6 + i] = (
+        out[i] = (
             viscous[i] + restoring[i] + fins[i] + propeller[i] + inputs[6 + i] - coriolis[i]
         )
-    tau = (out[6], out[7], out[8], out[9], out[10], out[11])
+    tau = (out[0], out[1], out[2], out[3], out[4], out[5])
     acceleration = _six(c.inverse, tau)
     for i in range(6):
-        out[6 + i] = acceleration[i]
+        out[i] = acceleration[i]
 
 
 @_extending.intrinsic  # type: ignore[untyped-decorator]

@@ -28,7 +28,7 @@ SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
 """Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours
 comes near them.
 """
-LIMITS = np.array([np.inf] * 6 + [SPEED_LIMIT] * 3 + [RATE_LIMIT] * 3)
+LIMITS = np.array([SPEED_LIMIT] * 3 + [RATE_LIMIT] * 3 + [np.inf] * 6)
 """Of each state; a position or an angle has none but to be finite."""
 
 
@@ -64,7 +64,7 @@ class FreeRuns:
 class MeasuredMotion:
     """A motion on a uniform clock that free runs start from, with its actuators.
 
-    t_s (n,) [s]; state (n, 12): measured [eta, nu]; control: series (n, ...);
+    t_s (n,) [s]; state (n, 12): measured [nu, eta]; control: series (n, ...);
     level_speed (n,): u_c(n) [m/s] where models have terms with eta.
     """
 
@@ -88,7 +88,7 @@ class MeasuredMotion:
         Raises `DataError` for an actuator of the vehicle without a command.
         """
         acting = np.zeros((len(self.t_s), 12))
-        forces = actuator_force(vehicle, self.state[:, 6:], self.control)
+        forces = actuator_force(vehicle, self.state[:, :6], self.control)
         if vehicle.propeller is not None:
             acting[:, 0] = self.control.propeller_rev_s
         if self.level_speed is not None:
@@ -245,7 +245,7 @@ def free_runs(
     errors, kept = states[:, :, 1:] - there, measured[first][:, None] - there
     kept[~reached] = np.nan
     for part in (errors, kept):
-        part[..., 5] = wrapped(part[..., 5])
+        part[..., 11] = wrapped(part[..., 11])
     return FreeRuns(horizons, errors, diverged, reached, kept, measured[first])
 
 

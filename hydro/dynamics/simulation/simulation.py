@@ -1,6 +1,6 @@
 """Fixed-step simulation (Runge-Kutta 4) of a vehicle with a viscous truth.
 
-Open loop for one vehicle or a batch, and under an autopilot. State [eta, nu] (12), or
+Open loop for one vehicle or a batch, and under an autopilot. State [nu, eta] (12), or
 with the lagged viscous force after it (18). Inputs are given at knots and linear
 between them. Equations of McCarter 2014.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import STATES, Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous
@@ -24,8 +24,6 @@ from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import eta_ratio, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-
-STATE = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ class SimulatedVehicle:
         """
         state = np.asarray(state, dtype=np.float64)
         level = self.level_speed(actuation.propeller_rev_s)
-        steady = self.viscous_force(state[..., 6:12], level)
+        steady = self.viscous_force(state[..., :6], level)
         acting = state[..., 12:] if self.lag_s > 0.0 else steady
         motion = state_derivative(
             self.vehicle, state[..., :12], actuation.control, lambda _: acting + actuation.force
@@ -144,7 +142,7 @@ class SimulatedVehicle:
     def start(self, eta: ArrayLike, nu: ArrayLike, propeller_rev_s: ArrayLike = 0.0) -> Array:
         """Return a state; a lagged force starts at its quasi-steady value."""
         eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
-        parts = [eta, nu]
+        parts = [nu, eta]
         if self.lag_s > 0.0:
             parts.append(self.viscous_force(nu, self.level_speed(propeller_rev_s)))
         return np.concatenate(parts, axis=-1)
@@ -206,8 +204,8 @@ class StopLimits:
 
     def breach(self, state: Array) -> str | None:
         """Return why a state (12 or 18,) is outside the limits, or None."""
-        z, pitch = float(state[2]), float(state[4])
-        speed, turning = (float(np.sqrt(part @ part)) for part in (state[6:9], state[9:12]))
+        z, pitch = float(state[8]), float(state[10])
+        speed, turning = (float(np.sqrt(part @ part)) for part in (state[:3], state[3:6]))
         if not np.isfinite(speed + turning + z + pitch):
             return "the motion grew without bound"
         for value, limit, words in (
@@ -235,7 +233,7 @@ class Stop:
 
     def __str__(self) -> str:
         values = ", ".join(
-            f"{name} {value:.3g}" for name, value in zip(STATE, self.state, strict=True)
+            f"{name} {value:.3g}" for name, value in zip(STATES, self.state, strict=True)
         )
         return f"{self.reason} at {self.time_s:.2f} s; last state: {values}"
 
@@ -341,14 +339,14 @@ def motion_at(simulated: SimulatedVehicle, flight: Flight, t_s: ArrayLike) -> Mo
     bend = 3.0 * (b - a) - 2.0 * slope[0] - slope[1]
     state = a + s * (slope[0] + s * (bend + s * (2.0 * (a - b) + slope[0] + slope[1])))
     here = flight.actuation.between(t / flight.knot_s)
-    nu = state[:, 6:12]
+    nu = state[:, :6]
     viscous = (
         state[:, 12:]
         if simulated.lag_s > 0.0
         else simulated.viscous_force(nu, simulated.level_speed(here.propeller_rev_s))
     )
-    nu_dot = simulated.derivative(state, here)[:, 6:12]
-    return Motion(t, state[:, :6], nu, nu_dot, here, viscous)
+    nu_dot = simulated.derivative(state, here)[:, :6]
+    return Motion(t, state[:, 6:12], nu, nu_dot, here, viscous)
 
 
 def gauss_markov(

@@ -46,9 +46,9 @@ def example_log(vehicle: Vehicle) -> bytes:
     def noisy(values: Array, sensor: str) -> Array:
         return values + rng.normal(0.0, NOISE[sensor], values.shape)
 
-    attitude = (noisy(np.degrees(state[:, 3:6]), "attitude") + 180.0) % 360.0 - 180.0
-    depth = noisy(state[:, 2:3], "depth")
-    velocity, gyro = noisy(state[:, 6:9], "velocity"), noisy(state[:, 9:12], "gyro")
+    attitude = (noisy(np.degrees(state[:, 9:]), "attitude") + 180.0) % 360.0 - 180.0
+    depth = noisy(state[:, 8:9], "depth")
+    velocity, gyro = noisy(state[:, :3], "velocity"), noisy(state[:, 3:6], "gyro")
     buffer = io.StringIO()
     columns = np.hstack([t_s[:, None], pulses, attitude, gyro, depth, velocity])
     np.savetxt(
@@ -63,7 +63,7 @@ def example_log(vehicle: Vehicle) -> bytes:
 
 
 def simulate(vehicle: Vehicle, pulses: Array) -> Array:
-    """Return states [eta, nu] (n, 12) under pulses (n, 4) that change every HOLD_S.
+    """Return states [nu, eta] (n, 12) under pulses (n, 4) that change every HOLD_S.
 
     Drag is linear and quadratic per axis.
     """
@@ -75,7 +75,7 @@ def simulate(vehicle: Vehicle, pulses: Array) -> Array:
     samples = int(HOLD_S * RATE_HZ)
     control = Control(thruster_pwm_us=pulses[::samples])
     state, states = np.zeros(12), []
-    state[2] = 5.0
+    state[8] = 5.0
     for force in actuator_force(vehicle, np.zeros(6), control)["thrusters"]:
         steady = Actuation(np.zeros(2), np.zeros((2, 4)), np.tile(force, (2, 1)))
         path = integrate_open_loop(

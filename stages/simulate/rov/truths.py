@@ -105,5 +105,5 @@ def _hull(truth: RovTruth, nu: Array) -> Array:
     """Return the force on the hull (m, 6) at velocities through the water (m, 6)."""
     count = len(truth.thrusters.outputs)
     state = np.zeros((len(nu), 12 + count))
-    state[:, 6:12] = nu
+    state[:, :6] = nu
     return truth.rate(state, np.zeros((len(nu), count)), np.zeros((len(nu), 6)))[1]

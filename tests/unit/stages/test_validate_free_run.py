@@ -41,12 +41,12 @@ def flown() -> tuple[pa.Table, pa.Table]:
         now = np.array([np.interp(s, t, row) for row in thrust.T])
         return state_derivative(VEHICLE, x, Control(thruster_force_N=now), model.force)
 
-    start = np.concatenate([[0.0, 0.0, 5.0, 0.0, 0.0, 3.0], [0.2, 0.0, 0.0, 0.0, 0.0, 0.3]])
+    start = np.concatenate([[0.2, 0.0, 0.0, 0.0, 0.0, 0.3], [0.0, 0.0, 5.0, 0.0, 0.0, 3.0]])
     state = solve_ivp(rate, (0.0, t[-1]), start, t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.02).y.T
     nothing = np.zeros((len(t), 6))
     columns = (
-        named(POSE, state[:, :6])
-        | named(VELOCITY, state[:, 6:])
+        named(POSE, state[:, 6:])
+        | named(VELOCITY, state[:, :6])
         | named(POSE_RATE, nothing)
         | named(ACCELERATION, nothing)
     )

@@ -65,8 +65,8 @@ class Dive:
 
     At the ticks (k,) `tick_s` apart: `pulses_us` (k, n), `supply` (k, 2) voltage and
     current, `goals` (k, n) bollard thrust of the pulses, `push` (k, 6), `errors` (k,
-    12) of what the autopilot saw. `state` (s, 12 + n) at every step. `stop`: why it
-    ended early.
+    12) of what the autopilot saw. `state` (s, 12 + n) at every step: [nu, eta, bollard
+    thrust]. `stop`: why it ended early.
     """
 
     truth: RovTruth
@@ -121,7 +121,7 @@ class Dive:
             state[:, 12:] = goal
         push = self._push(at)
         rate, hull = self.truth.rate(state, goal, push)
-        eta, nu, nu_dot, bollard = state[:, :6], state[:, 6:12], rate[:, 6:12], state[:, 12:]
+        nu, eta, nu_dot, bollard = state[:, :6], state[:, 6:12], rate[:, :6], state[:, 12:]
         # The current in body axes turns against the body.
         drift = np.einsum("mji,j->mi", rotation_body_to_ned(eta[:, 3:]), self.truth.current_m_s)
         ground, ground_dot = nu.copy(), nu_dot.copy()
@@ -167,7 +167,7 @@ def fly_dive(
         )
     errors = filter_errors(plan, leg, seed=seed, ticks=ticks)
     start = np.zeros(12 + count)
-    start[2], start[5] = plan.depth_m, np.radians(plan.heading_deg)
+    start[8], start[11] = plan.depth_m, np.radians(plan.heading_deg)
     state = np.full(((ticks - 1) * steps + 1, 12 + count), np.nan)
     pulses, supply = np.zeros((ticks, count), np.int64), np.zeros((ticks, 2))
     goals = np.zeros((ticks, count))
@@ -179,8 +179,8 @@ def fly_dive(
     if last < ticks - 1:
         x = state[last * steps]
         stop = (
-            f"the dive ended at {orders.t_s[last]:.2f} s of the leg: depth {x[2]:.2f} m,"
-            f" pitch {np.degrees(x[4]):.0f} deg, speed {np.sqrt(x[6:9] @ x[6:9]):.2f} m/s"
+            f"the dive ended at {orders.t_s[last]:.2f} s of the leg: depth {x[8]:.2f} m,"
+            f" pitch {np.degrees(x[10]):.0f} deg, speed {np.sqrt(x[:3] @ x[:3]):.2f} m/s"
         )
     offset = plan.settle_s - plan.margin_s
     log_end = last * tick_s - offset
@@ -205,7 +205,7 @@ def fly_dive(
 
 
 def filter_errors(plan: DivePlanDocument, leg: DiveLegEntry, *, seed: int, ticks: int) -> Array:
-    """Return the errors (k, 12) of the pose and velocity that the autopilot steers by.
+    """Return the errors (k, 12) of velocity and pose that the autopilot steers by.
 
     Attitude drifts slowly (the log's attitude has the same error), depth and rates have
     the noise of their sensors, velocity half of that of the velocity log.
@@ -213,14 +213,14 @@ def filter_errors(plan: DivePlanDocument, leg: DiveLegEntry, *, seed: int, ticks
     random, sensors = random_numbers(seed, leg.id, FILTER), plan.sensors
     errors = np.zeros((ticks, 12))
     attitude = sensors.attitude
-    errors[:, 3:6] = gauss_markov(
+    errors[:, 9:] = gauss_markov(
         random,
         sd=np.radians([attitude.tilt_sd_deg, attitude.tilt_sd_deg, attitude.heading_sd_deg]),
         correlation_s=attitude.correlation_s,
         step_s=1.0 / plan.control_hz,
         samples=ticks,
     )
-    errors[:, 2] = sensors.depth.sd_m * random.standard_normal(ticks)
-    errors[:, 6:9] = 0.5 * sensors.dvl.sd_m_s * random.standard_normal((ticks, 3))
-    errors[:, 9:] = sensors.imu.gyro_sd_rad_s * random.standard_normal((ticks, 3))
+    errors[:, 8] = sensors.depth.sd_m * random.standard_normal(ticks)
+    errors[:, :3] = 0.5 * sensors.dvl.sd_m_s * random.standard_normal((ticks, 3))
+    errors[:, 3:6] = sensors.imu.gyro_sd_rad_s * random.standard_normal((ticks, 3))
     return errors

@@ -92,10 +92,11 @@ def _loops(sources: str) -> tuple[Any, Any]:
     ) -> int:
         """Fill the rows of a dive from the state x (12 + n,); return the ticks flown.
 
-        Per tick k: `modes`, `sticks` (k, 6), `targets` (k, 6), `errors` (k, 12) of what
-        the autopilot sees, `push` (k, 6). Out: `states` ((k - 1) steps + 1, 12 + n),
-        `pulses` (k, n) [us], `supply` (k, 2) [V, A], `goals` (k, n) bollard thrust [N],
-        held over the tick. A state that is not finite, or above water, ends the dive.
+        x = [nu, eta, bollard thrust]. Per tick k: `modes`, `sticks` (k, 6), `targets`
+        (k, 6), `errors` (k, 12) of what the autopilot sees, `push` (k, 6). Out: `states` ((k - 1)
+        steps + 1, 12 + n), `pulses` (k, n) [us], `supply` (k, 2) [V, A], `goals` (k, n)
+        bollard thrust [N], held over the tick. A state that is not finite, or above
+        water, ends the dive.
         """
         assert len(sources) > 0
         size, count, last = len(x), len(c.direction), len(modes) - 1
@@ -107,17 +108,18 @@ def _loops(sources: str) -> tuple[Any, Any]:
         for k in range(last + 1):
             # What the autopilot sees: velocity over ground from its filter.
             e = errors[k]
-            sf, cf, st, ct = np.sin(x[3]), np.cos(x[3]), np.sin(x[4]), np.cos(x[4])
-            rows = rotation_entries(sf, cf, st, ct, np.sin(x[5]), np.cos(x[5]))
+            sf, cf, st, ct = np.sin(x[9]), np.cos(x[9]), np.sin(x[10]), np.cos(x[10])
+            rows = rotation_entries(sf, cf, st, ct, np.sin(x[11]), np.cos(x[11]))
             drift = c.current
             pose = (
-                x[0] + e[0], x[1] + e[1], x[2] + e[2], x[3] + e[3], x[4] + e[4], x[5] + e[5],
+                x[6] + e[6], x[7] + e[7], x[8] + e[8],
+                x[9] + e[9], x[10] + e[10], x[11] + e[11],
             )  # fmt: skip
             nu = (
-                x[6] + rows[0][0] * drift[0] + rows[1][0] * drift[1] + rows[2][0] * drift[2] + e[6],
-                x[7] + rows[0][1] * drift[0] + rows[1][1] * drift[1] + rows[2][1] * drift[2] + e[7],
-                x[8] + rows[0][2] * drift[0] + rows[1][2] * drift[1] + rows[2][2] * drift[2] + e[8],
-                x[9] + e[9], x[10] + e[10], x[11] + e[11],
+                x[0] + rows[0][0] * drift[0] + rows[1][0] * drift[1] + rows[2][0] * drift[2] + e[0],
+                x[1] + rows[0][1] * drift[0] + rows[1][1] * drift[1] + rows[2][1] * drift[2] + e[1],
+                x[2] + rows[0][2] * drift[0] + rows[1][2] * drift[1] + rows[2][2] * drift[2] + e[2],
+                x[3] + e[3], x[4] + e[4], x[5] + e[5],
             )  # fmt: skip
             autopilot_step(
                 memory, gains, modes[k], sticks[k], targets[k], pose, nu, tick_s, outputs
@@ -162,7 +164,7 @@ def _loops(sources: str) -> tuple[Any, Any]:
                     x[i] += step_s / 6.0 * total[i]
                     finite += 0.0 * x[i]
                     states[k * steps + s + 1, i] = x[i]
-                if finite != 0.0 or x[2] < 0.0 or abs(x[4]) > 1.4:
+                if finite != 0.0 or x[8] < 0.0 or abs(x[10]) > 1.4:
                     return k
         return last
 
@@ -174,7 +176,7 @@ def _loops(sources: str) -> tuple[Any, Any]:
         for i in range(len(states)):
             x, f = states[i], push[i]
             rov_rate(x, goals[i], (f[0], f[1], f[2], f[3], f[4], f[5]), c, out[i])
-            force = hull_components(c, (x[6], x[7], x[8], x[9], x[10], x[11]))
+            force = hull_components(c, (x[0], x[1], x[2], x[3], x[4], x[5]))
             for k in range(6):
                 hull[i, k] = force[k]
 

@@ -121,29 +121,29 @@ def thruster_components(c: RovTables, bollard: Array, nu: tuple[Array, ...]) -> 
 
 
 def rov_rate(x: Array, goal: Array, push: tuple[Array, ...], c: RovTables, out: Array) -> None:
-    """Write d/dt of the state x (12 + n, ...) to `out`: McCarter (2.60)-(2.66).
+    """Write d/dt of the state x = [nu, eta, f] (12 + n, ...) to `out`: McCarter (2.60)-(2.66).
 
     M nu_dot + C(nu) nu = tau_G + hull + tether + thrusters + push, for the velocity
     through the water; d/dt [x y z] = P_v v + current; d/dt f = (goal - f) / lag.
     `goal` (n, ...): bollard thrust of the pulses; `push` (6): unsteady force. Without
     lag the state holds the goal.
     """
-    nu = (x[6], x[7], x[8], x[9], x[10], x[11])
-    sf, cf, st, ct = np.sin(x[3]), np.cos(x[3]), np.sin(x[4]), np.cos(x[4])
-    rotation = rotation_entries(sf, cf, st, ct, np.sin(x[5]), np.cos(x[5]))
+    nu = (x[0], x[1], x[2], x[3], x[4], x[5])
+    sf, cf, st, ct = np.sin(x[9]), np.cos(x[9]), np.sin(x[10]), np.cos(x[10])
+    rotation = rotation_entries(sf, cf, st, ct, np.sin(x[11]), np.cos(x[11]))
     turning = euler_rate_entries(sf, cf, st, ct)
     for i in range(3):
-        out[i] = (
+        out[6 + i] = (
             rotation[i][0] * nu[0] + rotation[i][1] * nu[1] + rotation[i][2] * nu[2] + c.current[i]
         )
-        out[3 + i] = turning[i][0] * nu[3] + turning[i][1] * nu[4] + turning[i][2] * nu[5]
+        out[9 + i] = turning[i][0] * nu[3] + turning[i][1] * nu[4] + turning[i][2] * nu[5]
     bollard = x[12:]
     force = restoring_components(
         sf, cf, st, ct, c.restoring[0], c.restoring[1], c.restoring[2], c.restoring[3]
     )
     force = plus(force, hull_components(c, nu))
     current = (c.current[0], c.current[1], c.current[2])
-    force = plus(force, tether_components(c.tether, rotation, (x[0], x[1], x[2]), nu, current))
+    force = plus(force, tether_components(c.tether, rotation, (x[6], x[7], x[8]), nu, current))
     force = plus(plus(force, thruster_components(c, bollard, nu)), push)
     inertial = coriolis_components(nu, six_times(c.mass, nu))
     net = (
@@ -152,6 +152,6 @@ def rov_rate(x: Array, goal: Array, push: tuple[Array, ...], c: RovTables, out: 
     )  # fmt: skip
     acceleration = six_times(c.inverse, net)
     for i in range(6):
-        out[6 + i] = acceleration[i]
+        out[i] = acceleration[i]
     for i in range(c.allocation.shape[1]):
         out[12 + i] = (goal[i] - x[12 + i]) / c.lag_s if c.lag_s > 0.0 else 0.0 * goal[i]

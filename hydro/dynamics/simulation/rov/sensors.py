@@ -166,7 +166,7 @@ def _attitude(dive: Dive, time_us: Ints, motion: DiveMotion) -> Columns:
     """Return the attitude of the autopilot's filter, with the error it steered by."""
     ticks = np.arange(len(dive.errors))
     at = (motion.t_s + dive.offset_s) / dive.tick_s
-    error = [np.interp(at, ticks, dive.errors[:, column]) for column in (3, 4, 5)]
+    error = [np.interp(at, ticks, dive.errors[:, column]) for column in (9, 10, 11)]
     angles = motion.eta[:, 3:] + np.column_stack(error)
     return {
         "time_us": time_us,

@@ -130,8 +130,8 @@ class RovTruth:
     ) -> tuple[Array, Array]:
         """Return d/dt of states (m, 12 + n) and the force on the hull (m, 6).
 
-        `goal` (m, n): bollard thrust of the pulses, `push` (m, 6): unsteady force.
-        `compiled` False takes the numpy path, the reference.
+        A state is [nu, eta, bollard thrust]. `goal` (m, n): bollard thrust of the
+        pulses, `push` (m, 6): unsteady force. `compiled` False takes the numpy path, the reference.
         """
         x, goals, pushes = (np.ascontiguousarray(item, np.float64) for item in (state, goal, push))
         if compiled:
@@ -142,7 +142,7 @@ class RovTruth:
             return out, hull
         columns = np.empty(x.shape[::-1])
         rov_rate(x.T, goals.T, tuple(pushes.T), self.tables, columns)
-        force = hull_components(self.tables, tuple(x.T[6:12]))
+        force = hull_components(self.tables, tuple(x.T[:6]))
         return np.ascontiguousarray(columns.T), np.stack(force, axis=-1)
 
     def forces(self, eta: Array, nu: Array, nu_dot: Array, bollard: Array) -> dict[str, Array]:

@@ -77,10 +77,10 @@ def test_steps_are_reached(yaw_deg: float, deeper_m: float) -> None:
     flight = flown(yaw_deg, deeper_m)
     assert flight.stop is None
     before, after = flight.state[1400], flight.state[-1]
-    assert before[2] == pytest.approx(5.0, abs=0.1)
-    assert np.degrees(before[5]) == pytest.approx(0.0, abs=1.0)
-    assert after[2] == pytest.approx(5.0 + deeper_m, abs=0.1)
-    assert np.degrees(after[5]) == pytest.approx(yaw_deg, abs=2.0)
+    assert before[8] == pytest.approx(5.0, abs=0.1)
+    assert np.degrees(before[11]) == pytest.approx(0.0, abs=1.0)
+    assert after[8] == pytest.approx(5.0 + deeper_m, abs=0.1)
+    assert np.degrees(after[11]) == pytest.approx(yaw_deg, abs=2.0)
 
 
 def test_fins_stay_within_their_limits() -> None:
@@ -98,6 +98,6 @@ def test_heading_goes_the_short_way() -> None:
         fin_mixing(VT690), np.full(1, np.radians(-170.0)), np.full(1, 5.0), TICK, LIMIT, RATE
     )
     state = np.zeros(12)
-    state[[2, 5]] = 5.0, np.radians(170.0)
+    state[[8, 11]] = 5.0, np.radians(170.0)
     fins = pilot(0, state, np.zeros(4))
     assert fins @ fin_mixing(VT690)[:, 1] > 0.0

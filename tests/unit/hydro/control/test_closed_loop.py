@@ -14,7 +14,7 @@ import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
-from auvid.hydro.control.closed_loop import fly, force_field, limited, linear_response, performance
+from auvid.hydro.control.closed_loop import ForceField, fly, limited, linear_response, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import (
     Equilibrium,
@@ -199,7 +199,7 @@ def test_closed_loop_holds_the_turn_and_is_stable(trimmed: Equilibrium, schedule
 
 def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equilibrium) -> None:
     force = np.array([0.0, 20.0, -15.0])
-    field = force_field(TURN.t_s, {"constant_N": force, "start_s": 5.0})
+    field = ForceField(constant_N=force, start_s=5.0).at(TURN.t_s)
     flown = fly(HAUV, schedule, force_ned_N=field)
     seen = np.einsum("ij,nj->ni", HAUV.mass_matrix(72.5), flown.disturbance[0])[-1, :3]
     pushed = rotation_body_to_ned(flown.chi[0, -1, 9:]).T @ force
@@ -217,7 +217,7 @@ def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equili
 def test_waiting_reference_holds_the_path_where_thrust_saturates(
     schedule: Schedule, trimmed: Equilibrium
 ) -> None:
-    field = force_field(TURN.t_s, {"constant_N": [0.0, 225.0, 0.0], "start_s": 5.0})
+    field = ForceField(constant_N=[0.0, 225.0, 0.0], start_s=5.0).at(TURN.t_s)
     flown = fly(HAUV, schedule, force_ned_N=field, use_observer=False, waiting=Waiting(2.0, 30.0))
     found = performance(TURN, flown, trimmed.chi, HAUV.inputs)
     assert flown.U[..., 0].max() == 272.0
@@ -238,7 +238,7 @@ def test_a_glider_starts_its_propeller_where_it_is_pushed_off_its_path() -> None
         pair.append(design(HAUV, found, weights, observer="kalman", stride=20))
     field = np.stack(
         [
-            force_field(pair[0].equilibrium.t_s, {"constant_N": [0.0, y, 0.0], "start_s": 5.0})
+            ForceField(constant_N=[0.0, y, 0.0], start_s=5.0).at(pair[0].equilibrium.t_s)
             for y in (0.0, 25.0)
         ]
     )
@@ -255,7 +255,7 @@ def test_placed_observer_works_in_the_loop(trimmed: Equilibrium) -> None:
     poles = design(HAUV, trimmed, HAUV_WEIGHTS, observer="poles", stride=20)
     assert poles.observer is not None
     assert poles.observer.poles.real.max() < 4.9 * poles.eigenvalues.real.max()
-    flown = fly(HAUV, poles, force_ned_N=force_field(TURN.t_s, {"constant_N": [0.0, 20.0, 0.0]}))
+    flown = fly(HAUV, poles, force_ned_N=ForceField([0.0, 20.0, 0.0]).at(TURN.t_s))
     assert (
         performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0] < 0.2
     )
@@ -299,8 +299,6 @@ def test_wrong_weights_words_and_cards_are_named(trimmed: Equilibrium) -> None:
         equilibrium(HAUV, TURN, method="guess")
     with pytest.raises(CampaignError, match="another vehicle"):
         identified_plant(VT690_VEHICLE, CARD.model_copy(update={"vehicle": "remus100"}), **LIMITS)
-    with pytest.raises(CampaignError, match="three components"):
-        force_field(TURN.t_s, {"constant_N": [1.0, 2.0]})
 
 
 def test_a_vehicle_that_cannot_move_sideways_is_refused() -> None:

@@ -125,10 +125,10 @@ def test_single_channel_is_the_equation_of_the_text():
     """(61): u_dot = (X_u u + X_u|u| u|u| + X_prop) / (m - X_udot)."""
     model = simplified_of(THAUS, linear=LINEAR, quadratic=QUADRATIC)
     state = np.zeros(12)
-    state[6] = -0.4
+    state[0] = -0.4
     rate = state_rate(model, state, np.array([10.0, 0, 0, 0, 0, 0]))
-    assert rate[6] == pytest.approx((20.0 * 0.4 + 132.2436 * 0.16 + 10.0) / (38.10 + 91.7507))
-    assert rate[0] == pytest.approx(-0.4)
+    assert rate[0] == pytest.approx((20.0 * 0.4 + 132.2436 * 0.16 + 10.0) / (38.10 + 91.7507))
+    assert rate[6] == pytest.approx(-0.4)
     np.testing.assert_array_equal(np.delete(rate, [0, 6]), 0.0)
 
 

@@ -110,7 +110,7 @@ def test_open_loop_is_stable_at_every_speed_of_the_campaign() -> None:
         trim = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [u, 0.0, 0.0, 0.0, 0.0, 0.0])
         inputs = constant_actuation(np.full(22, rev_s), np.zeros((22, 4)), knots=1)
         points = np.repeat(trim[None], 22, axis=0)
-        for index, state in enumerate((1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2)):
+        for index, state in enumerate((0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11)):
             points[2 * index, state] += 1e-5
             points[2 * index + 1, state] -= 1e-5
         here = replace(
@@ -120,10 +120,10 @@ def test_open_loop_is_stable_at_every_speed_of_the_campaign() -> None:
             force=inputs.force[:, 0],
         )
         rates = plant.derivative(points, here)
-        fast = [3, 4, 6, 7, 8, 9, 10, 11]
+        fast = [0, 1, 2, 3, 4, 5, 9, 10]
         columns = {
             state: (rates[2 * i] - rates[2 * i + 1]) / 2e-5
-            for i, state in enumerate((1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2))
+            for i, state in enumerate((0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11))
         }
         matrix = np.array([[columns[to][of] for to in fast] for of in fast])
         assert np.linalg.eigvals(matrix).real.max() < 0.0

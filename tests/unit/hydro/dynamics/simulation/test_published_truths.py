@@ -93,7 +93,7 @@ def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
         assert leg["end_s"] == pytest.approx(leg["start_s"] + 60.0)
         return
     assert leg["stopped"].startswith(STOPS[name])
-    assert " s; last state: x " in leg["stopped"]
+    assert " s; last state: u " in leg["stopped"]
     assert leg["end_s"] < leg["start_s"] + 60.0
     assert leg["end_s"] == pytest.approx(float(column(made.truth["run"], "t_s")[-1]), abs=0.03)
     assert np.isfinite(matrix(made.truth["run"], VELOCITY)).all()

@@ -77,7 +77,7 @@ def plants() -> dict[str, SimulatedVehicle]:
 def random_states(n: int, states: int = 12) -> np.ndarray:
     random = np.random.default_rng(0)
     x = random.normal(size=(n, states)) * 0.3
-    x[:, 6] += 1.5
+    x[:, 0] += 1.5
     return x
 
 
@@ -136,7 +136,7 @@ def test_batch_under_every_truth_agrees_with_one_vehicle_at_a_time(name: str) ->
     """To the last bit: a vehicle does not know how many others there are."""
     plant, random = plants()[name], np.random.default_rng(4)
     x = 0.1 * random_states(11, plant.states)
-    x[:, 6] = 1.5
+    x[:, 0] = 1.5
     inputs = Actuation(
         np.linspace(30.0, 43.0, 11)[:, None] + np.zeros(5),
         random.normal(size=(11, 5, 4)) * 0.1,
@@ -151,13 +151,13 @@ def test_batch_under_every_truth_agrees_with_one_vehicle_at_a_time(name: str) ->
 def test_angles_of_many_turns_keep_their_sine_and_cosine() -> None:
     """Position after one step at headings up to 1e5 rad: numpy's to 1e-12 m."""
     x = random_states(16)
-    x[:, 3:6] = np.random.default_rng(6).uniform(-1e5, 1e5, (16, 3))
+    x[:, 9:] = np.random.default_rng(6).uniform(-1e5, 1e5, (16, 3))
     inputs = constant_actuation(np.full(16, 35.0), np.zeros((16, 4)), knots=2)
     fast = integrate_open_loop(PHYSICS, x, inputs, step_s=0.001)
     slow = integrate_numpy(PHYSICS, x, inputs, step_s=0.001, steps_per_knot=1)
     assert np.allclose(
-        fast[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
-        slow[..., [0, 1, 2, 6, 7, 8, 9, 10, 11]],
+        fast[..., [0, 1, 2, 3, 4, 5, 6, 7, 8]],
+        slow[..., [0, 1, 2, 3, 4, 5, 6, 7, 8]],
         rtol=0.0,
         atol=1e-12,
     )
@@ -221,7 +221,7 @@ def test_energy_is_kept_in_still_water_without_drag() -> None:
         constant_actuation(0.0, np.zeros(4), knots=2501),
         step_s=0.002,
     )
-    nu = states[:, 6:]
+    nu = states[:, :6]
     energy = 0.5 * np.einsum("ni,ij,nj->n", nu, idle.mass_matrix, nu)
     assert np.ptp(energy) < 1e-9 * energy[0]
 
@@ -258,7 +258,7 @@ def test_motion_satisfies_the_equation_of_motion() -> None:
     flight = simulate_autopilot(
         PHYSICS,
         lambda tick, state, fins: np.full(4, 0.1 * np.sin(0.1 * tick)),
-        random_states(1)[0] + np.eye(12)[2] * 5.0,
+        random_states(1)[0] + np.eye(12)[8] * 5.0,
         propeller_rev_s=np.full(ticks, 35.0),
         force=force,
         tick_s=0.02,
@@ -267,24 +267,24 @@ def test_motion_satisfies_the_equation_of_motion() -> None:
     motion = motion_at(PHYSICS, flight, np.linspace(0.0, 2.0, 333))
     bar = inverse_dynamics(VT690, motion.eta, motion.nu, motion.nu_dot, motion.actuation.control)
     assert np.max(np.abs(bar - motion.viscous - motion.actuation.force)) < 1e-9
-    assert np.max(np.abs(motion_at(PHYSICS, flight, flight.t_s).nu - flight.state[:, 6:12])) < 1e-14
+    assert np.max(np.abs(motion_at(PHYSICS, flight, flight.t_s).nu - flight.state[:, :6])) < 1e-14
 
 
 def test_interpolated_states_agree_with_a_finer_simulation() -> None:
-    start = random_states(1)[0] + np.eye(12)[2] * 5.0
+    start = random_states(1)[0] + np.eye(12)[8] * 5.0
     common = {"propeller_rev_s": np.full(51, 35.0), "force": np.zeros((51, 6)), "tick_s": 0.02}
     coarse = simulate_autopilot(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=2, **common)  # type: ignore[arg-type]
     fine = simulate_autopilot(PHYSICS, lambda *_: np.zeros(4), start, steps_per_tick=20, **common)  # type: ignore[arg-type]
     between = motion_at(PHYSICS, coarse, fine.t_s)
     assert (
-        np.max(np.abs(np.hstack([between.eta, between.nu]) - fine.state)) < 2e-6
+        np.max(np.abs(np.hstack([between.nu, between.eta]) - fine.state)) < 2e-6
     )  # roll settles at 10 rad/s here
 
 
 def test_lagged_force_follows_with_its_time_constant() -> None:
     plant = replace(PHYSICS, lag_s=0.5)
     start = plant.start([0.0, 0.0, 5.0, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert np.array_equal(start[12:], PHYSICS.viscous_force(start[6:12], 0.0))
+    assert np.array_equal(start[12:], PHYSICS.viscous_force(start[:6], 0.0))
     behind = plant.derivative(
         start + np.r_[np.zeros(12), np.ones(6)], Actuation(np.array(35.0), np.zeros(4), np.zeros(6))
     )
@@ -310,7 +310,7 @@ def test_unstable_truth_stops_with_time_state_and_reason() -> None:
     assert flight.stop.reason == "speed above 8 m/s"
     assert 0.5 < flight.stop.time_s < 10.0
     assert np.isfinite(flight.state).all()
-    assert np.linalg.norm(flight.state[-1, 6:9]) <= 8.0
+    assert np.linalg.norm(flight.state[-1, :3]) <= 8.0
     assert len(flight.actuation.propeller_rev_s) == (len(flight.t_s) - 1) // 2 + 1
     assert "u 7." in str(flight.stop)
 

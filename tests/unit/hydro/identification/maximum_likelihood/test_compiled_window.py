@@ -66,7 +66,7 @@ def flown() -> tuple[Flight, SimulatedVehicle]:
     force[:, 5] = TRUTH["N"]["constant"]
     actuation = replace(actuation, force=force)
     simulated = SimulatedVehicle(VT690, IdentifiedModel("truth", viscous))
-    start = np.array([0.0, 0.0, 5.0, 0.05, -0.1, 0.4, 1.6, 0.1, -0.05, 0.0, 0.1, -0.1])
+    start = np.array([1.6, 0.1, -0.05, 0.0, 0.1, -0.1, 0.0, 0.0, 5.0, 0.05, -0.1, 0.4])
     states = integrate_open_loop(simulated, start, actuation, step_s=0.005)
     return Flight(t, states, actuation, 0.005), simulated
 
