@@ -175,17 +175,17 @@ def basis(
 
 
 def cross_flow_speed(v: Array, w: Array) -> Array:
-    """Return V = sqrt(v^2 + w^2) of (C.5); arrays, or numbers in the compiled loop."""
+    """Return V = sqrt(v^2 + w^2) (C.9); arrays, or numbers in the compiled loop."""
     return np.hypot(v, w)
 
 
 def signed_speed(cross_speed: Array, velocity: Array) -> Array:
-    """Return V_v = V sign(v), or V_w, of (C.5); arrays, or numbers in the loop."""
+    """Return V_v = V sign(v) (C.10), or V_w (C.11); arrays, or numbers in the loop."""
     return cross_speed * np.sign(velocity)
 
 
 def propulsion_ratio(level_speed: Array, u: Array, v: Array, w: Array, floor: float) -> Array:
-    """Return eta = u_c(n) / U (C.12), U = sqrt(u^2 + v^2 + w^2) not below `floor`.
+    """Return eta = u_c(n) / U (C.12), U = sqrt(u^2 + v^2 + w^2) (C.8) above `floor`.
 
     Arrays of one shape, or numbers in the compiled loop.
     """

@@ -130,7 +130,12 @@ def control_matrix(coefficients: Iterable[Coefficient]) -> Array:
 def viscous_terms(coefficients: Iterable[Coefficient]) -> dict[str, dict[str, float]]:
     """Return axis -> term -> coefficient of the viscous force.
 
-    Drag and lift are summed where several parts share a term.
+    Drag is Al Makdah (2.36, corrected: each term times its velocity), X_drag = X_u|u|
+    u|u|, Y_drag = Y_v|v| v|v| + Y_r|r| r|r| and so on [N, N m]; drag and lift are summed
+    where several parts share a term.
+
+    >>> viscous_terms([Coefficient("Y_r|r|", 3.0, unit_of("Y_r|r|"), "drag", "", "")])
+    {'Y': {'r*|r|': 3.0}}
     """
     total: dict[str, dict[str, float]] = {}
     for item in coefficients:

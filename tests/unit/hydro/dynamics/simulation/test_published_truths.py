@@ -101,6 +101,6 @@ def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
 
 def test_no_leg_reached_is_said_with_time_state_and_reason() -> None:
     with pytest.raises(
-        DataError, match=r"the twin reached no leg: run: speed above 8 m/s at .* s; last state: x "
+        DataError, match=r"the twin reached no leg: run: speed above 8 m/s at .* s; last state: u "
     ):
         fly("uncoupled", 60.0, settle_s=20)
