@@ -206,9 +206,7 @@ def motion_rates(x: Array, inputs: Array, viscous: Any, c: Tables, out: Array) -
     spin = propeller_terms(nu[0], inputs[0], c.inflow_per_u)
     propeller = (_row(c.propeller, 0, spin), 0.0, 0.0, _row(c.propeller, 1, spin), 0.0, 0.0)
     for i in range(6):
-        out[i] = (
-            viscous[i] + restoring[i] + fins[i] + propeller[i] + inputs[6 + i] - coriolis[i]
-        )
+        out[i] = viscous[i] + restoring[i] + fins[i] + propeller[i] + inputs[6 + i] - coriolis[i]
     tau = (out[0], out[1], out[2], out[3], out[4], out[5])
     acceleration = _six(c.inverse, tau)
     for i in range(6):

@@ -76,20 +76,20 @@ def _rates(x: Any, inputs: Any, c: Any, decay: Any, out: Any, work: Any) -> None
     """
     pose, slope, acting, factors = work
     for i in range(3):
-        pose[3 + i] = x[i]
-    pose[2] = x[3]
+        pose[9 + i] = x[i]
+    pose[8] = x[3]
     for i in range(6):
-        pose[6 + i] = x[4 + i]
+        pose[i] = x[4 + i]
     for i in range(12):
         acting[i] = inputs[i]
     for i in range(len(x) - MOTION):
         acting[6 + i] += x[MOTION + i]
     derivative(pose, acting, c, slope, factors)
     for i in range(3):
-        out[i] = slope[3 + i]
-    out[3] = slope[2]
+        out[i] = slope[9 + i]
+    out[3] = slope[8]
     for i in range(6):
-        out[4 + i] = slope[6 + i]
+        out[4 + i] = slope[i]
     for i in range(len(x) - MOTION):
         out[MOTION + i] = -decay[i] * x[MOTION + i]
 
