@@ -6,6 +6,7 @@ are quick.
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -543,15 +544,40 @@ def main() -> None:
     Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses, 130 interrupted.
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # what a terminal cannot show is a ?
     try:
-        app(standalone_mode=True)
+        try:
+            app(standalone_mode=True)
+        finally:
+            print(end="", flush=True)
     except PipelineError as fault:
         sys.exit(_say(f"error: {fault}", WRONG_USE if isinstance(fault, UsageError) else FAILED))
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         sys.exit(FAILED)
     except Exception as crash:
+        if isinstance(crash, OSError) and (words := _refused(crash)):
+            sys.exit(_say(f"error: {words}", FAILED))
         sys.exit(_say(_internal(crash), FAILED))
+
+
+def _refused(fault: OSError) -> str | None:
+    """Return in words what the system refused; None where auvid itself is at fault."""
+    from auvid.pipeline.store.atomic_files import REMEDIES, refusal
+
+    if fault.errno not in REMEDIES:
+        return None
+    if fault.filename is None:
+        _close_output()
+    words = "the system refused it" if fault.filename else "nothing more can be printed"
+    return str(refusal(fault, words))
+
+
+def _close_output() -> None:
+    """Lead standard output to nowhere, so that Python's own flush at exit is quiet."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -53,7 +54,9 @@ class Processes:
             return
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
-                self._jobs, mp_context=multiprocessing.get_context("spawn")
+                self._jobs,
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=_end_with_parent,
             )
         with _interrupts_held_back():
             self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
@@ -76,6 +79,18 @@ class Processes:
                 worker.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool, self._waiting = None, {}
+
+
+def _end_with_parent() -> None:
+    """Let this worker end at once when its parent has gone, whatever it is doing."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

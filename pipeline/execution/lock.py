@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.store.atomic_files import refusal, writable
 
 FILE = ".lock"
 
@@ -26,13 +27,13 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as fault:
-        raise PipelineError(
-            f"the run folder cannot be used: {fault.strerror}", file=folder
-        ) from fault
+        raise refusal(fault, "the run folder cannot be used", folder) from fault
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        except OSError as fault:
+            if not isinstance(fault, BlockingIOError):
+                raise refusal(fault, "the run folder cannot be locked", folder) from fault
             holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
             remedy = "Wait until it has finished."
             raise PipelineError(
@@ -41,8 +42,9 @@ def locked(folder: Path) -> Iterator[None]:
                 value=f"process {holder}",
                 remedy=remedy,
             ) from None
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+        with writable(folder / FILE):
+            os.ftruncate(handle, 0)
+            os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
         yield
     finally:
         os.close(handle)

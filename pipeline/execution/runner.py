@@ -27,6 +27,7 @@ from auvid.pipeline.execution.task_inputs import (
     Many,
     Source,
     Value,
+    artefacts_of,
     log_files,
     log_source,
     vehicle_source,
@@ -41,6 +42,7 @@ from auvid.pipeline.graph import (
     Port,
 )
 from auvid.pipeline.store.atomic_files import (
+    refuse_linked_folders,
     remove_stale_files,
     remove_temporary_files,
     write_atomically,
@@ -119,7 +121,10 @@ class Run:
         `after` is called with the folder still locked, where any item had to run.
         Raises `StageFault` (all faults of a stage together), or `InternalFault`.
         """
+        for stage in stages:
+            refuse_linked_folders(self.manifests[stage.name].folder)
         with locked(self.folder):
+            remove_temporary_files(self.folder)
             try:
                 count = sum(
                     self._stage(stage, engine, progress or Silent(), force) for stage in stages
@@ -130,8 +135,7 @@ class Run:
             finally:
                 if close_engine:
                     engine.close()
-                for stage in stages:
-                    remove_temporary_files(self.manifests[stage.name].folder)
+                remove_temporary_files(self.folder)
                 self.hashes.save()
 
     def _stage(self, stage: AnyStage, engine: Engine, progress: Progress, force: bool) -> int:
@@ -149,6 +153,10 @@ class Run:
             if force or not self.is_fresh(task):
                 stale.append(task)
         again = {*outcomes, *(task.item for task in stale)}
+        names = {
+            *(port.name for port in self.graph.outputs if port.stage is stage),
+            *(name for record in manifest.records.values() for name in record.outputs),
+        }
         manifest.write(
             {item: record for item, record in manifest.records.items() if item not in again}, order
         )
@@ -168,6 +176,7 @@ class Run:
         remove_stale_files(
             manifest.folder,
             {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))},
+            names,
         )
         progress.finish(failed=sum(outcome.record is None for outcome in outcomes.values()))
         _raise(stage, [outcomes[item] for item in order if item in outcomes])
@@ -254,20 +263,8 @@ class Run:
                         yield port, item, key, artefact
 
     def artefacts_of(self, port: Port, item: str) -> dict[str | None, Artefact]:
-        """Return what a port gave for an item, by key (None for a single one).
-
-        Empty if it gave none.
-        """
-        manifest = self.manifests[port.stage.name]
-        record = manifest.records.get(item)
-        hashes = record.outputs.get(port.name) if record is not None else None
-        if hashes is None:
-            return {}
-        named = [(None, hashes)] if isinstance(hashes, str) else hashes.items()
-        return {
-            key: Artefact(manifest.folder / port.path(item, key), port.schema, value)
-            for key, value in named
-        }
+        """Return what a port gave for an item, by key (None for a single one)."""
+        return artefacts_of(self.manifests[port.stage.name], port, item)
 
     def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
         if feed.runs:
@@ -455,6 +452,7 @@ def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
 
     Unchanged ones are left as they are.
     """
+    remove_temporary_files(folder, shared=True)
     for stage in stages:
         path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()
         if not path.is_file() or path.read_bytes() != line:

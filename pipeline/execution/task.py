@@ -17,7 +17,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.artefacts import encode
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import REMEDIES, refusal, write_atomically
 from auvid.pipeline.store.fingerprints import as_document, hash_bytes, package_versions
 from auvid.pipeline.store.manifest import Hashes, Record
 
@@ -57,6 +57,8 @@ def execute(task: Task) -> Outcome:
     except PipelineError as fault:
         return Outcome(task.item, fault=fault)
     except Exception as crash:
+        if isinstance(crash, OSError) and crash.errno in REMEDIES:
+            return Outcome(task.item, fault=refusal(crash, "the system refused a file"))
         return Outcome(
             task.item, crash=f"{type(crash).__name__}: {crash}", trace=traceback.format_exc()
         )

@@ -5,7 +5,6 @@ Sources are small and picklable; they are opened by the process that runs the it
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,9 +14,11 @@ from typing import Any, Protocol
 from auvid.data_schemas.errors import DataError, LogError, PipelineError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile
+from auvid.pipeline.graph import Port
 from auvid.pipeline.store import artefacts
 from auvid.pipeline.store.atomic_files import contents, readable
 from auvid.pipeline.store.fingerprints import hash_value
+from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import Collection, RawFile, RawLog
 from auvid.stages.simulate.csv_writer import column_maps
 
@@ -68,6 +69,22 @@ class Artefact:
 
     def load(self) -> Any:
         return artefacts.load(self.path, self.schema, self.hash)
+
+
+def artefacts_of(manifest: Manifest, port: Port, item: str) -> dict[str | None, Artefact]:
+    """Return what a port gave for an item, by key (None for a single one).
+
+    Empty if it gave none.
+    """
+    record = manifest.records.get(item)
+    hashes = record.outputs.get(port.name) if record is not None else None
+    if hashes is None:
+        return {}
+    named = [(None, hashes)] if isinstance(hashes, str) else hashes.items()
+    return {
+        key: Artefact(manifest.folder / port.path(item, key), port.schema, value)
+        for key, value in named
+    }
 
 
 @dataclass(frozen=True)
@@ -183,12 +200,6 @@ def log_source(
     for file in files:
         with readable(file.path, file=named_in or file.path, what=f"file of log '{log}'"):
             status = file.path.stat()
-            if not stat.S_ISREG(status.st_mode):
-                raise LogError(
-                    "the log is no regular file",
-                    file=file.path,
-                    remedy="Copy what it delivers into a file first.",
-                )
             content = hash_of(file.path) if hash_of is not None else ""
         parts.append(LogPart(file, content, status.st_size, status.st_mtime_ns))
     return Log(log, reader, tuple(parts))

@@ -60,7 +60,7 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
         raise SchemaError(
             "the artefact is not what its manifest says",
             file=path,
-            remedy="Run the whole campaign: it is made again.",
+            remedy="Run the campaign: it is made again.",
         )
     kind = schema(name).kind
     if kind == "bytes":

@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import errno
 import os
+import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,36 +17,81 @@ import numpy.typing as npt
 from auvid.data_schemas.errors import PipelineError
 
 TEMPORARY = ".part"
+OF_PROCESS = re.compile(rf"\..+\.(\d+){re.escape(TEMPORARY)}", re.DOTALL)
 NAMED_FILES = 5
 LARGEST_IN_MEMORY = 1 << 30
+SPACE = "Free some space and run again: what was finished is kept."
+OWNER = "Check who owns the folder."
+DISK = "The disk or its connection has a fault: see the system's log, then run again."
 REMEDIES = {
-    errno.ENOSPC: "Free some space and run again: what was finished is kept.",
-    errno.EDQUOT: "Free some space and run again: what was finished is kept.",
-    errno.EACCES: "Check who owns the folder.",
+    errno.ENOSPC: SPACE,
+    errno.EDQUOT: SPACE,
+    errno.EFBIG: SPACE,
+    errno.EACCES: OWNER,
+    errno.EPERM: OWNER,
     errno.EROFS: "The file system is read-only.",
+    errno.EIO: DISK,
+    errno.ESTALE: DISK,
+    errno.ENAMETOOLONG: "Shorten the name.",
+    errno.EMFILE: "Too many files are open: raise the limit (ulimit -n).",
+    errno.ENFILE: "Too many files are open on this machine.",
 }
+"""Refusals of the system that no change of auvid can mend, with what helps."""
+
+
+def refusal(fault: OSError, words: str, file: object = None) -> PipelineError:
+    """Return what the system refused as a fault with file and remedy."""
+    return PipelineError(
+        f"{words}: {fault.strerror or fault}",
+        file=fault.filename if file is None else file,
+        remedy=REMEDIES.get(fault.errno or 0),
+    )
+
+
+@contextmanager
+def writable(path: Path) -> Iterator[None]:
+    """Turn a refusal to write or remove into a fault that names the file."""
+    try:
+        yield
+    except OSError as fault:
+        raise refusal(fault, "cannot be written", path) from fault
 
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
-    Raises `PipelineError` where the system refuses.
+    A link is replaced, a file keeps its mode. Raises `PipelineError` where the system
+    refuses.
     """
-    try:
+    with writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         _write(path, content)
-    except OSError as fault:
-        raise PipelineError(
-            f"cannot be written: {fault.strerror or fault}",
-            file=path,
-            remedy=REMEDIES.get(fault.errno or 0),
-        ) from fault
+
+
+def write_output(path: Path, content: bytes) -> None:
+    """Write a file that a user named: as `write_atomically`, but a link stays a link.
+
+    Devices and pipes are written into. Raises `PipelineError` where the system refuses.
+    """
+    with writable(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        if path.exists() and (not path.is_file() or path.absolute().parts[1] in ("dev", "proc")):
+            with path.open("ab") as device:
+                device.write(content)
+            return
+        target = path.resolve()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        remove_temporary_files(target.parent, of=target.name)
+        _write(target, content)
 
 
 def _write(path: Path, content: bytes) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
     try:
         with part.open("wb") as file:
+            if path.is_file() and not path.is_symlink():
+                os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -64,22 +111,65 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def remove_stale_files(folder: Path, keep: set[Path]) -> None:
-    """Remove files under a folder that are not in `keep`, and folders left empty."""
+def refuse_linked_folders(folder: Path) -> None:
+    """Raise `PipelineError` where a folder or one under it is a link.
+
+    What a link leads to is not ours: nothing may be written there or removed.
+    """
+    inner = (Path(top) / name for top, names, _ in os.walk(folder) for name in names)
+    for path in (folder, *inner):
+        if path.is_symlink():
+            raise PipelineError(
+                "the folder of results is a link, and files behind it could be lost",
+                file=path,
+                value=str(path.readlink()),
+                remedy="Remove the link, or link the folder runs/ as a whole.",
+            )
+
+
+def remove_stale_files(folder: Path, keep: set[Path], names: set[str]) -> None:
+    """Remove artefacts under a folder that are not in `keep`, and folders left empty.
+
+    An artefact bears one of `names`, or lies in a folder that does; other files stay.
+    """
     if not folder.is_dir():
         return
     for path in sorted(folder.rglob("*"), reverse=True):
-        if path.is_dir() and not path.is_symlink():
-            if not any(path.iterdir()):
-                path.rmdir()
-        elif path not in keep:
-            path.unlink()
+        with writable(path):
+            if path.is_dir() and not path.is_symlink():
+                if not any(path.iterdir()):
+                    path.rmdir()
+            elif path not in keep and (path.stem in names or path.parent.name in names):
+                path.unlink()
 
 
-def remove_temporary_files(folder: Path) -> None:
-    """Remove temporary files that a killed writer left behind."""
-    for path in folder.rglob(f".*{TEMPORARY}"):
-        path.unlink(missing_ok=True)
+def remove_temporary_files(folder: Path, *, of: str | None = None, shared: bool = False) -> None:
+    """Remove temporary files that killed writers left in a folder or below.
+
+    With `of` only those of this name, in the folder itself. Where others may be writing
+    (`shared`, or `of`), files of live processes stay.
+    """
+    found = folder.rglob(f".*{TEMPORARY}") if of is None else folder.glob(f".*{TEMPORARY}")
+    for path in found:
+        process = OF_PROCESS.fullmatch(path.name)
+        if process is None or (of is not None and not path.name.startswith(f".{of}.")):
+            continue
+        with writable(path):
+            if not (shared or of is not None) or not _lives(int(process[1])):
+                path.unlink(missing_ok=True)
+
+
+def _lives(process: int) -> bool:
+    """Return whether another process of this number runs."""
+    if process == os.getpid():
+        return False
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 @contextmanager
@@ -88,6 +178,13 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
     try:
         if path.is_dir():
             raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
+        if path.exists() and not path.is_file():
+            raise PipelineError(
+                f"{what} is no regular file",
+                file=file,
+                value=str(path),
+                remedy="Copy what it delivers into a file first.",
+            )
         yield
     except FileNotFoundError as fault:
         raise PipelineError(

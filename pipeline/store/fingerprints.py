@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import errno
 import hashlib
 import json
 import os
+import stat
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
@@ -72,14 +74,20 @@ class FileHashes:
             self._known = loaded if isinstance(loaded, dict) else {}
 
     def of(self, path: Path) -> str:
-        """Return the hash of a file. Raises `OSError` where it cannot be read."""
+        """Return the hash of a file. Raises `OSError` where it cannot be read.
+
+        The time of the last change of its entry (ctime) counts too: an edit whose time
+        was set back is noticed.
+        """
         status = path.stat()
-        stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "no regular file", str(path))
+        stamp = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
         known = self._known.get(str(path))
-        if isinstance(known, list) and known[:3] == stamp and len(known) == 4:
-            return str(known[3])
+        if isinstance(known, list) and known[:-1] == stamp:
+            return str(known[-1])
         found = hash_file(path)
-        if time.time() - status.st_mtime > SETTLED_S:
+        if time.time() - max(status.st_mtime, status.st_ctime) > SETTLED_S:
             self._known[str(path)] = [*stamp, found]
             self._changed = True
         return found

@@ -14,9 +14,10 @@ from typing import Any
 
 from auvid.pipeline.store.artefacts import to_json
 from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.fingerprints import hash_value
 
 FILE = "manifest.json"
-FORMAT = 1
+FORMAT = 2
 Hashes = str | dict[str, str]
 
 
@@ -38,28 +39,28 @@ class Record:
 
 
 class Manifest:
-    """The records of one stage of one campaign, in the order of its items."""
+    """The records of one stage of one campaign, in the order of its items.
+
+    One that is not as it was written is `damaged` and has no records.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.path = folder / FILE
-        self.records: dict[str, Record] = {}
-        if self.path.is_file():
-            self.records = _read(self.path)
+        found = _read(self.path) if self.path.is_file() else {}
+        self.damaged = found is None
+        self.records: dict[str, Record] = found or {}
 
     def write(self, records: Mapping[str, Record], order: Iterable[str]) -> None:
         """Replace the records; nothing is written if they are the same."""
         ordered = {item: records[item] for item in order if item in records}
-        if list(ordered.items()) == list(self.records.items()) and (
-            self.path.is_file() or not ordered
-        ):
+        same = list(ordered.items()) == list(self.records.items())
+        if same and not self.damaged and (self.path.is_file() or not ordered):
             return
-        document = {
-            "format": FORMAT,
-            "items": {item: asdict(record) for item, record in ordered.items()},
-        }
+        items = {item: asdict(record) for item, record in ordered.items()}
+        document = {"format": FORMAT, "content": hash_value(items), "items": items}
         write_atomically(self.path, (to_json(document) + "\n").encode())
-        self.records = ordered
+        self.records, self.damaged = ordered, False
 
     def keys(self, item: str) -> list[str]:
         """Return keys of an item's artefacts over all ports, in the stage's order."""
@@ -72,12 +73,12 @@ class Manifest:
         return list(dict.fromkeys(key for hashes in found for key in hashes))
 
 
-def _read(path: Path) -> dict[str, Record]:
-    """Return the records of a manifest file; none if damaged or of another format."""
+def _read(path: Path) -> dict[str, Record] | None:
+    """Return the records of a manifest file; None if damaged or of another format."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        if document["format"] != FORMAT:
-            return {}
+        if document["format"] != FORMAT or document["content"] != hash_value(document["items"]):
+            return None
         return {item: Record(**record) for item, record in document["items"].items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return {}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return None

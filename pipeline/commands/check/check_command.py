@@ -11,7 +11,7 @@ from auvid.data_schemas.errors import DataError, UsageError
 from auvid.pipeline.commands.check import check_page
 from auvid.pipeline.commands.check.clock_alignment import align_clocks
 from auvid.pipeline.commands.check.log_page import campaign_refusal, log_pages, names_campaign
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.terminal import plain_lines
 
 FINE, REFUSED, LOSSES = 0, 1, 3
@@ -56,9 +56,9 @@ def check(
         if json_file == "-":
             print(text)
         else:
-            write_atomically(Path(json_file), f"{text}\n".encode())
+            write_output(Path(json_file), f"{text}\n".encode())
     if html_file is not None:
-        write_atomically(html_file, check_page.html(pages, alignment).encode())
+        write_output(html_file, check_page.html(pages, alignment).encode())
     if json_file != "-":
         check_page.print_pages(pages)
         if alignment is not None:

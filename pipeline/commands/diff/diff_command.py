@@ -16,7 +16,7 @@ from auvid.pipeline.commands.diff.diff_operands import RunData, common, read_ope
 from auvid.pipeline.commands.inspect.inspect_command import check_suffix, photograph
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.number_format import fixed, significant
 from auvid.stages.reference_check import MOVED, ReferenceCheck, Tolerance, check_rows
@@ -136,7 +136,7 @@ def diff(
         content = record_difference(
             one.side, two.side, signal_pairs, _markdown(changed), preview=path is picture
         )
-        write_atomically(path, content if path is save else photograph(content))
+        write_output(path, content if path is save else photograph(content))
         if not as_json:
             print(f"written: {path_from_here(path.resolve())}")
     return changed.equal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,9 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.execution import engines
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.store import artefacts
+from auvid.pipeline.execution.task_inputs import Artefact, artefacts_of
+from auvid.pipeline.graph import Port
+from auvid.pipeline.store.manifest import Manifest
 from auvid.stages import STAGES
 from auvid.stages.base import make_params, ports
 from auvid.stages.report.difference.signals import Side, Signals, place_of_view, signals_of_view
@@ -102,19 +104,27 @@ def common(one: RunData, two: RunData) -> tuple[RunData, RunData]:
 
 
 def _from_folder(name: str, folder: Path) -> RunData:
-    """Read the artefacts in the folder of a run."""
-    table = next(iter(_artefacts(folder, "*/error_table.parquet", "error_table").values()), None)
-    segments = _artefacts(folder, "*/*/segment.json", "segment")
+    """Read the artefacts in the folder of a run, as its manifests name them."""
+    recorded = _recorded(name, folder)
+
+    def by_item(schema: str) -> dict[str, Any]:
+        return {item: artefact.load() for item, artefact in recorded.get(schema, [])}
+
+    table = next(iter(by_item("error_table").values()), None)
+    segments = by_item("segment")
     side = Side(
         name,
         segments=segments,
-        logs=_artefacts(folder, "ingest/*/log_info.json", "log_info"),
-        cards=_artefacts(folder, "*/model_card/*.json", "model_card"),
-        results={document["title"]: document for document in _documents(folder, "results")},
-        fused=_artefacts(folder, "fuse/*/fused.parquet", "fused"),
-        residual=_artefacts(folder, "residual/*/residual.parquet", "residual"),
-        predictions=_artefacts(folder, "*/predictions/*.parquet", "predictions"),
-        viewed={} if segments else _viewed(folder),
+        logs=by_item("log_info"),
+        cards=by_item("model_card"),
+        results={
+            document["title"]: document
+            for document in (artefact.load() for _, artefact in recorded.get("results", []))
+        },
+        fused=by_item("fused"),
+        residual=by_item("residual"),
+        predictions=by_item("predictions"),
+        viewed={} if segments else _viewed(recorded),
     )
     if table is None and not (side.cards or side.results or side.fused):
         remedy = (
@@ -126,45 +136,50 @@ def _from_folder(name: str, folder: Path) -> RunData:
     return RunData(side, golden.tables_of(table.to_pylist()) if table is not None else {})
 
 
-def _documents(folder: Path, schema: str) -> Iterator[Any]:
-    """Yield all documents of a schema in the folder of a run."""
+def _recorded(name: str, folder: Path) -> dict[str, list[tuple[str, Artefact]]]:
+    """Return the artefacts of a run by schema, each with its key or item.
+
+    Raises `PipelineError` for a manifest that is not as it was written: what it does not
+    vouch for is not compared.
+    """
+    found: dict[str, list[tuple[str, Artefact]]] = {}
     for stage in STAGES:
-        for name, spec in ports(stage.outputs).items():
-            if spec["port"] == schema:
-                for path in sorted(folder.glob(f"{stage.name}/**/{name}.json")):
-                    yield artefacts.load(path, schema)
+        manifest = Manifest(folder / stage.name)
+        if manifest.damaged:
+            raise PipelineError(
+                "the manifest is damaged", file=manifest.path, remedy=f"auvid run {name}"
+            )
+        for port_name, spec in ports(stage.outputs).items():
+            port = Port(stage, port_name, spec["port"], bool(spec["many"]))
+            for item in manifest.records:
+                for key, artefact in artefacts_of(manifest, port, item).items():
+                    found.setdefault(port.schema, []).append(
+                        (item if key is None else key, artefact)
+                    )
+    return {schema: sorted(items, key=lambda item: item[1].path) for schema, items in found.items()}
 
 
-def _viewed(folder: Path) -> dict[tuple[str, str], Signals]:
+def _viewed(recorded: Mapping[str, list[tuple[str, Artefact]]]) -> dict[tuple[str, str], Signals]:
     """Return the signals that stages show, for runs without segments (bench, control).
 
     Raw streams are not results and stay out.
     """
+    by_path = {artefact.path: artefact for items in recorded.values() for _, artefact in items}
     viewed: dict[tuple[str, str], Signals] = {}
-    for stage in (item for item in STAGES if item.name != "ingest"):
-        schemas = {name: spec["port"] for name, spec in ports(stage.outputs).items()}
-        for path in sorted(
-            [*folder.glob(f"{stage.name}/views.json"), *folder.glob(f"{stage.name}/*/views.json")]
-        ):
-            tables: dict[str, Any] = {}
-            for group in artefacts.load(path, "views")["groups"]:
-                name = str(group["table"])
-                file = path.parent / f"{name}.parquet"
-                if name not in tables and file.is_file():
-                    tables[name] = artefacts.load(file, schemas[name.partition("/")[0]])
-                signals = signals_of_view(group, tables[name]) if name in tables else None
-                if signals is not None:
-                    viewed[place_of_view(group)] = signals
+    for _, views in recorded.get("views", []):
+        folder = views.path.parent
+        if "ingest" in (folder.name, folder.parent.name):
+            continue
+        tables: dict[str, Any] = {}
+        for group in views.load()["groups"]:
+            name = str(group["table"])
+            artefact = by_path.get(folder / f"{name}.parquet")
+            if name not in tables and artefact is not None:
+                tables[name] = artefact.load()
+            signals = signals_of_view(group, tables[name]) if name in tables else None
+            if signals is not None:
+                viewed[place_of_view(group)] = signals
     return viewed
-
-
-def _artefacts(folder: Path, pattern: str, schema: str) -> dict[str, Any]:
-    """Return artefacts by item: the name of their folder, or of the file."""
-    own = pattern.endswith(("*.json", "*.parquet"))
-    return {
-        path.stem if own else path.parent.name: artefacts.load(path, schema)
-        for path in sorted(folder.glob(pattern))
-    }
 
 
 def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:

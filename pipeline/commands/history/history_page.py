@@ -10,12 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import DataError
-from auvid.pipeline.commands.history.run_history import Entry, best, changes, entry_of, judged, read
+from auvid.pipeline.commands.history.run_history import (
+    Entry,
+    best,
+    changes,
+    damaged,
+    entry_of,
+    judged,
+    read,
+)
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import write_atomically, write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages import report
 from auvid.stages.number_format import fixed, significant, with_unit
@@ -29,9 +37,11 @@ ORDER = 2
 def show(campaign: str, *, number: int | None, as_json: bool, csv: Path | None = None) -> None:
     """Print the list of runs, or one in full; or write them as a table."""
     run = open_run(campaign)
+    for path in damaged(run.folder):
+        print(f"damaged and left out: {path_from_here(path)}", file=sys.stderr)
     entries = read(run.folder) if number is None else [entry_of(run, number)]
     if csv is not None:
-        write_atomically(csv, to_csv(entries))
+        write_output(csv, to_csv(entries))
         print(f"written: {path_from_here(csv.resolve())}")
     elif as_json:
         print(json.dumps([asdict(entry) for entry in entries], indent=1, ensure_ascii=False))

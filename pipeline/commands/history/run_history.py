@@ -19,14 +19,15 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.store.artefacts import to_json, to_plain
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.store.fingerprints import as_document
+from auvid.pipeline.store.fingerprints import as_document, hash_value
 from auvid.stages.report.summary.figure_summary import DETERMINED
 
 if TYPE_CHECKING:
     from auvid.pipeline.execution.runner import Run
 
 FOLDER = "history"
-FORMAT = 1
+FORMAT, FORMATS = 2, (1, 2)
+"""Entries of format 2 hold the hash of their content."""
 KEPT = 200
 KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
 
@@ -61,39 +62,46 @@ class Entry:
 def add_entry(run: Run) -> None:
     """Enter a run that has just finished into the history.
 
-    Nothing is written for a run without tables and figures, or equal to the last one.
+    Nothing is written for a run without tables and figures, or equal to the last one. A
+    damaged entry keeps its number.
     """
+    folder = run.folder / FOLDER
     entries = read(run.folder)
-    entry = _entry(run, entries[-1].number + 1 if entries else 1)
+    numbers = [int(path.stem) for path in _files(run.folder) if path.stem.isdigit()]
+    entry = _entry(run, max(numbers, default=0) + 1)
     if not (entry.error_tables or entry.figures) or (
         entries and entries[-1].content == entry.content
     ):
         return
-    folder = run.folder / FOLDER
-    write_atomically(
-        folder / f"{entry.number:06d}.json",
-        (to_json({"format": FORMAT, **asdict(entry)}) + "\n").encode(),
-    )
-    for path in sorted(folder.glob("*.json"))[:-KEPT]:
+    document = {"format": FORMAT, "content": hash_value(asdict(entry)), **asdict(entry)}
+    write_atomically(folder / f"{entry.number:06d}.json", (to_json(document) + "\n").encode())
+    for path in _files(run.folder)[:-KEPT]:
         path.unlink(missing_ok=True)
 
 
+def _files(folder: Path) -> list[Path]:
+    """Return the files of the entries of a run folder, oldest first."""
+    return sorted((folder / FOLDER).glob("*.json"))
+
+
 def read(folder: Path) -> list[Entry]:
-    """Return the entries of a run folder, oldest first; damaged files are skipped."""
-    return [
-        entry
-        for path in sorted((folder / FOLDER).glob("*.json"))
-        if (entry := _read(path)) is not None
-    ]
+    """Return the entries of a run folder, oldest first; `damaged` ones are left out."""
+    return [entry for path in _files(folder) if (entry := _read(path)) is not None]
+
+
+def damaged(folder: Path) -> list[Path]:
+    """Return the files of entries that are not as they were written."""
+    return [path for path in _files(folder) if _read(path) is None]
 
 
 def _read(path: Path) -> Entry | None:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        if document.pop("format") != FORMAT:
+        form, content = document.pop("format"), document.pop("content", None)
+        if form not in FORMATS or (form == FORMAT and content != hash_value(document)):
             return None
         return Entry(**document)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
 
 
@@ -138,6 +146,8 @@ def entry_of(run: Run, number: int) -> Entry:
     """Return an entry by its number. Raises `DataError` with the numbers there are."""
     entries = {entry.number: entry for entry in read(run.folder)}
     if number not in entries:
+        if (lost := run.folder / FOLDER / f"{number:06d}.json") in damaged(run.folder):
+            raise DataError("the entry of this run is damaged", file=lost)
         allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
         raise DataError(
             "no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed

@@ -15,7 +15,7 @@ from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import WHOLE
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.terminal import path_from_here, plain
 
 RECORDING = ".rrd"
@@ -58,12 +58,12 @@ def inspect(
     if save is not None:
         check_suffix(save, RECORDING, "--save")
         content = subject.content()
-        write_atomically(save, content)
+        write_output(save, content)
         print(f"{path_from_here(save.resolve())}  {len(content) / 1e6:.1f} MB")
     if picture is not None:
         check_suffix(picture, ".png", "--screenshot")
         content = photograph(subject.preview())
-        write_atomically(picture, content)
+        write_output(picture, content)
         print(f"{path_from_here(picture.resolve())}  {len(content) / 1e3:.0f} kB")
     if save is not None or picture is not None:
         return
@@ -118,7 +118,8 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
 
     if tab:
         return Subject(run.campaign.name, lambda: draw(False), lambda: draw(True))
-    return Subject(run.campaign.name, artefact.path.read_bytes, lambda: draw(True), artefact.path)
+    artefact.load()  # refuses one that is not as it was written
+    return Subject(run.campaign.name, artefact.load, lambda: draw(True), artefact.path)
 
 
 def log_subject(page: LogPage, tab: str = "") -> Subject:

@@ -15,12 +15,11 @@ from auvid.pipeline.commands.run.run_summary import (
     health_of,
     losses,
     print_summary,
-    result_files,
     shortened,
 )
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import AnyStage, select
+from auvid.pipeline.graph import WHOLE, AnyStage, select
 from auvid.pipeline.terminal import plain
 
 FINE, FAILED, LOSSES = 0, 1, 3
@@ -106,10 +105,16 @@ def report_file(
     run = open_run(campaign)
     if rebuild:
         execute(run, select(run.graph, only="report"), force=True)
-    page = result_files(run).get("report")
-    if page is None or not page.is_file():
+    pages = [
+        artefact
+        for port in run.graph.producers("report_html")
+        for artefact in run.artefacts_of(port, WHOLE).values()
+    ]
+    if not pages or not pages[0].path.is_file():
         name = run.campaign.name
         raise PipelineError("there is no report yet", value=name, remedy=f"auvid run {name}")
+    page = pages[0]
+    page.load()  # refuses one that is not as it was written
     if compare or against is not None:
         return history_page.write_compared(run, against)
-    return page
+    return page.path

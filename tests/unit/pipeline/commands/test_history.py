@@ -108,8 +108,23 @@ def test_damaged_files_are_passed_over(tmp_path: Path, monkeypatch: pytest.Monke
     whole = (folder / "000001.json").read_text()
     (folder / "000002.json").write_text(whole[:50])
     (folder / "000003.json").write_text("[]")
-    (folder / "000004.json").write_text(whole.replace('"format": 1', '"format": 99'))
+    (folder / "000004.json").write_text(whole.replace('"format": 2', '"format": 99'))
+    (folder / "000005.json").write_text(whole.replace("2026-01-02", "2026-01-03"))
     assert [entry.number for entry in read(tmp_path)] == [1]
+    assert [path.stem for path in history.damaged(tmp_path)] == [
+        f"{number:06d}" for number in (2, 3, 4, 5)
+    ]
+    (folder / "000002.json").write_text(
+        to_json({"format": 1, **asdict(replace(ENTRY, number=2))})  # of an older version
+    )
+    assert [entry.number for entry in read(tmp_path)] == [1, 2]
+
+
+def test_damaged_entry_keeps_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep(tmp_path, ENTRY, monkeypatch)
+    (tmp_path / history.FOLDER / "000002.json").write_text("{")
+    keep(tmp_path, replace(ENTRY, code={"fuse": "cc"}), monkeypatch)
+    assert [entry.number for entry in read(tmp_path)] == [1, 3]
 
 
 def test_changes_name_parameters_with_both_values_and_what_else_moved() -> None:

@@ -6,6 +6,9 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -362,6 +365,87 @@ def test_lock_of_a_dead_process_is_free(campaign: Path, runs: Path) -> None:
     (runs / "toy").mkdir(parents=True)
     (runs / "toy" / LOCK).write_text("999999999\n")
     assert run_all(open_run(campaign, runs)) == 9
+
+
+@pytest.mark.parametrize("link", ["spread", "spread/one"])
+def test_linked_folder_of_a_stage_is_refused_before_anything_is_written(
+    campaign: Path, runs: Path, tmp_path: Path, link: str
+) -> None:
+    mine = tmp_path / "mine" / "range.parquet"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    (runs / "toy" / link).parent.mkdir(parents=True)
+    (runs / "toy" / link).symlink_to(mine.parent)
+    with pytest.raises(PipelineError, match=f"{link}: the folder of results is a link"):
+        run_all(open_run(campaign, runs))
+    assert [path.name for path in mine.parent.iterdir()] == ["range.parquet"]
+    assert not (runs / "toy" / "decode").exists()
+
+
+def test_files_of_others_in_the_folder_of_a_stage_stay(campaign: Path, runs: Path) -> None:
+    run_all(open_run(campaign, runs))
+    (runs / "toy" / "spread" / "notes.md").write_text("mine")
+    run_all(open_run(campaign, runs), force=True)
+    assert (runs / "toy" / "spread" / "notes.md").read_text() == "mine"
+
+
+def test_temporary_files_of_a_killed_run_are_removed(campaign: Path, runs: Path) -> None:
+    for place in ("", "history", "decode/a"):
+        (runs / "toy" / place).mkdir(parents=True, exist_ok=True)
+        (runs / "toy" / place / f".x.json.77{TEMPORARY}").touch()
+    code = runs / ".code"
+    code.mkdir()
+    (code / f".cut.txt.4194305{TEMPORARY}").touch()
+    runner.write_code_files(STAGES, code)
+    run_all(open_run(campaign, runs))
+    assert not list(runs.rglob(f"*{TEMPORARY}"))
+
+
+@pytest.mark.parametrize("operation", ["ftruncate", "unlink", "rmdir"])
+def test_full_or_faulty_disk_is_named_wherever_it_shows(
+    campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch, operation: str
+) -> None:
+    run_all(open_run(campaign, runs))
+    (campaign / "campaign.yaml").write_text(
+        MANIFEST.replace("  - {id: three, log: b, use: validation}\n", "")
+    )
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    monkeypatch.setattr(os, operation, refuse)
+    with pytest.raises(PipelineError, match=r"Disk quota exceeded\. Free some space"):
+        run_all(open_run(campaign, runs))
+    monkeypatch.undo()
+    assert run_all(open_run(campaign, runs)) <= 1
+    assert not list(runs.rglob("*three*"))
+
+
+@pytest.mark.release
+def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
+    code = (
+        "import os, time; from concurrent.futures import ProcessPoolExecutor as Pool;"
+        "from multiprocessing import get_context;"
+        "from auvid.pipeline.execution.engines import _end_with_parent;"
+        "pool = Pool(1, mp_context=get_context('spawn'), initializer=_end_with_parent);"
+        "print(pool.submit(os.getpid).result(), flush=True); time.sleep(60)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        parent.kill()
+    deadline = time.monotonic() + 20.0
+    while _running(worker) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _running(worker)
+
+
+def _running(process: int) -> bool:
+    """Return whether a process runs; one that has ended and waits for its parent does not."""
+    try:
+        return ") Z " not in Path(f"/proc/{process}/stat").read_text()
+    except FileNotFoundError:
+        return False
 
 
 def test_only_needs_what_came_before(campaign: Path, runs: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import stat
 import time
 from pathlib import Path
 
@@ -23,9 +24,12 @@ from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import (
     TEMPORARY,
+    contents,
+    refuse_linked_folders,
     remove_stale_files,
     remove_temporary_files,
     write_atomically,
+    write_output,
 )
 from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
 from auvid.stages import KINDS, STAGES
@@ -158,7 +162,7 @@ def test_write_replaces_as_a_whole_and_leaves_no_part(
 def test_prune_and_sweep(tmp_path: Path) -> None:
     for name in ("keep/a", "drop/b", "keep/c"):
         write_atomically(tmp_path / name, b"")
-    remove_stale_files(tmp_path, {tmp_path / "keep" / "a"})
+    remove_stale_files(tmp_path, {tmp_path / "keep" / "a"}, {"a", "b", "c"})
     assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
         "keep",
         "keep/a",
@@ -166,6 +170,82 @@ def test_prune_and_sweep(tmp_path: Path) -> None:
     (tmp_path / "keep" / f".a.77{TEMPORARY}").touch()
     remove_temporary_files(tmp_path)
     assert [path.name for path in (tmp_path / "keep").iterdir()] == ["a"]
+
+
+def test_only_files_with_names_of_artefacts_are_removed(tmp_path: Path) -> None:
+    for name in ("leg/depth.parquet", "mode/old.parquet", "leg/notes.md", "letter.txt"):
+        write_atomically(tmp_path / name, b"")
+    remove_stale_files(tmp_path, set(), {"depth", "mode"})
+    assert {path.name for path in tmp_path.rglob("*.*")} == {"notes.md", "letter.txt"}
+    assert not (tmp_path / "mode").exists()
+
+
+def test_temporary_files_of_live_processes_and_of_others_stay(tmp_path: Path) -> None:
+    names = (f".x.{os.getppid()}{TEMPORARY}", f".draft{TEMPORARY}", f".y.4194305{TEMPORARY}")
+    for name in names:
+        (tmp_path / name).touch()
+    remove_temporary_files(tmp_path, of="x")
+    assert {path.name for path in tmp_path.iterdir()} == set(names)
+    remove_temporary_files(tmp_path, shared=True)
+    assert {path.name for path in tmp_path.iterdir()} == set(names[:2])
+    remove_temporary_files(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {names[1]}
+
+
+@pytest.mark.parametrize("link", ["decode", "decode/a"])
+def test_linked_folder_of_results_is_refused(tmp_path: Path, link: str) -> None:
+    mine = tmp_path / "mine"
+    write_atomically(mine / "depth.parquet", b"mine")
+    (tmp_path / link).parent.mkdir(exist_ok=True)
+    (tmp_path / link).symlink_to(mine)
+    with pytest.raises(PipelineError, match=f"{link}: the folder of results is a link"):
+        refuse_linked_folders(tmp_path / "decode")
+    (tmp_path / "runs").symlink_to(tmp_path / "elsewhere")
+    refuse_linked_folders(tmp_path / "runs" / "decode")
+
+
+def test_output_goes_through_links_and_into_what_is_no_file(tmp_path: Path) -> None:
+    page, latest = tmp_path / "page.html", tmp_path / "latest.html"
+    page.write_text("old")
+    page.chmod(0o600)
+    latest.symlink_to(page)
+    (tmp_path / f".page.html.4194305{TEMPORARY}").touch()
+    write_output(latest, b"new")
+    assert (page.read_bytes(), latest.is_symlink()) == (b"new", True)
+    assert stat.S_IMODE(page.stat().st_mode) == 0o600
+    assert {path.name for path in tmp_path.iterdir()} == {"page.html", "latest.html"}
+    reader, writer = os.pipe()
+    write_output(Path(f"/dev/fd/{writer}"), b"piped")
+    assert os.read(reader, 9) == b"piped"
+    with pytest.raises(PipelineError, match="/dev/full: cannot be written: No space left"):
+        write_output(Path("/dev/full"), b"x")
+    with pytest.raises(PipelineError, match="it is a folder"):
+        write_output(tmp_path, b"x")
+
+
+@pytest.mark.parametrize("kind", ["fifo", "device"])
+def test_what_is_no_regular_file_is_refused_before_it_is_read(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "x"
+    os.mkfifo(path) if kind == "fifo" else path.symlink_to("/dev/zero")
+    with pytest.raises(PipelineError, match="log is no regular file"):
+        contents(path, file=path, what="log")
+    with pytest.raises(OSError, match="no regular file"):
+        FileHashes().of(path)
+
+
+def test_edit_whose_time_is_set_back_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, settled = tmp_path / "x", time.time() + 100.0
+    monkeypatch.setattr(time, "time", lambda: settled)
+    path.write_bytes(b"one")
+    hashes, stamp = FileHashes(), path.stat().st_mtime_ns
+    first = hashes.of(path)
+    assert hashes._known
+    time.sleep(0.02)  # more than a tick of the file system's clock
+    path.write_bytes(b"two")
+    os.utime(path, ns=(stamp, stamp))
+    assert hashes.of(path) != first
 
 
 def test_file_hashes_notice_change_and_forget_what_is_gone(tmp_path: Path) -> None:
