@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
 from auvid.hydro.identification.bench.single_channel import symbols
@@ -49,9 +49,9 @@ PRINTED_PERCENT = {
 
 def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Leg, channel and results (by quantity) of every draw of every run."""
-    document = yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
+    document = read_yaml((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
     vehicle = vehicle_from_document(document)
-    written = yaml.safe_load(
+    written = read_yaml(
         (ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8")
     )
     plan = bench_plan(written, vehicle)
@@ -84,9 +84,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=50)
     seeds = parser.parse_args().seeds
-    plan = yaml.safe_load(
-        (ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8")
-    )
+    plan = read_yaml((ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8"))
     truth = plan["bench"]["truths"][TRUTH]
     errors: dict[str, dict[str, list[tuple[float, bool]]]] = {}
     verdicts: dict[str, list[str]] = {}

@@ -11,7 +11,7 @@ import os
 import time
 from pathlib import Path
 
-import yaml
+from auvid.data_schemas.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 MEMBERS, DURATION_S = 1000, 60.0
@@ -24,8 +24,8 @@ def measure() -> dict[str, float]:
     from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
     from auvid.stages.control.flying import fly_case, models_of, monte_carlo
 
-    vehicle = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
-    cases = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
+    vehicle = read_yaml((ROOT / "vehicles/hauv.yaml").read_text())
+    cases = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
     limits = limits_of(cases)
     models = models_of(vehicle, None, {**cases, "redesign": []}, limits)
     helix = next(case for case in trajectories_of(cases) if case.name == "helix")

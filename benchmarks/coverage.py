@@ -29,9 +29,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.stats import beta
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.propeller import level_speed
@@ -79,9 +79,9 @@ STREAMS = {
 def twin(plan_name: str, truth: str) -> tuple[Plan, SimulatedVehicle]:
     """Return a plan and the vehicle with its truth, which is kept under build/."""
     written = (ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")
-    vehicle = vehicle_from_document(yaml.safe_load(written))
+    vehicle = vehicle_from_document(read_yaml(written))
     path = ROOT / f"campaigns/vt690_twin/plans/{plan_name}.yaml"
-    plan = plan_from_document(yaml.safe_load(path.read_text(encoding="utf-8")), vehicle)
+    plan = plan_from_document(read_yaml(path.read_text(encoding="utf-8")), vehicle)
     kept = BUILD / f"coverage_truth_{truth}_{plan_name}.json"
     if not kept.exists():
         model = truth_force({"name": truth, "kind": "refit"}, plan, vehicle)[0].truth

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.reader import CSV
 from benchmarks.measuring import best, columns_bytes
@@ -51,7 +51,7 @@ def measure(
     """
     original = Path(log_path).read_bytes()
     data = repeated(original, megabytes)
-    columns = yaml.safe_load(Path(map_path).read_text())
+    columns = read_yaml(Path(map_path).read_text())
     size_mb = len(data) / 1e6
     buffer = np.frombuffer(data, np.uint8)
     small = np.frombuffer(original[: original.rfind(b"\n", 0, 20_000) + 1], np.uint8)

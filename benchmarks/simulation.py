@@ -29,8 +29,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import (
     SimulatedVehicle,
@@ -119,7 +119,7 @@ def main() -> None:
     if folder is not None and peer is None:
         sys.exit(f"no package python_vehicle_simulator can be imported from {folder}")
     vehicle = vehicle_from_document(
-        yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
     )
     truths = {
         "physical": SimulatedVehicle(vehicle, physical_viscous(vehicle)),

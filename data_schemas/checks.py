@@ -13,7 +13,7 @@ from textwrap import fill
 from types import MappingProxyType
 from typing import Any
 
-import yaml
+from auvid.data_schemas.yaml_text import read_yaml
 
 SEVERITIES = ("error", "warning", "note")
 INTRODUCTION = """# What `auvid check` finds
@@ -66,7 +66,7 @@ class HealthCheck:
 def checks() -> Mapping[str, HealthCheck]:
     """All checks by id, in the order of the catalogue."""
     text = (resources.files(__package__) / "formats" / "checks.yaml").read_text(encoding="utf-8")
-    raw: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    raw: dict[str, dict[str, Any]] = read_yaml(text)
     return MappingProxyType({name: HealthCheck(id=name, **entry) for name, entry in raw.items()})
 
 

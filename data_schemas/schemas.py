@@ -17,10 +17,9 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Any, Literal
 
-import yaml
-
 from auvid.data_schemas.documents import MODELS, model_of
 from auvid.data_schemas.errors import SchemaError, nearest
+from auvid.data_schemas.yaml_text import read_yaml
 
 Kind = Literal["table", "document", "bytes"]
 BRACES = re.compile(r"\{([^{}]+)\}")
@@ -94,7 +93,7 @@ def schema(name: str) -> Schema:
     if name in MODELS:
         meaning = " ".join((model_of(name).__doc__ or "").split())
         return Schema(name, "document", meaning, suffix=".json")
-    raw = yaml.safe_load(schema_text(name))
+    raw = read_yaml(schema_text(name))
     columns = _columns(raw["fields"]) if raw["kind"] == "table" else {}
     return Schema(
         name=name,

@@ -11,9 +11,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-import yaml
-
 from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.yaml_text import read_yaml
 
 STREAMS = (
     "imu",
@@ -139,14 +138,14 @@ def csv_dialects() -> Mapping[str, Mapping[str, Any]]:
     text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(
         encoding="utf-8"
     )
-    dialects: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    dialects: dict[str, dict[str, Any]] = read_yaml(text)
     return dialects
 
 
 @cache
 def _document() -> dict[str, dict[str, Any]]:
     text = (resources.files(__package__) / "formats" / "streams.yaml").read_text(encoding="utf-8")
-    document: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    document: dict[str, dict[str, Any]] = read_yaml(text)
     return document
 
 

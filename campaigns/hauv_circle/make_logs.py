@@ -17,9 +17,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy.interpolate import CubicSpline
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.control.closed_loop import fly
 from auvid.hydro.control.controllers import design
 from auvid.hydro.control.equilibrium import equilibrium
@@ -96,18 +96,18 @@ class Logged:
 
 def flights() -> dict[str, bytes]:
     """Log files by name."""
-    document = yaml.safe_load((HERE / "vehicle.yaml").read_text())
+    document = read_yaml((HERE / "vehicle.yaml").read_text())
     vehicle = vehicle_from_document(document)
-    cases = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
+    cases = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
     plant = models_of(
-        vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())),
+        vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text())),
         None,
         {**cases, "redesign": []},
         limits_of(cases),
     ).plant
     assert isinstance(plant, HybridPlant)
     plan = plan_from_document(
-        yaml.safe_load((HERE / "sensors.yaml").read_text()), vehicle, file="sensors.yaml"
+        read_yaml((HERE / "sensors.yaml").read_text()), vehicle, file="sensors.yaml"
     )
     assert vehicle.propeller is not None
     newtons = vehicle.propeller.thrust[2] * vehicle.water_density * vehicle.propeller.diameter_m**4

@@ -15,6 +15,7 @@ import yaml
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import M, parse
 from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError
+from auvid.data_schemas.yaml_text import Loader
 from auvid.pipeline.store.atomic_files import readable
 
 
@@ -68,7 +69,7 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
         content = path.read_bytes()
     try:
         text = content.decode("utf-8")
-        loader = yaml.SafeLoader(text)
+        loader = Loader(text)
         node = loader.get_single_node()
         lines: dict[str, int] = {}
         _walk(node, "", lines, path, set())

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import campaign_kinds, dvc_yaml
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.stages import KINDS, STAGES
 from auvid.stages.base import Stage, ports
 
 ROOT = Path(__file__).resolve().parents[2]
-DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-PARAMS: dict[str, Any] = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+DVC: dict[str, Any] = read_yaml((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+PARAMS: dict[str, Any] = read_yaml((ROOT / "params.yaml").read_text(encoding="utf-8"))
 CAMPAIGNS = campaign_kinds(ROOT, PARAMS["campaigns"])
 TWINS = [name for name, kind in CAMPAIGNS.items() if "simulate" in KINDS[kind]]
 USED = [stage for stage in STAGES if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())]

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-import yaml
 
 from auvid.data_schemas.documents.campaign import CampaignDocument
 from auvid.data_schemas.schemas import schema_names
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
 from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
 from auvid.stages import KINDS, REPRODUCTION_KINDS, STAGES
@@ -18,7 +18,7 @@ from auvid.stages.base import Stage, make_params, ports
 
 ROOT = Path(__file__).resolve().parents[2]
 AnyStage = Stage[Any, Any, Any]
-PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+PARAMS = read_yaml((ROOT / "params.yaml").read_text(encoding="utf-8"))
 
 
 def test_params_file_is_what_the_stages_declare() -> None:

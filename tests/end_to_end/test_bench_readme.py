@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 from typer.testing import CliRunner
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 from auvid.stages import simulate
 from auvid.stages.simulate.bench_plans import bench_entries
@@ -105,13 +105,11 @@ def test_bench_of_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         "format": "bin",
     }
     flown = simulate.run(
-        simulate.Inputs(
-            vehicle, {**twin, "accelerometer": "specific_force"}, yaml.safe_load(apparatus)
-        ),
+        simulate.Inputs(vehicle, {**twin, "accelerometer": "specific_force"}, read_yaml(apparatus)),
         simulate.Params(),
     )
     files = {log["id"]: flown.logs[log["file"]] for log in bench_entries(PLAN, format="bin")[0]}
-    for log in yaml.safe_load(manifest)["logs"]:
+    for log in read_yaml(manifest)["logs"]:
         (campaign / log["file"]).write_bytes(bytes(files[log["id"]]))
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(cli.app, ["run", "mybench"])

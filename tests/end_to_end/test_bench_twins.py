@@ -13,6 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 from auvid.pipeline.commands.reproduce import printed_values as comparison
 from auvid.pipeline.commands.run.run_summary import comparison_rows
@@ -53,7 +54,7 @@ OTHERS = ("surge_noisy:", "surge_linear:", "surge_quadratic:", "remus_y", "remus
 
 
 def load(path: Path) -> Any:
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    return read_yaml(path.read_text(encoding="utf-8"))
 
 
 def save(path: Path, document: Any) -> None:

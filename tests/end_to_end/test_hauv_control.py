@@ -8,9 +8,8 @@ import copy
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import Flown, fly_case, models_of
@@ -20,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 TRUE, IDENTIFIED = "as_simulated", "identified (prestero)"
 FLIGHTS = ("undisturbed", "side_force_observer")
 VEHICLE = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8"))
+    read_yaml((ROOT / "vehicles/hauv.yaml").read_text(encoding="utf-8"))
 )
 
 
@@ -31,7 +30,7 @@ def flown(
     quick.
     """
     cases = copy.deepcopy(
-        yaml.safe_load((ROOT / f"campaigns/{campaign}/cases.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / f"campaigns/{campaign}/cases.yaml").read_text(encoding="utf-8"))
     )
     entry = cases["trajectories"][name]
     entry["step"]["value"] = step_s

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 
 ROOT = Path(__file__).parents[2]
@@ -31,11 +32,11 @@ def setting(folder: Path) -> dict[str, Any]:
         (TWIN / "published/error_tables.csv").read_bytes()
     )
     (campaign / "reproduce.md.j2").write_bytes((TWIN / "reproduce.md.j2").read_bytes())
-    plan = yaml.safe_load((TWIN / "plans/short.yaml").read_text(encoding="utf-8"))
+    plan = read_yaml((TWIN / "plans/short.yaml").read_text(encoding="utf-8"))
     (campaign / "plan.yaml").write_text(yaml.safe_dump(plan | {"settle_s": 10}), encoding="utf-8")
     manifest = {"kind": "twin", "vehicle": "vt690", "simulate": {"plan": "plan.yaml", "seed": 5}}
     (campaign / "campaign.yaml").write_text(yaml.safe_dump(manifest), encoding="utf-8")
-    document: dict[str, Any] = yaml.safe_load((TWIN / "reproduce.yaml").read_text(encoding="utf-8"))
+    document: dict[str, Any] = read_yaml((TWIN / "reproduce.yaml").read_text(encoding="utf-8"))
     document["plans"] = [{"id": "short", "plan": "plan.yaml", "meaning": "two legs"}]
     document["variants"] = [variant for variant in document["variants"] if variant["id"] in KEPT]
     for variant in document["variants"]:

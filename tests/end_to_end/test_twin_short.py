@@ -16,6 +16,7 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control
@@ -42,9 +43,7 @@ from tests.support.dynamics_oracles import inverse_dynamics
 from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 TAU_BAR = force_columns("tau_bar")
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 INTEGRATED = {"resample": {"smoothing": "none"}, "fuse": {"method": "thesis", "cutoff_hz": None}}
@@ -52,7 +51,7 @@ INTEGRATED = {"resample": {"smoothing": "none"}, "fuse": {"method": "thesis", "c
 
 def plan(name: str, **change: object) -> dict[str, Any]:
     """Return a plan of the VT 690 twin with some keys changed."""
-    document = yaml.safe_load((TWIN_PLANS / f"{name}.yaml").read_text(encoding="utf-8"))
+    document = read_yaml((TWIN_PLANS / f"{name}.yaml").read_text(encoding="utf-8"))
     return {**document, **change}
 
 

@@ -16,6 +16,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.engines import Serial
@@ -93,7 +94,7 @@ def write_workspace(
     campaign.mkdir(parents=True)
     for path in source.iterdir():
         if path.name == "campaign.yaml":
-            manifest = yaml.safe_load(path.read_text(encoding="utf-8"))
+            manifest = read_yaml(path.read_text(encoding="utf-8"))
             for stage, params in (stages or {}).items():
                 own = manifest.setdefault("stages", {})
                 own[stage] = {**own.get(stage, {}), **params}
@@ -101,7 +102,7 @@ def write_workspace(
             (campaign / path.name).write_text(text, encoding="utf-8")
         else:
             (campaign / path.name).symlink_to(path, target_is_directory=path.is_dir())
-    params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+    params = read_yaml((ROOT / "params.yaml").read_text(encoding="utf-8"))
     (folder / "params.yaml").write_text(
         yaml.safe_dump({**params, "campaigns": [name]}), encoding="utf-8"
     )

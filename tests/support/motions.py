@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import yaml
 from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import ChannelSmoothing, FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
 from auvid.hydro.dynamics.mechanics.kinematics import (
@@ -52,7 +52,7 @@ FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 @cache
 def vehicle_document(name: str) -> dict[str, Any]:
     """A vehicle file of the project; do not write to it."""
-    document: dict[str, Any] = yaml.safe_load(
+    document: dict[str, Any] = read_yaml(
         (ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8")
     )
     return document

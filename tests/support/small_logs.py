@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from auvid.data_schemas.formats import dataflash, ulog
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader
 from auvid.stages.ingest.formats.csv.reader import CSV
@@ -252,7 +252,7 @@ def _csv() -> SmallLog:
     folder = ROOT / "campaigns" / "bluerov2_dvl_csv"
     data = (folder / "logs" / "imu.csv").read_bytes()
     data = data[: data.rfind(b"\n", 0, BYTES) + 1]
-    columns: dict[str, Any] = yaml.safe_load((folder / "columns" / "imu.yaml").read_text())
+    columns: dict[str, Any] = read_yaml((folder / "columns" / "imu.yaml").read_text())
     log = _read(CSV, data, columns)
     ends = line_ends(data)
     row = log.messages["imu"].offset

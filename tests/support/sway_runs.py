@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
 from auvid.hydro.identification.maximum_likelihood.records import (
@@ -26,7 +26,7 @@ from auvid.hydro.identification.maximum_likelihood.records import (
 Array = npt.NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 VEHICLE = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+    read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
 )
 MASS = float(VEHICLE.mass_matrix[1, 1])
 ORIGIN = MountedSensor(np.zeros(3), np.eye(3), 0.0)

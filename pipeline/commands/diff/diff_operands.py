@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.commands.history import run_history as history
 from auvid.pipeline.commands.open_run import open_run, show_progress
 from auvid.pipeline.commands.regress import golden_tables as golden
@@ -209,6 +210,6 @@ def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
 def _scalar(text: str) -> Any:
     """Return a value as params.yaml would hold it; text that is no YAML stays text."""
     try:
-        return yaml.safe_load(text)
+        return read_yaml(text)
     except yaml.YAMLError:
         return text

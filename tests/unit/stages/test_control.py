@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import column
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import control
 from auvid.stages.control.cases import trajectories_of
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def read(name: str) -> Any:
-    return yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
+    return read_yaml((ROOT / name).read_text(encoding="utf-8"))
 
 
 HAUV, VT690 = read("vehicles/hauv.yaml"), read("vehicles/vt690.yaml")

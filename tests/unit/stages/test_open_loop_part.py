@@ -3,16 +3,16 @@
 from pathlib import Path
 
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.open_loop import coefficients_part, open_loop_part
 from auvid.stages.presentation import section
 
 ROOT = Path(__file__).parents[3]
-HAUV = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()))
-CASES = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
+HAUV = vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))
+CASES = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
 FEW = {
     "open_loop": {name: CASES["open_loop"][name] for name in ("glide_dive", "straight", "float_up")}
 }

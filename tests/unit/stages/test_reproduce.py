@@ -15,6 +15,7 @@ import yaml
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import make_table, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.pipeline.commands.reproduce.reproduce_command import open_reproduction
 from auvid.stages import replace_state
@@ -28,9 +29,7 @@ from auvid.stages.reproduce.text import campaign_text, sections, summary
 
 ROOT = Path(__file__).parents[3]
 TWIN = ROOT / "campaigns/vt690_twin"
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 RATIOS = {"mcfarland": 0.20, "linear": 0.25, "uncoupled": 0.78, "fossen": 0.79}
 N_BAR = {"mcfarland": 216, "linear": 36, "uncoupled": 24, "fossen": 12}
 
@@ -59,7 +58,7 @@ def measures(ratios: dict[str, float], *, j0: float = 12.0, error: float = 8.0) 
 
 
 def document(**change: Any) -> dict[str, Any]:
-    value: dict[str, Any] = yaml.safe_load((TWIN / "reproduce.yaml").read_text(encoding="utf-8"))
+    value: dict[str, Any] = read_yaml((TWIN / "reproduce.yaml").read_text(encoding="utf-8"))
     return value | change
 
 
@@ -162,7 +161,7 @@ def content(**change: Any) -> ReproductionContent:
         "rows": rows,
         "coefficients": {"mcfarland": {"Y": {"r*|u|": 127.5}}},
     }
-    plan = yaml.safe_load((TWIN / "plans/matched.yaml").read_text(encoding="utf-8"))
+    plan = read_yaml((TWIN / "plans/matched.yaml").read_text(encoding="utf-8"))
     plans = dict.fromkeys(("matched", "matched_seed_1"), plan)
     assert setting.campaign.name == "vt690_twin"
     given = {"document": with_words(value), "checks": tuple(checks(value, by_key))} | change

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.output_error import SingleRun
@@ -26,7 +26,7 @@ from tests.support.motions import log_document
 from tests.support.single_channel import stepped_run
 
 Array = npt.NDArray[np.float64]
-DOCUMENT = yaml.safe_load(
+DOCUMENT = read_yaml(
     (Path(__file__).parents[3] / "vehicles/thaus.yaml").read_text(encoding="utf-8")
 )
 THAUS = vehicle_from_document(DOCUMENT)

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import MODELS, check_document, model_of
 from auvid.data_schemas.documents.model import Model, Range, parse
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.errors import ManyFaults, PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
 
 ROOT = Path(__file__).parents[4]
-DOCUMENT = yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+DOCUMENT = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
 
 
 def changed(value: Any, *path: str) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
@@ -16,9 +16,7 @@ from auvid.hydro.dynamics.simulation.simulation import Flight, SimulatedVehicle,
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 LIMIT, RATE, TICK = np.radians(25.0), np.radians(60.0), 0.02
 
 
@@ -61,7 +59,7 @@ def test_elevator_gives_pitch_and_rudder_yaw() -> None:
 
 def test_a_vehicle_without_fins_is_refused() -> None:
     rov = vehicle_from_document(
-        yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
     )
     with pytest.raises(CampaignError, match="steers by fins"):
         fin_mixing(rov)

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.control.closed_loop import ForceField, fly, limited, linear_response, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import (
@@ -35,13 +35,11 @@ ROOT = Path(__file__).parents[4]
 CARD = ModelCard.model_validate_json((ROOT / "campaigns/vt690_control/linear.json").read_text())
 LIMITS = {"fin_limit_rad": np.radians(20.0), "fin_rate_rad_s": 1.0}
 HAUV = hybrid_plant(
-    hybrid_vehicle(
-        vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()))
-    ),
+    hybrid_vehicle(vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))),
     thrust_rate_N_s=100.0,
     **LIMITS,
 )
-VT690_VEHICLE = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
+VT690_VEHICLE = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text()))
 VT690 = identified_plant(VT690_VEHICLE, CARD, **LIMITS)
 Q = np.array([1, 1, 1, 10, 1, 1, 100, 100, 100, 100, 100, 100], dtype=np.float64)
 Q_Z, R_Z = np.array([1e-2] * 6 + [1e-4] * 6 + [10.0] * 6), np.full(12, 1e-3)

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.control.open_loop import findings, fly_open_loop, open_loop_cases
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
-HAUV = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text()))
-CASES = yaml.safe_load((ROOT / "campaigns/hauv/cases.yaml").read_text())
+HAUV = vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))
+CASES = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
 SIMULATED, CORRECTED = hybrid_vehicle(HAUV, "as_simulated"), hybrid_vehicle(HAUV, "corrected")
 BY_NAME = {case.name: case for case in open_loop_cases(CASES, SIMULATED)}
 

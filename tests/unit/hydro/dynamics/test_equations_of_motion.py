@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.equations_of_motion import (
     Control,
@@ -28,10 +28,8 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from tests.support.dynamics_oracles import coriolis, inverse_dynamics
 
 ROOT = Path(__file__).parents[4]
-VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
-BLUEROV2 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text()))
+BLUEROV2 = vehicle_from_document(read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text()))
 IDLE = replace(VT690, propeller=None, fins=None)
 """The VT 690 without actuators: in still water without drag nothing takes energy out."""
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.optimize import fsolve
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.hybrid_vehicle import (
     PARAMETER_SETS,
     chi_dot,
@@ -24,7 +24,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis
 
 ROOT = Path(__file__).parents[4]
-DOCUMENT = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
+DOCUMENT = read_yaml((ROOT / "vehicles/hauv.yaml").read_text())
 HAUV = vehicle_from_document(DOCUMENT)
 SIMULATED = hybrid_vehicle(HAUV, "as_simulated")
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.simplified import (
     SimplifiedModel,
@@ -26,7 +26,7 @@ from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from tests.support.dynamics_oracles import propulsion
 
 THAUS = vehicle_from_document(
-    yaml.safe_load((SHIPPED_VEHICLES / "thaus.yaml").read_text(encoding="utf-8"))
+    read_yaml((SHIPPED_VEHICLES / "thaus.yaml").read_text(encoding="utf-8"))
 )
 LINEAR = np.array([-20.0, -30.0, -85.9259, -1.0, -2.0, -0.5])
 QUADRATIC = np.array([-132.2436, -357.8624, -40.0, -3.0, -4.0, -5.8274])

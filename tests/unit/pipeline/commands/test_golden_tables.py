@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, SchemaError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.commands.regress import golden_tables as golden
 
 AXES = "XYZKMN"
@@ -150,7 +151,7 @@ def test_tolerances_are_checked(
     path = tmp_path / "tolerances.yaml"
     with pytest.raises(PipelineError, match=r"tolerances\.yaml: tolerances is not there"):
         golden.read_tolerances(path, COLUMNS)
-    found = yaml.safe_load(
+    found = read_yaml(
         (ROOT / "pipeline" / "commands" / "regress" / "default_tolerances.yaml").read_text()
     )
     found["columns"] = {name: dict(entry) for name, entry in found["columns"].items()}

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, LogError
 from auvid.data_schemas.tables import column
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import ingest
@@ -62,13 +62,11 @@ def run(
 
 def campaign_log(name: str) -> ingest.Outputs:
     folder = CAMPAIGNS / name
-    manifest = yaml.safe_load((folder / "campaign.yaml").read_text())
+    manifest = read_yaml((folder / "campaign.yaml").read_text())
     entry = manifest["logs"][0]
     files = []
     for item in entry.get("files", [entry]):
-        columns = (
-            yaml.safe_load((folder / item["columns"]).read_text()) if "columns" in item else None
-        )
+        columns = read_yaml((folder / item["columns"]).read_text()) if "columns" in item else None
         files.append(raw_file(folder / item["file"], item["file"], columns))
     return ingest.run(ingest.Inputs(RawLog("dive", tuple(files)), manifest), ingest.Params())
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from pymavlink import DFReader, mavutil
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import ingest, simulate
@@ -25,12 +25,8 @@ from auvid.stages.simulate.bench_plans import bench_entries, bench_plan, output_
 from auvid.stages.simulate.csv_writer import column_maps
 
 ROOT = Path(__file__).parents[4]
-THAUS = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8"))
-)
-APPARATUS = yaml.safe_load(
-    (ROOT / "campaigns/thaus_twin/apparatus.yaml").read_text(encoding="utf-8")
-)
+THAUS = vehicle_from_document(read_yaml((ROOT / "vehicles/thaus.yaml").read_text(encoding="utf-8")))
+APPARATUS = read_yaml((ROOT / "campaigns/thaus_twin/apparatus.yaml").read_text(encoding="utf-8"))
 STEPS = {"times_s": [0.0, 6.0, 11.0, 19.0, 26.0], "values_percent": [50, -80, 30, 90, -40]}
 POLE = {"pole_added_mass": -4.1996, "pole_linear": -1.0, "pole_quadratic": -2.0}
 WEISS = {

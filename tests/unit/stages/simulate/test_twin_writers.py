@@ -16,6 +16,7 @@ from pymavlink import DFReader, mavutil
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.hydro.dynamics.simulation.sensor_models import specific_force
@@ -38,9 +39,7 @@ from auvid.stages.simulate.plans import (
 from auvid.stages.simulate.sensing import record
 
 ROOT = Path(__file__).parents[4]
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 PHYSICS = {"kind": "physics", "name": "physics", "source": "flow physics"}
 ACCELEROMETER = {"accel_sd_m_s2": 0.03, "accel_bias_sd_m_s2": 0.15}
 PLAN: dict[str, Any] = {
@@ -375,7 +374,7 @@ def test_all_faults_of_a_plan_come_together() -> None:
 
 def test_a_vehicle_that_cannot_be_flown_is_refused() -> None:
     rov = vehicle_from_document(
-        yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
     )
     with pytest.raises(CampaignError, match="propeller and fins"):
         plan_from_document(PLAN, rov)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.actuators.propeller import level_speed, propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import (
@@ -19,10 +19,8 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from tests.support.dynamics_oracles import advance_ratio
 
 ROOT = Path(__file__).parents[5]
-VT690 = vehicle_from_document(yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text()))
-BLUEROV2 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text()))
+BLUEROV2 = vehicle_from_document(read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text()))
 
 FACTORS = np.array(
     [

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.free_run import (
@@ -42,7 +42,7 @@ TRIM = np.array([0.5, 0.0, -1.0, 0.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    return vehicle_from_document(yaml.safe_load((VEHICLES / "bluerov2_heavy.yaml").read_text()))
+    return vehicle_from_document(read_yaml((VEHICLES / "bluerov2_heavy.yaml").read_text()))
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.optimize import brentq
 
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous, physical_viscous
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle, constant_actuation
@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[5]
 
 def vehicle(name: str = "vt690") -> Vehicle:
     return vehicle_from_document(
-        yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
     )
 
 

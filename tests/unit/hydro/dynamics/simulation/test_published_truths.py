@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
@@ -25,7 +25,7 @@ from auvid.stages import simulate
 from auvid.stages.columns import VELOCITY, force_columns
 
 VEHICLE_FILE = Path(__file__).parents[5] / "vehicles/vt690.yaml"
-VT690 = vehicle_from_document(yaml.safe_load(VEHICLE_FILE.read_text(encoding="utf-8")))
+VT690 = vehicle_from_document(read_yaml(VEHICLE_FILE.read_text(encoding="utf-8")))
 PUBLISHED = published_coefficients(VEHICLE_FILE)
 
 

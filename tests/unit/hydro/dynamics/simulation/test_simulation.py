@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, derivative
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous, physical_viscous
@@ -35,9 +35,7 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from tests.support.dynamics_oracles import integrate_numpy, inverse_dynamics
 
 ROOT = Path(__file__).parents[5]
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 PHYSICS = SimulatedVehicle(VT690, physical_viscous(VT690))
 DAMPING = {
     "Y": {"v": -200.0},

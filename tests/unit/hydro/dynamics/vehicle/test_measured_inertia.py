@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -25,7 +25,7 @@ MEASURED = {
 
 
 def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
-    document = yaml.safe_load(THAUS.read_text(encoding="utf-8"))
+    document = read_yaml(THAUS.read_text(encoding="utf-8"))
     document["rigid_body"]["centre_of_gravity"]["value"] = [0.1, 0.0, 0.05]
     given, measured = parse(VehicleDocument, document), parse(InertiaDocument, MEASURED)
     before = given.model_dump_json()

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.vehicle import GeometryEntry
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.mechanics.added_mass import spheroid_added_mass
 from auvid.hydro.dynamics.vehicle.from_document import geometry_from_entry, vehicle_from_document
@@ -31,7 +31,7 @@ from auvid.hydro.dynamics.viscous.coefficients import (
 )
 
 ROOT = Path(__file__).parents[5]
-HAUV = yaml.safe_load((ROOT / "vehicles/hauv.yaml").read_text())
+HAUV = read_yaml((ROOT / "vehicles/hauv.yaml").read_text())
 RHO = 1025.0
 
 LAST_DIGIT = (
@@ -269,7 +269,7 @@ def test_a_name_that_is_no_coefficient_is_refused():
 
 @pytest.mark.parametrize("vehicle", ["hauv", "vt690", "remus100"])
 def test_shipped_geometries_give_sane_coefficients(vehicle):
-    document = yaml.safe_load((ROOT / f"vehicles/{vehicle}.yaml").read_text())
+    document = read_yaml((ROOT / f"vehicles/{vehicle}.yaml").read_text())
     check_document(document, "vehicle")
     density = document["environment"]["water_density"]["value"]
     items = strip_theory(geometry_of(document), water_density=density)
@@ -278,7 +278,7 @@ def test_shipped_geometries_give_sane_coefficients(vehicle):
 
 
 def test_myring_hull_has_its_length_diameter_and_closed_ends():
-    document = yaml.safe_load((ROOT / "vehicles/remus100.yaml").read_text())
+    document = read_yaml((ROOT / "vehicles/remus100.yaml").read_text())
     hull = geometry_of(document).hull
     x = np.linspace(hull.tail_x_m, hull.nose_x_m, 501)
     radius = hull.radius_m(x)
@@ -323,6 +323,6 @@ def test_geometry_that_cannot_be_is_refused_by_name(path, value, message):
 
 
 def test_a_vehicle_without_geometry_says_what_is_missing():
-    document = yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
+    document = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
     with pytest.raises(CampaignError, match=r"no geometry.*block `geometry`"):
         strip_theory_of(vehicle_from_document(document))

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[5]
 DOCUMENTS = {
-    name: yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text())
+    name: read_yaml((ROOT / f"vehicles/{name}.yaml").read_text())
     for name in ("vt690", "bluerov2_heavy")
 }
 

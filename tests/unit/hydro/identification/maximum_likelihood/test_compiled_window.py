@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.sensor_models import specific_force
 from auvid.hydro.dynamics.simulation.simulation import (
@@ -32,9 +32,7 @@ from auvid.hydro.identification.maximum_likelihood.records import (
 from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
 ROOT = Path(__file__).parents[5]
-VT690 = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8"))
-)
+VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 TRUTH = {
     "X": {"u": -9.0, "v*v": 3.0},
     "Y": {"v": -110.0, "r": 40.0, "v*V": -30.0, "(u*v)*(eta-1)": -8.0},

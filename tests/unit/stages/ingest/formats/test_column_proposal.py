@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
 
@@ -33,7 +33,7 @@ BLUEYE = ("Time", "Surge", "Sway", "Heave", "Yaw", "Depth", "Yaw Angle", "Desire
 
 def draft(names: tuple[str, ...] | list[str]) -> tuple[str, dict[str, Any]]:
     said, text = proposed_map(names).split("\n", 1)
-    return said, yaml.safe_load(text)
+    return said, read_yaml(text)
 
 
 def test_names_with_units_give_a_map_that_holds_as_it_is() -> None:

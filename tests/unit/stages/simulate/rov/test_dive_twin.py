@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[5]
 
 def vehicle(name: str) -> Any:
     return vehicle_from_document(
-        yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
     )
 
 

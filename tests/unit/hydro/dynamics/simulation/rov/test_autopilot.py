@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import yaml
 
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.simulation.rov.autopilot import (
     ALT_HOLD,
     MANUAL,
@@ -21,7 +21,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[6]
 HEAVY = vehicle_from_document(
-    yaml.safe_load((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+    read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
 )
 REST = (0.0,) * 6
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.rov.dive import Dive, fly_dive
@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[6]
 
 def vehicle(name: str) -> Any:
     return vehicle_from_document(
-        yaml.safe_load((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
+        read_yaml((ROOT / f"vehicles/{name}.yaml").read_text(encoding="utf-8"))
     )
 
 
