@@ -21,13 +21,17 @@ def measure() -> dict[str, float]:
     """Seconds for the design of the helix and all its flights, and for the Monte Carlo;
     members and simulated seconds per second.
     """
+    from auvid.data_schemas.documents.control_cases import ControlCasesDocument
+    from auvid.data_schemas.documents.model import parse
+    from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
     from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
     from auvid.stages.control.flying import fly_case, models_of, monte_carlo
 
-    vehicle = read_yaml((ROOT / "vehicles/hauv.yaml").read_text())
-    cases = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
+    vehicle = vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))
+    document = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
+    cases = parse(ControlCasesDocument, {**document, "redesign": []})
     limits = limits_of(cases)
-    models = models_of(vehicle, None, {**cases, "redesign": []}, limits)
+    models = models_of(vehicle, None, cases, limits)
     helix = next(case for case in trajectories_of(cases) if case.name == "helix")
     begin = time.perf_counter()
     flown = fly_case(models, helix, weights_of(cases), limits, allow_unstable=False)

@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
-from auvid.data_schemas.documents.model import Model, Quantity, Range, Unit
+from pydantic import Field, model_validator
+
+from auvid.data_schemas.documents.model import (
+    Faults,
+    Model,
+    Quantity,
+    Range,
+    Unit,
+    default,
+    fault,
+)
+
+Metres = Annotated[Quantity, Unit("m")]
+PositiveMetres = Annotated[Quantity, Unit("m", positive=True)]
+Kilograms = Annotated[Quantity, Unit("kg", may_be_negative=False)]
+Inertia = Annotated[Quantity, Unit("kg*m^2", may_be_negative=False)]
+Direction = Literal["surge", "sway", "heave"]
 
 
 class TimedEntry(Model):
@@ -14,20 +30,20 @@ class TimedEntry(Model):
     """Complete oscillations counted."""
     duration_s: Annotated[float, Range(0)]
     """Time they took."""
-    duration_sd_s: Annotated[float, Range(0)] | None = None
-    """Standard error of the stop watch; default 0.2."""
-    amplitude_deg: Annotated[float, Range(0, 90)] | None = None
-    """Amplitude half way, for the correction of large swings; default 0."""
+    duration_sd_s: Annotated[float, Range(0)] = 0.2
+    """Standard error of the stop watch."""
+    amplitude_deg: Annotated[float, Range(0, 90)] = 0.0
+    """Amplitude half way, for the correction of large swings."""
 
 
 class CylinderEntry(Model):
     """Object that is a hollow cylinder lying down: the pendulum's check (58)."""
 
-    length: Annotated[Quantity, Unit("m")]
+    length: Metres
     """L."""
-    outer_radius: Annotated[Quantity, Unit("m")]
+    outer_radius: Metres
     """R, a radius (errata A14)."""
-    inner_radius: Annotated[Quantity, Unit("m")]
+    inner_radius: Metres
     """r, a radius (errata A14)."""
 
 
@@ -38,38 +54,67 @@ class SwingEntry(Model):
     """Short name of the swing in the results."""
     role: Literal["empty_tray", "object"]
     """The tray alone or something on it."""
-    mass: Annotated[Quantity, Unit("kg")] | None = None
+    mass: Kilograms | None = None
     """Object: its mass without the tray."""
     axis: Literal["x", "y", "z"] | None = None
     """Object that is the vehicle: body axis that stands upright, so I_x, I_y or I_z is
     measured about its centre of gravity.
     """
-    legs: list[str] | None = None
+    legs: list[str] = Field(default_factory=list)
     """Legs that recorded it."""
-    timed: list[TimedEntry] | None = None
+    timed: list[TimedEntry] = Field(default_factory=list)
     """Counted oscillations, instead of legs."""
     cylinder: CylinderEntry | None = None
     """Object that is a hollow cylinder lying down: (58) is the check of the pendulum.
     """
 
+    @model_validator(mode="after")
+    def _is_measured(self) -> SwingEntry:
+        faults = []
+        if self.role == "object" and self.mass is None:
+            remedy = "Weigh it, without the tray."
+            faults.append(fault("an object on the tray needs its mass", "mass", remedy=remedy))
+        if not self.legs and not self.timed:
+            words = "a swing needs legs that recorded it, or timed oscillations"
+            faults.append(fault(words, value=self.id))
+        Faults(*faults).raise_any()
+        return self
+
 
 class QuadrifilarEntry(Model):
     """a tray on four lines, (54)-(58) of Alberti 2015; it swings about the vertical."""
 
-    radius_ceiling: Annotated[Quantity, Unit("m")]
+    radius_ceiling: PositiveMetres
     """R_1, radius of the circle through the supports of the ceiling."""
-    radius_tray: Annotated[Quantity, Unit("m")]
+    radius_tray: PositiveMetres
     """R_2, radius of the circle through the supports of the tray."""
-    line_length: Annotated[Quantity, Unit("m")]
+    line_length: PositiveMetres
     """h, length of the lines."""
-    tray_mass: Annotated[Quantity, Unit("kg")]
+    tray_mass: Annotated[Quantity, Unit("kg", positive=True)]
     """Mass of the tray with its wires."""
-    length_sd: Annotated[Quantity, Unit("m")] | None = None
-    """Standard error of a measured length; default 0."""
-    mass_sd: Annotated[Quantity, Unit("kg")] | None = None
-    """Standard error of a weighed mass; default 0."""
+    length_sd: Metres = default(0.0, "m")
+    """Standard error of a measured length."""
+    mass_sd: Kilograms = default(0.0, "kg")
+    """Standard error of a weighed mass."""
     swings: list[SwingEntry]
     """What was hung; one entry of role empty_tray, which is taken off the others."""
+
+    @model_validator(mode="after")
+    def _hangs(self) -> QuadrifilarEntry:
+        faults, line = [], self.line_length.si
+        if line <= abs(self.radius_ceiling.si - self.radius_tray.si):
+            words = "the lines are shorter than the difference of the radii"
+            remedy = (
+                "Check that all three are in the unit that they say, and that the radii are radii."
+            )
+            faults.append(fault(words, "line_length", line, remedy=remedy))
+        trays = sum(swing.role == "empty_tray" for swing in self.swings)
+        if trays != 1:
+            faults.append(
+                fault("one swing of the empty tray is needed", "swings", trays, allowed=1)
+            )
+        Faults(*faults).raise_any()
+        return self
 
 
 class PartEntry(Model):
@@ -77,16 +122,16 @@ class PartEntry(Model):
 
     name: str
     """What it is."""
-    mass: Annotated[Quantity, Unit("kg")]
+    mass: Kilograms
     """Its mass."""
-    arm: Annotated[Quantity, Unit("m")]
+    arm: Metres
     """From the pivot to its centre of gravity."""
-    displaced_mass: Annotated[Quantity, Unit("kg")] | None = None
-    """Mass of the water that it displaces; default 0."""
-    displaced_arm: Annotated[Quantity, Unit("m")] | None = None
+    displaced_mass: Kilograms = default(0.0, "kg")
+    """Mass of the water that it displaces."""
+    displaced_arm: Metres | None = None
     """From the pivot to its centre of buoyancy; default its arm."""
-    inertia: Annotated[Quantity, Unit("kg*m^2")] | None = None
-    """About its own centre of gravity; default 0."""
+    inertia: Inertia = default(0.0, "kg*m^2")
+    """About its own centre of gravity."""
 
 
 class DecayEntry(Model):
@@ -96,28 +141,47 @@ class DecayEntry(Model):
     """Short name of the decay in the results."""
     role: Literal["empty_pendulum", "vehicle"]
     """The pendulum alone or with the vehicle."""
-    dof: Literal["surge", "sway", "heave"] | None = None
+    dof: Direction | None = None
     """Vehicle: which of its axes points along the swing."""
     legs: list[str]
     """Legs that recorded it."""
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> DecayEntry:
+        if self.role == "vehicle" and self.dof is None:
+            words, allowed = "a decay of the vehicle needs its direction", get_args(Direction)
+            raise Faults(fault(words, "dof", allowed=allowed))
+        return self
+
+    @property
+    def loaded_dof(self) -> Direction | None:
+        """The axis of the vehicle along the swing, None for the empty pendulum."""
+        return self.dof if self.role == "vehicle" else None
 
 
 class FreeDecayEntry(Model):
     """a pendulum in water that carries the vehicle, (66)-(71) of Alberti 2015."""
 
-    arm: Annotated[Quantity, Unit("m")]
+    arm: PositiveMetres
     """L, from the pivot to the centre of the vehicle."""
     parts: list[PartEntry]
     """The pendulum without the vehicle (pole, added weight), each part at its own arm.
     """
-    vehicle_mass: Annotated[Quantity, Unit("kg")] | None = None
+    vehicle_mass: Kilograms | None = None
     """Mass of the vehicle as hung; default that of the vehicle file."""
-    vehicle_displaced_mass: Annotated[Quantity, Unit("kg")] | None = None
+    vehicle_displaced_mass: Kilograms | None = None
     """Mass of the water that it displaces; default that of the vehicle file."""
     decays: list[DecayEntry]
     """What was hung; of role empty_pendulum the added mass and damping (per unit of
     speed at the arm) are taken off the others.
     """
+
+    @model_validator(mode="after")
+    def _one_is_empty(self) -> FreeDecayEntry:
+        empty = sum(decay.role == "empty_pendulum" for decay in self.decays)
+        if empty > 1:
+            raise Faults(fault("at most one decay of the empty pendulum", "decays", empty))
+        return self
 
 
 class ApparatusDocument(Model):
@@ -137,3 +201,10 @@ class ApparatusDocument(Model):
     """a tray on four lines, (54)-(58) of Alberti 2015; it swings about the vertical."""
     free_decay: FreeDecayEntry | None = None
     """a pendulum in water that carries the vehicle, (66)-(71) of Alberti 2015."""
+
+    @model_validator(mode="after")
+    def _has_a_pendulum(self) -> ApparatusDocument:
+        if self.quadrifilar is None and self.free_decay is None:
+            allowed = "quadrifilar, free_decay"
+            raise Faults(fault("the apparatus holds no pendulum", allowed=allowed))
+        return self

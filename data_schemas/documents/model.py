@@ -175,6 +175,7 @@ class Unit:
     unit: str
     shape: tuple[int, ...] = ()
     positive: bool = False
+    may_be_negative: bool = True
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
@@ -205,7 +206,15 @@ class Unit:
         if self.positive and not np.all(quantity._si > 0.0):
             allowed = f"more than 0 {self.unit}"
             raise Faults(fault("must be positive", "value", quantity.value, allowed=allowed))
+        if not self.may_be_negative and np.any(quantity._si < 0.0):
+            raise Faults(fault("below zero", "value", quantity.value, allowed="0 or more"))
         return quantity
+
+
+def default(value: float | list[float], unit: str) -> Any:
+    """Return the quantity of a field that a user may leave out."""
+    quantity = Quantity(value=value, unit=unit, source="default")
+    return Unit(unit, np.shape(value)).read(quantity)
 
 
 def assumed_quantities(
@@ -242,6 +251,14 @@ def parse(
         # pydantic reports in the order of the model; a user reads by row
         raise_faults(sorted(faults, key=lambda each: rows[id(each)] or 0), file=file)
         raise  # pydantic found faults, so there are some
+
+
+def part_of_kind(kind: type[M], value: object) -> M:
+    """Return a part of a document whose model follows from another key."""
+    try:
+        return kind.model_validate(value)
+    except ValidationError as found:
+        raise Faults(*(each for error in found.errors() for each in _faults(kind, error))) from None
 
 
 def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:

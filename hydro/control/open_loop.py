@@ -11,15 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from auvid.data_schemas.documents.control_cases import QUANTITIES, OpenLoopEntry
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import STATES, Array
 from auvid.hydro.dynamics.hybrid_vehicle import HybridVehicle, chi_dot
-from auvid.hydro.dynamics.quantities import Quantities
 
 PITCH_LIMIT_RAD = 1.5
 STRAIGHT_RAD_S = 1e-6
@@ -123,16 +122,6 @@ class OpenLoopRun:
         return float(np.mean(values[round((1.0 - STEADY_SHARE) * (len(values) - 1)) :]))
 
 
-QUANTITIES = (
-    "radius",
-    "depth",
-    *(f"{kind}_{signal}" for kind in ("steady", "peak") for signal in (*STATES, "speed")),
-)
-"""`steady_<state>`: mean over the last tenth; `peak_<state>`: largest modulus in the
-second half; radius of the turn; depth at the end.
-"""
-
-
 @dataclass(frozen=True)
 class Finding:
     """A statement of the text and the value under a parameter set.
@@ -151,75 +140,45 @@ class Finding:
         return bool(abs(self.ours - self.statement.value) <= self.statement.tolerance)
 
 
-def open_loop_cases(document: Mapping[str, Any], hybrid: HybridVehicle) -> tuple[OpenLoopCase, ...]:
-    """The cases under `open_loop` of a cases document.
+def open_loop_cases(
+    entries: Mapping[str, OpenLoopEntry], hybrid: HybridVehicle
+) -> tuple[OpenLoopCase, ...]:
+    """Return the open-loop cases of a cases document.
 
-    Raises `CampaignError` for a missing number, a wrong unit, an unknown quantity, a
-    thrust below 0 or above the vehicle's, and a mass outside the range of its buoyancy
-    engine.
+    Raises `CampaignError` for a thrust below 0 or above the vehicle's, and a mass
+    outside the range of its buoyancy engine.
     """
-    read = Quantities(document).part("open_loop")
-    return tuple(_case(name, read.part(name), hybrid) for name in document.get("open_loop") or {})
+    return tuple(_case(name, entry, hybrid) for name, entry in entries.items())
 
 
-def _case(name: str, read: Quantities, hybrid: HybridVehicle) -> OpenLoopCase:
+def _case(name: str, entry: OpenLoopEntry, hybrid: HybridVehicle) -> OpenLoopCase:
     case = OpenLoopCase(
         name=name,
-        title=str(read.plain("title", name)),
-        duration_s=read.number("duration", "s"),
-        thrust_N=read.number("thrust", "N", default=0.0),
-        rudder_rad=read.number("rudder", "rad", default=0.0),
-        stern_right_rad=read.number("stern_right", "rad", default=0.0),
-        stern_left_rad=read.number("stern_left", "rad", default=0.0),
-        mass_kg=read.number("mass", "kg", default=hybrid.engine.neutral_kg),
-        swing_kg=read.number("mass_swing", "kg", default=0.0),
-        period_s=read.number("mass_period", "s", default=0.0),
+        title=entry.title or name,
+        duration_s=entry.duration.si,
+        thrust_N=entry.thrust.si,
+        rudder_rad=entry.rudder.si,
+        stern_right_rad=entry.stern_right.si,
+        stern_left_rad=entry.stern_left.si,
+        mass_kg=hybrid.engine.neutral_kg if entry.mass is None else entry.mass.si,
+        swing_kg=entry.mass_swing.si,
+        period_s=entry.mass_period.si,
         statements=tuple(
-            _statement(key, read.part("statements").part(key))
-            for key in read.plain("statements", {})
+            Statement(key, item.value.si, item.tolerance.si, QUANTITIES[key], item.value.source)
+            for key, item in entry.statements.items()
         ),
     )
-    if case.duration_s <= 0.0:
-        raise CampaignError("must be positive", field=read.where("duration"), value=case.duration_s)
     if not 0.0 <= case.thrust_N <= hybrid.maximum_thrust_N:
         raise CampaignError(
             "the propeller cannot give this thrust",
-            field=read.where("thrust"),
+            field=f"open_loop.{name}.thrust",
             value=case.thrust_N,
             allowed=f"0 to {hybrid.maximum_thrust_N:g} N",
         )
     extremes = np.array([case.mass_kg - abs(case.swing_kg), case.mass_kg + abs(case.swing_kg)])
-    hybrid.engine.check(extremes, field=read.where("mass_swing" if case.swing_kg else "mass"))
+    key = "mass_swing" if case.swing_kg else "mass"
+    hybrid.engine.check(extremes, field=f"open_loop.{name}.{key}")
     return case
-
-
-def _statement(quantity: str, read: Quantities) -> Statement:
-    if quantity not in QUANTITIES:
-        raise CampaignError(
-            "unknown quantity",
-            field=read.where("value"),
-            value=quantity,
-            remedy=nearest(quantity, QUANTITIES),
-        )
-    unit = unit_of_quantity(quantity)
-    value = read.number("value", unit)
-    return Statement(
-        quantity, value, read.number("tolerance", unit), unit, str(read.plain("value")["source"])
-    )
-
-
-def unit_of_quantity(quantity: str) -> str:
-    """SI unit of one of QUANTITIES."""
-    signal = quantity.partition("_")[2]
-    if quantity in ("radius", "depth") or signal in ("x", "y", "z"):
-        return "m"
-    return (
-        "rad"
-        if signal in ("phi", "theta", "psi")
-        else "rad/s"
-        if signal in ("p", "q", "r")
-        else "m/s"
-    )
 
 
 def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 1.0) -> OpenLoopRun:

@@ -11,12 +11,13 @@ from typing import Any
 
 import pyarrow as pa
 
-from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.documents.control_cases import ControlCasesDocument, MonteCarloEntry
+from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.control.plants import HybridPlant
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, Stage, param, port
-from auvid.stages.control.cases import limits_of, spread_of, trajectories_of, weights_of
+from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import (
     Flown,
     Models,
@@ -45,7 +46,7 @@ class Inputs:
     """The cases; a model card for every vehicle without a buoyancy engine."""
 
     vehicle: Vehicle = port("vehicle")
-    cases: Document | None = port("control_cases", optional=True)
+    cases: ControlCasesDocument | None = port("control_cases", optional=True)
     model_card: ModelCard | None = port("model_card", optional=True)
 
 
@@ -88,8 +89,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             remedy="Name the file in the manifest: cases: cases.yaml.",
         )
     limits, weights, trajectories = limits_of(cases), weights_of(cases), trajectories_of(cases)
-    if not trajectories:
-        raise CampaignError("there is no trajectory to fly", field="trajectories")
     models = models_of(inputs.vehicle, inputs.model_card, cases, limits)
     flown = [
         item
@@ -104,9 +103,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         ],
     )
     blocks += tracking_blocks(flown, models.plant.inputs) + design_blocks(flown)
-    for part in (_spread(inputs, params, models, flown), _hybrid(inputs, models, cases)):
-        blocks += part[0]
-        rows += part[1]
+    parts = [_hybrid(inputs, models, cases)]
+    if cases.monte_carlo is not None and params.members:
+        parts.insert(0, _spread(cases.monte_carlo, inputs.model_card, params, models, flown))
+    for part_blocks, part_rows in parts:
+        blocks += part_blocks
+        rows += part_rows
     own = [item for item in flown if item.designed_on == flown[0].designed_on]
     tables = {item.name: flight_table(models.plant, item) for item in own}
     report_section = section(
@@ -143,46 +145,36 @@ def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
 
 
 def _spread(
-    inputs: Inputs, params: Params, models: Models, flown: list[Flown]
+    entry: MonteCarloEntry,
+    card: ModelCard | None,
+    params: Params,
+    models: Models,
+    flown: list[Flown],
 ) -> tuple[list[Block], list[dict[str, Any]]]:
-    """The Monte Carlo of the cases, if they ask for one."""
-    spread = spread_of(inputs.cases or {})
-    if spread is None or not params.members:
-        return [], []
-    chosen = {
-        (item.case.name, item.flight.name): item
+    """Return the Monte Carlo of the cases."""
+    item = next(
+        item
         for item in flown
-        if item.designed_on == flown[0].designed_on
-    }
-    key = (spread.trajectory, spread.flight)
-    if key not in chosen:
-        names = [" / ".join(pair) for pair in chosen]
-        raise CampaignError(
-            "no such flight",
-            field="monte_carlo",
-            value=" / ".join(key),
-            remedy=nearest(" / ".join(key), names),
-        )
-    item = chosen[key]
+        if (item.case.name, item.flight.name) == (entry.trajectory, entry.flight)
+    )
     if item.case.powered is not None:
         raise CampaignError(
             "the Monte Carlo flies trajectories with one controller",
             field="monte_carlo.trajectory",
-            value=key[0],
+            value=entry.trajectory,
         )
-    longest = float(item.flown.t_s[-1])
-    if spread.duration_s > longest + 1e-9:
+    duration, relative, longest = entry.duration.si, entry.relative_sd.si, float(item.flown.t_s[-1])
+    if duration > longest + 1e-9:
         allowed = f"at most {longest:g} s, the length of the flight"
         raise CampaignError(
             "longer than what is flown",
             field="monte_carlo.duration",
-            value=spread.duration_s,
+            value=duration,
             allowed=allowed,
         )
-    duration, relative = spread.duration_s, spread.relative_sd
     errors, track = monte_carlo(
         models,
-        inputs.model_card,
+        card,
         item,
         duration_s=duration,
         relative_sd=relative,
@@ -198,17 +190,20 @@ def _spread(
 
 
 def _hybrid(
-    inputs: Inputs, models: Models, cases: Document
+    inputs: Inputs, models: Models, cases: ControlCasesDocument
 ) -> tuple[list[Block], list[dict[str, Any]]]:
     """Return the parts that only a hybrid vehicle with such cases has.
 
     Open-loop manoeuvres, linear against nonlinear, and strip theory.
     """
-    if not isinstance(models.plant, HybridPlant) or not cases.get("open_loop"):
+    if not isinstance(models.plant, HybridPlant) or not cases.open_loop:
         return [], []
-    part, strips = open_loop_part(cases, inputs.vehicle), coefficients_part(inputs.vehicle)
+    part, strips = (
+        open_loop_part(cases.open_loop, inputs.vehicle),
+        coefficients_part(inputs.vehicle),
+    )
     own = [run for run in part.runs if run.parameter_set == models.plant.hybrid.parameter_set]
-    blocks, rows = linear_part(linear_comparisons(models.plant, own, cases.get("linear") or ()))
+    blocks, rows = linear_part(linear_comparisons(models.plant, own, cases.linear))
     return [*part.blocks, *blocks, *strips.blocks], [*part.rows, *rows, *strips.rows]
 
 

@@ -5,22 +5,29 @@ Trajectories with their controllers, flights, limits and weights.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.documents.control_cases import (
+    ControlCasesDocument,
+    DubinsEntry,
+    FlightEntry,
+    HelixEntry,
+    PoseEntry,
+    PoweredEntry,
+    SawToothEntry,
+    TrajectoryEntry,
+)
+from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
 from auvid.hydro.control.closed_loop import ForceField
 from auvid.hydro.control.controllers import Weights
 from auvid.hydro.control.paths.dubins import Bounds, Pose, dubins_path
 from auvid.hydro.control.paths.paths import Curve, helix, saw_tooth
 from auvid.hydro.control.reference import ModeSwitch, Waiting
-from auvid.hydro.dynamics.quantities import Quantities
-from auvid.stages.base import Document
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,6 @@ class TrajectoryCase:
 
     name: str
     title: str
-    kind: str
     path: Curve
     speed_m_s: float
     step_s: float
@@ -84,251 +90,147 @@ class Limits:
     pitch_rad: float
 
 
+CASES = "the cases of the campaign"
 MOST_TICKS = 200_000
 """More are refused: a step that is wrong by a thousand shall not fill the memory."""
 
 
 @contextmanager
-def in_cases(where: str = "") -> Iterator[None]:
+def in_cases(where: str) -> Iterator[None]:
     """Add the document, and the place in it, to faults raised inside."""
     try:
         yield
     except CampaignError as fault:
-        fault.file = fault.file or "the cases of the campaign"
-        if where and fault.field and not fault.field.startswith(where):
+        fault.file = fault.file or CASES
+        if fault.field and not fault.field.startswith(where):
             fault.field = f"{where}.{fault.field}"
         fault.args = (str(fault),)
         raise
 
 
-def positive(read: Quantities, key: str, unit: str, *, default: float | None = None) -> float:
-    """A quantity above zero. Raises `CampaignError` naming it."""
-    value = read.number(key, unit, default=default)
-    if not value > 0.0:
-        raise CampaignError(
-            "must be positive", field=read.where(key), value=value, allowed=f"> 0 {unit}"
-        )
-    return value
+def limits_of(cases: ControlCasesDocument) -> Limits:
+    """Return the limits of the cases."""
+    entry = cases.limits
+    return Limits(entry.fins.si, entry.fin_rate.si, entry.thrust_rate.si, entry.pitch.si)
 
 
-def limits_of(cases: Document) -> Limits:
-    """Key `limits`. Raises `CampaignError` for what is not above zero."""
-    with in_cases():
-        read = Quantities(cases).part("limits")
-        return Limits(
-            positive(read, "fins", "rad"),
-            positive(read, "fin_rate", "rad/s"),
-            positive(read, "thrust_rate", "N/s", default=100.0),
-            positive(read, "pitch", "rad"),
-        )
+def weights_of(cases: ControlCasesDocument) -> dict[str, Weights]:
+    """Return the weights of the cases by name."""
+    return {
+        name: Weights(entry.Q.array, entry.R.array, entry.Q_Z.array, entry.R_Z.array)
+        for name, entry in cases.weights.items()
+    }
 
 
-@dataclass(frozen=True)
-class Spread:
-    """The Monte Carlo of the cases.
+def trajectories_of(cases: ControlCasesDocument) -> tuple[TrajectoryCase, ...]:
+    """Return the trajectories of the cases.
 
-    `relative_sd` holds where no card gives a covariance.
+    Raises `CampaignError` for impossible paths and trajectories with more ticks than
+    `MOST_TICKS`.
     """
-
-    trajectory: str
-    flight: str
-    duration_s: float
-    relative_sd: float
+    return tuple(_trajectory(name, entry) for name, entry in cases.trajectories.items())
 
 
-def spread_of(cases: Document) -> Spread | None:
-    """Return key `monte_carlo`, or None where there is none.
-
-    Raises `CampaignError` for numbers that are not above zero.
-    """
-    entry = cases.get("monte_carlo")
-    if not entry:
-        return None
-    with in_cases():
-        read = Quantities(cases).part("monte_carlo")
-        duration, relative = (
-            positive(read, "duration", "s"),
-            positive(read, "relative_sd", "1", default=0.1),
-        )
-    return Spread(str(entry["trajectory"]), str(entry["flight"]), duration, relative)
-
-
-def weights_of(cases: Document) -> dict[str, Weights]:
-    """Key `weights`: name -> weights."""
-    with in_cases():
-        read = Quantities(cases).part("weights")
-        return {
-            name: Weights(
-                *(read.part(name).array(key, "1", shape=(-1,)) for key in ("Q", "R", "Q_Z", "R_Z"))
-            )
-            for name in cases["weights"]
-        }
-
-
-def trajectories_of(cases: Document) -> tuple[TrajectoryCase, ...]:
-    """Key `trajectories`.
-
-    Raises `CampaignError` for missing numbers, wrong units, impossible paths, unknown
-    weights, a mode switch without waiting reference, and trajectories without a flight
-    or with more ticks than `MOST_TICKS`.
-    """
-    read = Quantities(cases).part("trajectories")
-    trajectories = []
-    for name, entry in cases["trajectories"].items():
-        with in_cases():
-            trajectories.append(_trajectory(name, entry, read.part(name), cases["weights"]))
-    return tuple(trajectories)
-
-
-def _trajectory(
-    name: str, entry: Document, read: Quantities, weights: Mapping[str, Any]
-) -> TrajectoryCase:
-    where = f"trajectories.{name}"
-    for key, value in (
-        (f"{where}.weights", entry["weights"]),
-        (f"{where}.powered.weights", (entry.get("powered") or {}).get("weights")),
-    ):
-        if value is not None and value not in weights:
-            raise CampaignError(
-                "no such weights",
-                field=key,
-                value=value,
-                allowed=tuple(weights),
-                remedy=nearest(str(value), weights),
-            )
-    waiting, powered = None, None
-    if entry.get("waiting"):
-        part = read.part("waiting")
-        waiting = Waiting(
-            positive(part, "lead", "m"),
-            positive(part, "catch_up", "s", default=float("inf")),
-            positive(part, "fastest", "1", default=1.3),
-        )
-    if entry.get("powered"):
-        part = read.part("powered")
-        rule = ModeSwitch(
-            part.number("on_distance", "m"),
-            part.number("off_distance", "m"),
-            part.number("on_force", "N"),
-            part.number("off_force", "N"),
-        )
-        if rule.off_m > rule.on_m or rule.off_N > rule.on_N:
-            words = "the propeller would stop before it starts"
-            raise CampaignError(
-                words,
-                field=f"{where}.powered",
-                value=f"off {rule.off_m:g} m, {rule.off_N:g} N",
-                allowed="at most those of on",
-            )
-        powered = Powered(
-            positive(part, "speed", "m/s"),
-            str(entry["powered"].get("weights", entry["weights"])),
-            rule,
-        )
-        if waiting is None:
-            raise CampaignError(
-                "a glide with a propeller needs a waiting reference",
-                field=f"{where}.waiting",
-                remedy="Give waiting: {lead}.",
-            )
-    speed, step = positive(read, "speed", "m/s"), positive(read, "step", "s")
+def _trajectory(name: str, entry: TrajectoryEntry) -> TrajectoryCase:
+    where, shape, speed = f"trajectories.{name}", entry.path, entry.speed.si
     with in_cases(f"{where}.path"):
-        path = _path(str(entry["kind"]), read.part("path"))
-    duration = positive(read, "duration", "s") if "duration" in read else None
+        path = _path(shape)
+    duration = None if entry.duration is None else entry.duration.si
+    waiting = None
+    if entry.waiting is not None:
+        catch_up = entry.waiting.catch_up
+        waiting = Waiting(
+            entry.waiting.lead.si,
+            float("inf") if catch_up is None else catch_up.si,
+            entry.waiting.fastest.si,
+        )
+    powered = None if entry.powered is None else _powered(entry.powered, entry.weights)
     slowest = min(speed, powered.speed_m_s) if powered else speed
-    if max(path.length_m / slowest, duration or 0.0) / step > MOST_TICKS:
-        allowed = f"at most {MOST_TICKS} steps along a path of {path.length_m:.4g} m"
-        raise CampaignError("too many steps", field=f"{where}.step", value=step, allowed=allowed)
-    if not entry["flights"]:
+    if max(path.length_m / slowest, duration or 0.0) / entry.step.si > MOST_TICKS:
         raise CampaignError(
-            "there is no flight",
-            field=f"{where}.flights",
-            remedy="Give flights: {undisturbed: {title: Undisturbed}}.",
+            "too many steps",
+            file=CASES,
+            field=f"{where}.step",
+            value=entry.step.si,
+            allowed=f"at most {MOST_TICKS} steps along a path of {path.length_m:.4g} m",
         )
     turn = None
-    if entry["kind"] == "helix":
-        turn = (
-            2.0
-            * np.pi
-            * read.part("path").number("radius", "m")
-            / (speed * np.cos(path.start_pitch))
-        )
+    if isinstance(shape, HelixEntry):
+        turn = 2.0 * np.pi * shape.radius.si / (speed * np.cos(path.start_pitch))
     return TrajectoryCase(
         name=name,
-        title=str(entry["title"]),
-        kind=str(entry["kind"]),
+        title=entry.title,
         path=path,
         speed_m_s=speed,
-        step_s=step,
+        step_s=entry.step.si,
         duration_s=duration,
-        weights=str(entry["weights"]),
-        riccati=str(entry.get("riccati", "backward")),
-        observer=str(entry.get("observer", "kalman")),
-        feed_forward=str(entry.get("feed_forward", "target")),
-        equilibrium=str(entry.get("equilibrium", "trimmed")),
-        epsilon_rad=positive(read, "mass_change_over", "rad", default=0.2),
-        transient_s=read.number("transient", "s", default=10.0),
+        weights=entry.weights,
+        riccati=entry.riccati,
+        observer=entry.observer,
+        feed_forward=entry.feed_forward,
+        equilibrium=entry.equilibrium,
+        epsilon_rad=entry.mass_change_over.si,
+        transient_s=entry.transient.si,
         waiting=waiting,
         powered=powered,
-        flights=tuple(
-            _flight(key, value, read.part("flights").part(key))
-            for key, value in entry["flights"].items()
-        ),
+        flights=tuple(_flight(key, flight) for key, flight in entry.flights.items()),
         turn_s=turn,
     )
 
 
-def _flight(name: str, entry: Document, read: Quantities) -> FlightCase:
-    part = read.part("force")
-    units = {"constant": "N", "amplitude": "N", "rate": "rad/s", "phase": "rad"}
-    force = ForceField(
-        *(part.array(key, unit, shape=(3,), default=np.zeros(3)) for key, unit in units.items()),
-        start_s=part.number("start", "s", default=0.0),
+def _powered(entry: PoweredEntry, weights: str) -> Powered:
+    switch = ModeSwitch(
+        entry.on_distance.si, entry.off_distance.si, entry.on_force.si, entry.off_force.si
     )
-    current = read.array("current", "m/s", shape=(3,)) if "current" in read else None
-    flags = {
-        key: bool(entry.get(key, False)) for key in ("observer", "clock", "headline", "redesign")
-    }
-    return FlightCase(name=name, title=str(entry["title"]), force=force, current=current, **flags)
+    return Powered(entry.speed.si, entry.weights or weights, switch)
 
 
-def _path(kind: str, read: Quantities) -> Curve:
-    ramp = read.number("ramp", "m", default=0.0)
-    start = read.array("start", "m", shape=(3,), default=np.zeros(3))
-    heading = read.number("heading", "rad", default=0.0)
-    if kind == "helix":
-        radius, turns = read.number("radius", "m"), read.number("turns", "1")
-        pitch, starboard = read.number("pitch", "rad"), not read.plain("port", False)
+def _flight(name: str, entry: FlightEntry) -> FlightCase:
+    field = entry.force
+    return FlightCase(
+        name=name,
+        title=entry.title,
+        observer=entry.observer,
+        clock=entry.clock,
+        force=ForceField(
+            field.constant.array,
+            field.amplitude.array,
+            field.rate.array,
+            field.phase.array,
+            field.start.si,
+        ),
+        current=None if entry.current is None else entry.current.array,
+        headline=entry.headline,
+        redesign=entry.redesign,
+    )
+
+
+def _path(entry: HelixEntry | SawToothEntry | DubinsEntry) -> Curve:
+    ramp, start, heading = entry.ramp.si, entry.start.array, entry.heading.si
+    if isinstance(entry, HelixEntry):
         return helix(
-            radius_m=radius,
-            pitch_rad=pitch,
-            turns=turns,
-            starboard=starboard,
+            radius_m=entry.radius.si,
+            pitch_rad=entry.pitch.si,
+            turns=entry.turns.si,
+            starboard=not entry.port,
             ramp_m=ramp,
             start=start,
             heading_rad=heading,
         )
-    if kind == "saw_tooth":
+    if isinstance(entry, SawToothEntry):
         return saw_tooth(
-            leg_m=read.number("leg", "m"),
-            pitch_rad=read.number("pitch", "rad"),
-            tip_radius_m=read.number("tip_radius", "m"),
-            legs=round(read.number("legs", "1")),
+            leg_m=entry.leg.si,
+            pitch_rad=entry.pitch.si,
+            tip_radius_m=entry.tip_radius.si,
+            legs=round(entry.legs.si),
             ramp_m=ramp,
             start=start,
             heading_rad=heading,
         )
-    bounds = Bounds(
-        read.number("radius", "m"),
-        read.number("pitch", "rad"),
-        read.number("pitch_radius", "m"),
-        ramp,
-    )
-    return dubins_path(_pose(read.part("first")), _pose(read.part("last")), bounds)
+    bounds = Bounds(entry.radius.si, entry.pitch.si, entry.pitch_radius.si, ramp)
+    return dubins_path(_pose(entry.first), _pose(entry.last), bounds)
 
 
-def _pose(read: Quantities) -> Pose:
-    x, y, z = read.array("position", "m", shape=(3,))
-    return Pose(
-        float(x), float(y), float(z), read.number("heading", "rad"), read.number("pitch", "rad")
-    )
+def _pose(entry: PoseEntry) -> Pose:
+    x, y, z = entry.position.array.tolist()
+    return Pose(x, y, z, entry.heading.si, entry.pitch.si)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.control_cases import ControlCasesDocument
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, STATES, Array
@@ -27,7 +28,6 @@ from auvid.hydro.control.plants import (
 )
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.base import Document
 from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
 DESIGN_EVERY_S = 0.5
@@ -70,7 +70,9 @@ class Flown:
         return f"{self.case.name}-{self.flight.name}"
 
 
-def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits: Limits) -> Models:
+def models_of(
+    vehicle: Vehicle, card: ModelCard | None, cases: ControlCasesDocument, limits: Limits
+) -> Models:
     """The plant and the designs of a campaign.
 
     A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
@@ -79,7 +81,7 @@ def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits:
     engine nor a card.
     """
     if vehicle.buoyancy_engine is not None:
-        own = str(cases.get("parameter_set", "as_simulated"))
+        own = cases.parameter_set
 
         def plant(name: str) -> HybridPlant:
             hybrid = hybrid_vehicle(vehicle, name)
@@ -95,7 +97,7 @@ def models_of(vehicle: Vehicle, card: ModelCard | None, cases: Document, limits:
         if card is not None:
             identified = true.hybrid.with_viscous(card_coefficients(card)[0], name=str(card.name))
             designs[f"identified ({card.name})"] = replace(true, hybrid=identified)
-        designs |= {name: plant(name) for name in cases.get("redesign") or () if name != own}
+        designs |= {name: plant(name) for name in cases.redesign if name != own}
         return Models(true, designs)
     if card is None:
         raise CampaignError(

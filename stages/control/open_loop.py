@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.control_cases import OpenLoopEntry
 from auvid.hydro.control.open_loop import (
     Finding,
     OpenLoopRun,
@@ -25,7 +26,6 @@ from auvid.hydro.dynamics.hybrid_vehicle import (
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient
-from auvid.stages.base import Document
 from auvid.stages.presentation import Block, panel, plot, remark, series, table
 
 SHOWN_SET = "as_simulated"
@@ -44,8 +44,8 @@ class Part:
     runs: tuple[OpenLoopRun, ...] = ()
 
 
-def open_loop_part(cases: Document, vehicle: Vehicle) -> Part:
-    """Fly the cases under key `open_loop` of a cases document.
+def open_loop_part(cases: Mapping[str, OpenLoopEntry], vehicle: Vehicle) -> Part:
+    """Fly the open-loop cases of a cases document.
 
     With every parameter set of the vehicle that has them.
 

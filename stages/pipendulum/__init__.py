@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -31,7 +31,7 @@ class Inputs:
     campaign: Document = port("campaign")
     vehicle: Vehicle = port("vehicle")
     log_info: Collection[LogInfo] = port("log_info", many=True)
-    apparatus: Document | None = port("apparatus", optional=True)
+    apparatus: ApparatusDocument | None = port("apparatus", optional=True)
     imu: Collection[pa.Table] | None = port("imu", many=True, optional=True)
     attitude: Collection[pa.Table] | None = port("attitude", many=True, optional=True)
 
@@ -66,18 +66,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     vehicle = inputs.vehicle
     legs = {str(leg["id"]): leg for leg in inputs.campaign["legs"]}
     logs = Logs(legs, inputs.log_info, inputs.imu, inputs.attitude)
-    swings = (
-        swings_of(apparatus["quadrifilar"], logs, vehicle) if "quadrifilar" in apparatus else []
-    )
-    decays = decays_of(apparatus["free_decay"], logs, vehicle) if "free_decay" in apparatus else []
-    if not swings and not decays:
-        raise DataError(
-            "the apparatus holds no pendulum", field="apparatus", allowed="quadrifilar, free_decay"
-        )
+    tray, pendulum = apparatus.quadrifilar, apparatus.free_decay
+    swings = [] if tray is None else swings_of(tray, logs, vehicle)
+    decays = [] if pendulum is None else decays_of(pendulum, logs, vehicle)
     rows = [*swing_figures(swings), *decay_figures(decays)]
     return Outputs(
-        results={"title": str(apparatus["title"]), "rows": rows},
-        inertia=inertia_document(swings, vehicle.name, str(apparatus["source"])),
+        results={"title": apparatus.title, "rows": rows},
+        inertia=inertia_document(swings, vehicle.name, apparatus.source),
         swings=_swing_table(swings),
         decays=_decay_table(decays),
         decay_history=_history_table(decays),

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.apparatus import DecayEntry, FreeDecayEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.free_decay import (
     Decay,
@@ -44,8 +43,7 @@ from auvid.hydro.identification.bench.swing import (
     release_index,
     swing_back_period,
 )
-from auvid.stages.base import Document
-from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming, not_negative
+from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming
 from auvid.stages.presentation import Figure, figure
 
 MIN_SWINGS, GOOD_SWINGS = 0.5, 2.0
@@ -92,7 +90,7 @@ class DecayResult:
     keys (damping model, method).
     """
 
-    entry: Document
+    entry: DecayEntry
     recordings: tuple[DecayRecording, ...]
     chosen: str
     held_out: Mapping[str, float]
@@ -105,79 +103,58 @@ class DecayResult:
     @property
     def quantities(self) -> tuple[str, str, str]:
         """Return the names of added mass, linear and quadratic damping."""
-        if self.entry["role"] == "empty_pendulum":
+        if self.entry.dof is None or self.entry.role == "empty_pendulum":
             return "added mass", "linear damping", "quadratic damping"
-        names = symbols(str(self.entry["dof"]))
+        names = symbols(self.entry.dof)
         return names.added, names.linear, names.quadratic
 
 
-def apparatus_of(part: Document, vehicle: Vehicle) -> Apparatus:
-    """Return the pendulum of an apparatus; raises `CampaignError` for faulty parts."""
-    read = Quantities(part, "free_decay")
-    arm = read.number("arm", "m")
-    if arm <= 0.0:
-        raise CampaignError(
-            "the arm of the pendulum is not positive", field="free_decay.arm", value=arm
+def apparatus_of(entry: FreeDecayEntry, vehicle: Vehicle) -> Apparatus:
+    """Return the pendulum of an apparatus."""
+    parts = [
+        HungPart(
+            part.mass.si,
+            part.arm.si,
+            part.displaced_mass.si,
+            (part.displaced_arm or part.arm).si,
+            part.inertia.si,
         )
-    parts = []
-    for index, entry in enumerate(part["parts"]):
-        one = Quantities(entry, f"free_decay.parts[{index}]")
-        at = one.number("arm", "m")
-        displaced = one.number("displaced_mass", "kg", default=0.0)
-        inertia = one.number("inertia", "kg*m^2", default=0.0)
-        mass = one.number("mass", "kg")
-        not_negative(
-            f"free_decay.parts[{index}]", mass=mass, displaced_mass=displaced, inertia=inertia
-        )
-        parts.append(
-            HungPart(mass, at, displaced, one.number("displaced_arm", "m", default=at), inertia)
-        )
-    mass = read.number("vehicle_mass", "kg", default=vehicle.mass_kg)
-    displaced = read.number("vehicle_displaced_mass", "kg", default=vehicle.displaced_mass_kg)
-    not_negative("free_decay", vehicle_mass=mass, vehicle_displaced_mass=displaced)
-    return Apparatus(arm, tuple(parts), HungPart(mass, arm, displaced, arm), vehicle.gravity)
+        for part in entry.parts
+    ]
+    arm, hung, displaced = entry.arm.si, entry.vehicle_mass, entry.vehicle_displaced_mass
+    mass = vehicle.mass_kg if hung is None else hung.si
+    water = vehicle.displaced_mass_kg if displaced is None else displaced.si
+    return Apparatus(arm, tuple(parts), HungPart(mass, arm, water, arm), vehicle.gravity)
 
 
-def decays_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[DecayResult]:
+def decays_of(part: FreeDecayEntry, logs: Logs, vehicle: Vehicle) -> list[DecayResult]:
     """Return all decays of part `free_decay`, the empty pendulum first.
 
     Raises `CampaignError` and `DataError` as their recordings do.
     """
     apparatus = apparatus_of(part, vehicle)
-    empties = [
-        index for index, entry in enumerate(part["decays"]) if entry["role"] == "empty_pendulum"
-    ]
-    if len(empties) > 1:
-        raise CampaignError(
-            "at most one decay of the empty pendulum", field="free_decay.decays", value=len(empties)
-        )
-    order = [*empties, *(index for index in range(len(part["decays"])) if index not in empties)]
+    # The sort is stable: the empty pendulum first, the others as they stand.
+    order = sorted(enumerate(part.decays), key=lambda item: item[1].role != "empty_pendulum")
+    has_empty = bool(order) and order[0][1].role == "empty_pendulum"
     results: list[DecayResult] = []
-    for index in order:
-        entry = part["decays"][index]
-        field = f"free_decay.decays[{index}]"
-        if entry["role"] == "vehicle" and "dof" not in entry:
-            raise CampaignError(
-                "a decay of the vehicle needs its direction",
-                field=f"{field}.dof",
-                allowed=("surge", "sway", "heave"),
-            )
-        empty = results[0] if empties and index != empties[0] else None
-        results.append(_decay(entry, field, apparatus, logs, empty))
+    for index, entry in order:
+        empty = results[0] if has_empty and results else None
+        results.append(_decay(entry, f"free_decay.decays[{index}]", apparatus, logs, empty))
     return results
 
 
 def _decay(
-    entry: Document, field: str, apparatus: Apparatus, logs: Logs, empty: DecayResult | None
+    entry: DecayEntry, field: str, apparatus: Apparatus, logs: Logs, empty: DecayResult | None
 ) -> DecayResult:
-    hung = apparatus.hung(loaded=entry["role"] == "vehicle")
+    loaded = entry.role == "vehicle"
+    hung = apparatus.hung(loaded=loaded)
     pole = None if empty is None else empty.derivatives[empty.chosen, "output error"]
     known = (
         (0.0, 0.0)
         if pole is None
         else tuple(pole.values[1:] * apparatus.arm ** np.array([2.0, 3.0]) / hung.stiffness)
     )
-    recordings = [logs.recording(leg, f"{field}.legs", upright=False) for leg in entry["legs"]]
+    recordings = [logs.recording(leg, f"{field}.legs", upright=False) for leg in entry.legs]
     training = [
         _decay_recording(item, (float(known[0]), float(known[1])))
         for item in recordings
@@ -187,7 +164,7 @@ def _decay(
         raise CampaignError(
             "a decay needs a leg of use training",
             field=f"{field}.legs",
-            value=", ".join(entry["legs"]),
+            value=", ".join(entry.legs),
         )
     others = [
         replace(prepared(item)[0], known=(float(known[0]), float(known[1])))
@@ -221,7 +198,7 @@ def _decay(
                 for item in training
             ]
             results[name, method] = mean_of(each)
-    point = apparatus.hung(loaded=entry["role"] == "vehicle", point_mass=True)
+    point = apparatus.hung(loaded=loaded, point_mass=True)
     pole_point = None if empty is None else empty.point_mass
     points = [
         derivatives(item.estimate.output_error[chosen], point, arm=apparatus.arm, empty=pole_point)
@@ -327,7 +304,7 @@ def decay_figures(decays: Sequence[DecayResult]) -> list[Figure]:
     """
     rows: list[Figure] = []
     for item in decays:
-        name, units = str(item.entry["id"]), ("kg", "kg/s", "kg/m")
+        name, units = item.entry.id, ("kg", "kg/s", "kg/m")
         excited = item.recordings[0].estimate.excitation
         blocks = [("", item.chosen, "output error")]
         blocks += [(f" ({damping})", damping, "output error") for damping in DAMPING]
@@ -349,16 +326,16 @@ def decay_figures(decays: Sequence[DecayResult]) -> list[Figure]:
                     else None
                 )
                 note = f"{damping} damping, output error" if not suffix else None
-                headline = not suffix and item.entry["role"] == "vehicle"
-                more: dict[str, Any] = {"verdict": verdict, "note": note}
+                headline = not suffix and item.entry.role == "vehicle"
                 rows.append(
                     figure(
                         f"{name}: {quantity}{suffix}",
                         value,
                         units[index],
                         error,
+                        verdict=verdict,
+                        note=note,
                         headline=headline,
-                        **more,
                     )
                 )
         point = item.point_mass

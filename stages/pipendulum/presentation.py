@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.single_channel import DAMPING
-from auvid.stages.base import Document
 from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, DecayResult, sensitivity
 from auvid.stages.pipendulum.recordings import ASKEW_DEG
 from auvid.stages.pipendulum.swings import SwingResult
@@ -38,15 +38,12 @@ FREE_DECAY = (
 
 
 def bench_section(
-    apparatus: Document, swings: Sequence[SwingResult], decays: Sequence[DecayResult]
+    apparatus: ApparatusDocument, swings: Sequence[SwingResult], decays: Sequence[DecayResult]
 ) -> dict[str, Any]:
     """Return the section: verdicts and warnings, then swings, then decays."""
     blocks: list[Block] = _remarks(swings, decays)
     blocks.append(
-        text(
-            f"{apparatus['title']}. Source: {apparatus['source']}."
-            f" {apparatus.get('notes', '')}".rstrip()
-        )
+        text(f"{apparatus.title}. Source: {apparatus.source}. {apparatus.notes or ''}".rstrip())
     )
     if swings:
         blocks += _swing_blocks(swings)
@@ -113,15 +110,15 @@ def _remarks(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> li
         if item.cylinder is not None:
             share = 100.0 * (item.inertia.value / item.cylinder - 1.0)
             words = (
-                f"Check of the pendulum: {item.entry['id']} comes out {share:+.2f} % against the"
+                f"Check of the pendulum: {item.entry.id} comes out {share:+.2f} % against the"
                 " hollow cylinder of (58)."
             )
             blocks.append(remark(words, "finding" if abs(share) <= CYLINDER_PERCENT else "warning"))
     for decay in decays:
-        if decay.entry["role"] == "vehicle":
+        if decay.entry.role == "vehicle":
             held_out_error = decay.held_out[decay.chosen]
             words = (
-                f"{decay.entry['id']}: {decay.chosen} damping predicts {decay.judged_on} best"
+                f"{decay.entry.id}: {decay.chosen} damping predicts {decay.judged_on} best"
                 f" ({1e3 * held_out_error:.2g} mrad RMS)."
             )
             blocks.append(remark(words, "finding"))
@@ -158,11 +155,11 @@ def _remarks(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> li
         ]
         if wrong:
             words = (
-                f"{decay.entry['id']}: positive {', '.join(wrong)}, which no body in water has:"
+                f"{decay.entry.id}: positive {', '.join(wrong)}, which no body in water has:"
                 " check masses, arms and legs."
             )
             blocks.append(remark(words, "warning"))
-    if decays and not any(item.entry["role"] == "empty_pendulum" for item in decays):
+    if decays and not any(item.entry.role == "empty_pendulum" for item in decays):
         blocks.append(
             remark(
                 "No decay of the empty pendulum: added mass and damping of the pole are counted to"
@@ -180,7 +177,7 @@ def _swing_blocks(swings: Sequence[SwingResult]) -> list[Block]:
         fits = [fit for _, fit in item.recordings]
         rows.append(
             [
-                item.entry["id"],
+                item.entry.id,
                 item.mass or None,
                 item.period.value,
                 item.period.standard_error,
@@ -249,7 +246,7 @@ def _swing_blocks(swings: Sequence[SwingResult]) -> list[Block]:
 
 def _decay_blocks(decays: Sequence[DecayResult]) -> list[Block]:
     words = [
-        f"{item.entry['id']}: restoring moment {item.hung.stiffness:.4g} N m as weighed; 1 % more"
+        f"{item.entry.id}: restoring moment {item.hung.stiffness:.4g} N m as weighed; 1 % more"
         f" of it moves the added mass by {sensitivity(item):.3g} kg. Smallest eigenvalue of C_n"
         f" over the recording {item.recordings[0].estimate.excitation.smallest[-1]:.2g}."
         for item in decays
@@ -293,14 +290,14 @@ def _methods_table(item: DecayResult) -> Block:
         *(word for method in METHODS[::-1] for word in (method, "± 95 %")),
         "output error, point mass",
     ]
-    taken = "" if item.entry["role"] == "empty_pendulum" else "The empty pendulum is taken off. "
+    taken = "" if item.entry.role == "empty_pendulum" else "The empty pendulum is taken off. "
     note = (
         f"{taken}Output error gives the figures to take; intervals of the regressions hold their"
         " noise, not the bias that noise in the regressors brings. Point mass: everything at the"
         " arm, as (66) has it, which is wrong for a pole whose mass is spread along it."
     )
     return table(
-        f"{item.entry['id']}: methods side by side, {item.chosen} damping", heads, rows, note=note
+        f"{item.entry.id}: methods side by side, {item.chosen} damping", heads, rows, note=note
     )
 
 
@@ -339,7 +336,7 @@ def _damping_table(item: DecayResult) -> Block:
         "",
     ]
     return table(
-        f"{item.entry['id']}: damping models (as Tables 12, 14, 15)",
+        f"{item.entry.id}: damping models (as Tables 12, 14, 15)",
         heads,
         rows,
         note="RMSE of the simulated angle.",
@@ -380,4 +377,4 @@ def _decay_plot(item: DecayResult) -> Block:
         "Which damping keeps to the measured swings as they grow small; the recursive ratio stands"
         " still before the end."
     )
-    return plot(f"{item.entry['id']}: decay, measured and simulated", panels, look_for=look)
+    return plot(f"{item.entry.id}: decay, measured and simulated", panels, look_for=look)

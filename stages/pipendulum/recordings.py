@@ -243,15 +243,3 @@ def naming(leg: str) -> Iterator[None]:
         raise DataError(
             words, field=fault.field, value=fault.value, allowed=fault.allowed, remedy=fault.remedy
         ) from fault
-
-
-def not_negative(field: str, **values: float) -> None:
-    """Raise `CampaignError` for the first mass or inertia that is negative."""
-    for name, value in values.items():
-        if value < 0.0:
-            raise CampaignError(
-                "a mass or inertia below zero",
-                field=f"{field}.{name}",
-                value=value,
-                allowed="0 or more",
-            )

@@ -11,8 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.dynamics.quantities import Quantities
+from auvid.data_schemas.documents.apparatus import (
+    CylinderEntry,
+    QuadrifilarEntry,
+    SwingEntry,
+    TimedEntry,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.quadrifilar import (
     Estimate,
@@ -27,11 +31,8 @@ from auvid.hydro.identification.bench.quadrifilar import (
     tray_inertia,
 )
 from auvid.hydro.identification.bench.swing import SIMPLE, SwingFit, fit_swing
-from auvid.stages.base import Document
-from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming, not_negative
+from auvid.stages.pipendulum.recordings import Logs, SwingRecording, naming
 from auvid.stages.presentation import Figure, figure
-
-STOP_WATCH_SD_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class SwingResult:
     `amplitude_deg` of the largest swing.
     """
 
-    entry: Document
+    entry: SwingEntry
     mass: float
     period: Estimate
     inertia: Estimate
@@ -51,82 +52,38 @@ class SwingResult:
     amplitude_deg: float
 
 
-def swings_of(part: Document, logs: Logs, vehicle: Vehicle) -> list[SwingResult]:
+def swings_of(part: QuadrifilarEntry, logs: Logs, vehicle: Vehicle) -> list[SwingResult]:
     """Return all swings of part `quadrifilar`, the empty tray first.
 
-    Raises `CampaignError` for a faulty apparatus, `DataError` for bad recordings.
+    Raises `CampaignError` and `DataError` as their recordings do.
     """
-    read = Quantities(part, "quadrifilar")
     geometry = QuadrifilarGeometry(
-        radius_ceiling=read.number("radius_ceiling", "m"),
-        radius_tray=read.number("radius_tray", "m"),
-        line=read.number("line_length", "m"),
-        tray_mass=read.number("tray_mass", "kg"),
+        radius_ceiling=part.radius_ceiling.si,
+        radius_tray=part.radius_tray.si,
+        line=part.line_length.si,
+        tray_mass=part.tray_mass.si,
         gravity=vehicle.gravity,
-        length_sd=read.number("length_sd", "m", default=0.0),
-        mass_sd=read.number("mass_sd", "kg", default=0.0),
+        length_sd=part.length_sd.si,
+        mass_sd=part.mass_sd.si,
     )
-    if min(geometry.radius_ceiling, geometry.radius_tray, geometry.line, geometry.tray_mass) <= 0.0:
-        raise CampaignError(
-            "a length or mass of the pendulum is not positive", field="quadrifilar", value=geometry
-        )
-    if geometry.line <= abs(geometry.radius_ceiling - geometry.radius_tray):
-        words = "the lines are shorter than the difference of the radii"
-        remedy = "Check that all three are in the unit that they say, and that the radii are radii."
-        raise CampaignError(
-            words, field="quadrifilar.line_length", value=geometry.line, remedy=remedy
-        )
-    trays = [index for index, entry in enumerate(part["swings"]) if entry["role"] == "empty_tray"]
-    if len(trays) != 1:
-        raise CampaignError(
-            "one swing of the empty tray is needed",
-            field="quadrifilar.swings",
-            value=len(trays),
-            allowed=1,
-        )
-    order = [*trays, *(index for index in range(len(part["swings"])) if index not in trays)]
+    order = sorted(enumerate(part.swings), key=lambda item: item[1].role != "empty_tray")
     results: list[SwingResult] = []
-    for index in order:
-        results.append(
-            _swing(
-                part["swings"][index],
-                f"quadrifilar.swings[{index}]",
-                geometry,
-                logs,
-                results[0].period if results else None,
-            )
-        )
+    for index, entry in order:
+        empty = results[0].period if results else None
+        results.append(_swing(entry, f"quadrifilar.swings[{index}]", geometry, logs, empty))
     return results
 
 
 def _swing(
-    entry: Document, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None
+    entry: SwingEntry, field: str, geometry: QuadrifilarGeometry, logs: Logs, empty: Estimate | None
 ) -> SwingResult:
-    read = Quantities(entry, field)
-    mass = 0.0
-    if empty is not None:
-        if "mass" not in read:
-            raise CampaignError(
-                "an object on the tray needs its mass",
-                field=f"{field}.mass",
-                remedy="Weigh it, without the tray.",
-            )
-        mass = read.number("mass", "kg")
-        not_negative(field, mass=mass)
+    mass = 0.0 if empty is None or entry.mass is None else entry.mass.si
     total = geometry.tray_mass + mass
     soft = SIMPLE
-    recordings = [
-        logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.get("legs") or ()
-    ]
+    recordings = [logs.recording(leg, f"{field}.legs", upright=True) for leg in entry.legs]
     periods: list[Estimate] = []
     fits: list[SwingFit] = []
-    timed = [_timed(item) for item in entry.get("timed") or ()]
-    if not recordings and not timed:
-        raise CampaignError(
-            "a swing needs legs that recorded it, or timed oscillations",
-            field=field,
-            value=entry["id"],
-        )
+    timed = [_timed(item) for item in entry.timed]
     for _ in range(
         2
     ):  # how much a large swing is slowed depends a little on the inertia that comes out
@@ -152,7 +109,7 @@ def _swing(
         period,
         inertia,
         tuple(zip(recordings, fits, strict=True)),
-        _cylinder(read, mass),
+        _cylinder(entry.cylinder, mass),
         float(amplitude),
     )
 
@@ -162,26 +119,16 @@ def _fit(recording: SwingRecording, slowed: tuple[float, float]) -> SwingFit:
         return fit_swing(recording.t_s, recording.rate, slowing=slowed, usable=recording.usable)
 
 
-def _timed(item: Document) -> tuple[Estimate, float]:
+def _timed(item: TimedEntry) -> tuple[Estimate, float]:
     """Return the period of counted oscillations, and their amplitude [rad]."""
-    period = counted_period(
-        int(item["oscillations"]),
-        float(item["duration_s"]),
-        float(item.get("duration_sd_s", STOP_WATCH_SD_S)),
-    )
-    return period, float(np.radians(item.get("amplitude_deg", 0.0)))
+    period = counted_period(item.oscillations, item.duration_s, item.duration_sd_s)
+    return period, float(np.radians(item.amplitude_deg))
 
 
-def _cylinder(read: Quantities, mass: float) -> float | None:
-    if "cylinder" not in read:
+def _cylinder(tube: CylinderEntry | None, mass: float) -> float | None:
+    if tube is None:
         return None
-    tube = read.part("cylinder")
-    return hollow_cylinder(
-        mass,
-        tube.number("length", "m"),
-        tube.number("outer_radius", "m"),
-        tube.number("inner_radius", "m"),
-    )
+    return hollow_cylinder(mass, tube.length.si, tube.outer_radius.si, tube.inner_radius.si)
 
 
 def swing_figures(swings: Sequence[SwingResult]) -> list[Figure]:
@@ -191,7 +138,7 @@ def swing_figures(swings: Sequence[SwingResult]) -> list[Figure]:
     """
     rows = []
     for item in swings:
-        name, axis = str(item.entry["id"]), item.entry.get("axis")
+        name, axis = item.entry.id, item.entry.axis
         rows.append(figure(f"T of {name}", item.period.value, "s", item.period.standard_error))
         note = f"swings of {item.amplitude_deg:.1f} degrees, corrected to small ones"
         quantity = f"I_{axis}" if axis else f"I of {name}"
@@ -234,15 +181,15 @@ def inertia_document(
 ) -> dict[str, Any] | None:
     """Return document `inertia` with the axes that were swung, None for none."""
     axes = {
-        f"I_{item.entry['axis']}": {
+        f"I_{item.entry.axis}": {
             "value": float(item.inertia.value),
             "unit": "kg*m^2",
             "source": (
-                f"quadrifilar pendulum, swing {item.entry['id']}, standard error"
+                f"quadrifilar pendulum, swing {item.entry.id}, standard error"
                 f" {item.inertia.standard_error:.2g} kg m^2"
             ),
         }
         for item in swings
-        if item.entry.get("axis")
+        if item.entry.axis
     }
     return {"vehicle": vehicle, "source": source, **axes} if axes else None

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.actuators.propeller import level_speed
@@ -41,7 +42,7 @@ class Inputs:
 
     vehicle: Vehicle = port("vehicle")
     twin: Document = port("twin")
-    apparatus: Document | None = port("apparatus", optional=True)
+    apparatus: ApparatusDocument | None = port("apparatus", optional=True)
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def _dives(vehicle: Vehicle, twin: Document) -> Outputs:
     )
 
 
-def _bench(vehicle: Vehicle, twin: Document, apparatus: Document | None) -> Outputs:
+def _bench(vehicle: Vehicle, twin: Document, apparatus: ApparatusDocument | None) -> Outputs:
     plan, seed = bench_plan(twin["plan"], vehicle, file="the plan"), int(twin["seed"])
     words = f"auvid bench twin of {vehicle.name}, seed {seed}"
     flown = {item.id: fly_experiment(item, plan, vehicle, apparatus) for item in plan.experiments}

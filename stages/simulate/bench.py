@@ -7,9 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from auvid.data_schemas.documents.apparatus import (
+    ApparatusDocument,
+    FreeDecayEntry,
+    QuadrifilarEntry,
+)
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import (
@@ -20,7 +26,6 @@ from auvid.hydro.dynamics.actuators.thrusters import (
     thruster_forces,
 )
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.dynamics.quantities import Quantities
 from auvid.hydro.dynamics.simplified import DERIVATIVES, LINEAR, QUADRATIC
 from auvid.hydro.dynamics.simulation.bench_motion import (
     BenchMotion,
@@ -38,7 +43,6 @@ from auvid.hydro.dynamics.simulation.sensor_models import (
 )
 from auvid.hydro.dynamics.simulation.simulation import Motion, constant_actuation
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
-from auvid.stages.base import Document
 from auvid.stages.columns import GYRO, POSE, VELOCITY, named
 from auvid.stages.simulate.bench_plans import OUTPUTS, BenchPlan, Experiment, output_of
 from auvid.stages.simulate.flights import DEPTH, IMU, random_of
@@ -47,6 +51,7 @@ from auvid.stages.simulate.sensing import ACCEL, BOOT_US, Recorded, sample_times
 
 LOOK_S = 0.1
 DOFS = ("surge", "sway", "heave")
+E = TypeVar("E")
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class FlownExperiment:
 
 
 def fly_experiment(
-    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document | None
+    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: ApparatusDocument | None
 ) -> FlownExperiment:
     """Fly one run.
 
@@ -73,16 +78,15 @@ def fly_experiment(
     """
     if experiment.kind == "tank":
         return _tank(experiment, plan, vehicle)
+    if apparatus is not None and experiment.kind == "decays" and apparatus.free_decay is not None:
+        return _decay(experiment, plan, vehicle, apparatus.free_decay)
+    if apparatus is not None and experiment.kind == "swings" and apparatus.quadrifilar is not None:
+        return _swing(experiment, vehicle, apparatus.quadrifilar)
     part = {"decays": "free_decay", "swings": "quadrifilar"}[experiment.kind]
-    if apparatus is None or part not in apparatus:
-        remedy = "Name the document of the pendulums in the manifest (apparatus: apparatus.yaml)."
-        raise CampaignError(
-            f"the plan has {experiment.kind}, but there is no apparatus with '{part}'",
-            field="apparatus",
-            remedy=remedy,
-        )
-    return (_decay if experiment.kind == "decays" else _swing)(
-        experiment, plan, vehicle, apparatus[part]
+    raise CampaignError(
+        f"the plan has {experiment.kind}, but there is no apparatus with '{part}'",
+        field="apparatus",
+        remedy="Name the document of the pendulums in the manifest (apparatus: apparatus.yaml).",
     )
 
 
@@ -128,22 +132,18 @@ def _pulse(thrusters: Thrusters, percent: Array) -> Array:
 
 
 def _decay(
-    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document
+    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: FreeDecayEntry
 ) -> FlownExperiment:
     truth = plan.truths[experiment.entry["truth"]]
-    hung = _entry(apparatus["decays"], experiment.entry["decay"], "bench.decays", "decay")
-    pendulum = pendulum_of(
-        apparatus,
-        truth,
-        vehicle,
-        dof=str(hung.get("dof", "surge")) if hung["role"] == "vehicle" else None,
-    )
+    decays = {decay.id: decay for decay in apparatus.decays}
+    hung = _named(experiment.entry["decay"], decays, "bench.decays.decay", "decay")
+    pendulum = pendulum_of(apparatus, truth, vehicle, dof=hung.loaded_dof)
     angle = float(np.radians(experiment.entry["angle_deg"]))
     return FlownExperiment(experiment, free_decay(pendulum, angle, experiment.end_s), truth)
 
 
 def pendulum_of(
-    apparatus: Document, truth: Mapping[str, float], vehicle: Vehicle, *, dof: str | None
+    apparatus: FreeDecayEntry, truth: Mapping[str, float], vehicle: Vehicle, *, dof: str | None
 ) -> PhysicalPendulum:
     """Return the pendulum of part `free_decay` of an apparatus.
 
@@ -153,24 +153,21 @@ def pendulum_of(
     its turning with the pole is left out. The parts have their own arms; those of the
     pole's own water (pole_added_mass, pole_linear, pole_quadratic) are given at L.
     """
-    read = Quantities(apparatus)
-    arm, gravity = read.number("arm", "m"), vehicle.gravity
+    arm, gravity = apparatus.arm.si, vehicle.gravity
     inertia = restoring = 0.0
-    for entry in apparatus["parts"]:
-        part = Quantities(entry)
-        mass, at = part.number("mass", "kg"), part.number("arm", "m")
-        inertia += mass * at**2 + part.number("inertia", "kg*m^2", default=0.0)
-        displaced = part.number("displaced_mass", "kg", default=0.0)
-        restoring += gravity * (
-            mass * at - displaced * part.number("displaced_arm", "m", default=at)
-        )
+    for part in apparatus.parts:
+        mass, at = part.mass.si, part.arm.si
+        inertia += mass * at**2 + part.inertia.si
+        displaced_arm = (part.displaced_arm or part.arm).si
+        restoring += gravity * (mass * at - part.displaced_mass.si * displaced_arm)
     added, linear, quadratic = (
         truth.get(name, 0.0) for name in ("pole_added_mass", "pole_linear", "pole_quadratic")
     )
     if dof is not None:
         axis = DOFS.index(dof)
-        mass = truth.get("mass", read.number("vehicle_mass", "kg", default=vehicle.mass_kg))
-        displaced = read.number("vehicle_displaced_mass", "kg", default=vehicle.displaced_mass_kg)
+        hung, water = apparatus.vehicle_mass, apparatus.vehicle_displaced_mass
+        mass = truth.get("mass", vehicle.mass_kg if hung is None else hung.si)
+        displaced = vehicle.displaced_mass_kg if water is None else water.si
         inertia += mass * arm**2
         restoring += gravity * (mass - displaced) * arm
         added += truth.get(DERIVATIVES[axis], float(vehicle.added_mass[axis, axis]))
@@ -182,16 +179,16 @@ def pendulum_of(
 
 
 def _swing(
-    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: Document
+    experiment: Experiment, vehicle: Vehicle, apparatus: QuadrifilarEntry
 ) -> FlownExperiment:
-    entry, read = experiment.entry, Quantities(apparatus)
-    laid = _entry(apparatus["swings"], entry["swing"], "bench.swings", "swing")
+    entry, swings = experiment.entry, {swing.id: swing for swing in apparatus.swings}
+    laid = _named(entry["swing"], swings, "bench.swings.swing", "swing")
     tray = Quadrifilar(
         inertia=float(entry["inertia_kg_m2"]),
-        mass=read.number("tray_mass", "kg") + Quantities(laid).number("mass", "kg", default=0.0),
-        radius_ceiling=read.number("radius_ceiling", "m"),
-        radius_tray=read.number("radius_tray", "m"),
-        line=read.number("line_length", "m"),
+        mass=apparatus.tray_mass.si + (0.0 if laid.mass is None else laid.mass.si),
+        radius_ceiling=apparatus.radius_ceiling.si,
+        radius_tray=apparatus.radius_tray.si,
+        line=apparatus.line_length.si,
         damping=float(entry.get("damping_N_m_s", 0.0)),
         gravity=vehicle.gravity,
     )
@@ -199,17 +196,16 @@ def _swing(
     return FlownExperiment(experiment, trajectory, {"inertia": tray.inertia, "mass": tray.mass})
 
 
-def _entry(entries: list[Document], name: str, field: str, key: str) -> Document:
-    known = {str(entry["id"]): entry for entry in entries}
-    if name not in known:
+def _named(name: str, entries: Mapping[str, E], field: str, what: str) -> E:
+    if name not in entries:
         raise CampaignError(
-            f"the apparatus has no such {key}",
-            field=f"{field}.{key}",
+            f"the apparatus has no such {what}",
+            field=field,
             value=name,
-            allowed=known,
-            remedy=nearest(name, known),
+            allowed=entries,
+            remedy=nearest(name, entries),
         )
-    return known[name]
+    return entries[name]
 
 
 def record_experiment(

@@ -8,6 +8,8 @@ import copy
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.documents.control_cases import ControlCasesDocument
+from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
@@ -38,6 +40,8 @@ def flown(
     cases["trajectories"] = {name: entry}
     if campaign == "hauv":
         cases["redesign"] = []
+    cases.pop("monte_carlo", None)
+    cases = parse(ControlCasesDocument, cases)
     limits = limits_of(cases)
     case = trajectories_of(cases)[0]
     return fly_case(

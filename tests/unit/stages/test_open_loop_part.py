@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.control_cases import ControlCasesDocument
+from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.control.open_loop import coefficients_part, open_loop_part
@@ -12,10 +14,8 @@ from auvid.stages.presentation import section
 
 ROOT = Path(__file__).parents[3]
 HAUV = vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))
-CASES = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
-FEW = {
-    "open_loop": {name: CASES["open_loop"][name] for name in ("glide_dive", "straight", "float_up")}
-}
+CASES = parse(ControlCasesDocument, read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text()))
+FEW = {name: CASES.open_loop[name] for name in ("glide_dive", "straight", "float_up")}
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.apparatus import ApparatusDocument
+from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
@@ -138,7 +140,7 @@ def log_of(
 
 
 def run(apparatus: dict[str, Any], logs: dict[str, dict[str, pa.Table]]) -> pipendulum.Outputs:
-    check_document(apparatus, "apparatus")
+    checked = parse(ApparatusDocument, apparatus)
     info = {name: log_document(start_us=START_US, end_us=START_US + 60_000_000) for name in logs}
     streams = {
         stream: collection({name: log[stream] for name, log in logs.items() if stream in log})
@@ -150,7 +152,7 @@ def run(apparatus: dict[str, Any], logs: dict[str, dict[str, pa.Table]]) -> pipe
             {"legs": legs},
             VEHICLE,
             collection(info),
-            apparatus,
+            checked,
             streams["imu"],
             streams["attitude"],
         ),
@@ -381,8 +383,8 @@ def test_exchanged_recordings_give_no_negative_inertia() -> None:
         ),
         (
             lambda a: a["quadrifilar"].update(line_length=quantity(-4.23, "m")),
-            "quadrifilar",
-            "not positive",
+            "quadrifilar.line_length.value",
+            "must be positive",
         ),
         (
             lambda a: a["quadrifilar"].update(radius_ceiling=quantity(5.0, "m")),
@@ -401,8 +403,18 @@ def test_exchanged_recordings_give_no_negative_inertia() -> None:
         ),
         (
             lambda a: a["free_decay"].update(arm=quantity(0.0, "m")),
-            "free_decay.arm",
-            "not positive",
+            "free_decay.arm.value",
+            "must be positive",
+        ),
+        (
+            lambda a: a["free_decay"]["parts"][0].update(mass=quantity(-1.0, "kg")),
+            "free_decay.parts[0].mass.value",
+            "below zero",
+        ),
+        (
+            lambda a: a["free_decay"]["decays"].append(a["free_decay"]["decays"][1]),
+            "free_decay.decays",
+            "at most one decay of the empty",
         ),
     ],
 )

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.documents.control_cases import ControlCasesDocument
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.control.open_loop import findings, fly_open_loop, open_loop_cases
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
@@ -18,7 +20,13 @@ ROOT = Path(__file__).parents[4]
 HAUV = vehicle_from_document(read_yaml((ROOT / "vehicles/hauv.yaml").read_text()))
 CASES = read_yaml((ROOT / "campaigns/hauv/cases.yaml").read_text())
 SIMULATED, CORRECTED = hybrid_vehicle(HAUV, "as_simulated"), hybrid_vehicle(HAUV, "corrected")
-BY_NAME = {case.name: case for case in open_loop_cases(CASES, SIMULATED)}
+
+
+def cases_of(document):
+    return open_loop_cases(parse(ControlCasesDocument, document).open_loop, SIMULATED)
+
+
+BY_NAME = {case.name: case for case in cases_of(CASES)}
 
 HOLD_AS_SIMULATED = {
     "straight": {
@@ -124,9 +132,20 @@ def edited(case, key, value):
         ),
         ("straight", "thrust", {"value": 300.0, "unit": "kg", "source": "t"}, "wrong unit"),
         ("straight", "duration", {"value": 0.0, "unit": "s", "source": "t"}, "must be positive"),
-        ("straight", "statements", {"steady_bank": {}}, "unknown quantity"),
+        (
+            "straight",
+            "statements",
+            {"steady_bank": CASES["open_loop"]["straight"]["statements"]["depth"]},
+            r"statements.steady_bank.*unknown quantity",
+        ),
+        (
+            "straight",
+            "statements",
+            {"steady_u": CASES["open_loop"]["straight"]["statements"]["depth"]},
+            r"statements.steady_u.value.unit.*wrong unit.*a unit of m/s",
+        ),
     ],
 )
 def test_cases_that_cannot_be_flown_are_refused(case, key, value, message):
-    with pytest.raises(CampaignError, match=message):
-        open_loop_cases(edited(case, key, value), SIMULATED)
+    with pytest.raises(PipelineError, match=message):
+        cases_of(edited(case, key, value))

@@ -13,6 +13,8 @@ import pytest
 from pymavlink import DFReader, mavutil
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.apparatus import ApparatusDocument, FreeDecayEntry
+from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
 from auvid.data_schemas.yaml_text import read_yaml
@@ -84,7 +86,11 @@ def run(
         "format": format,
     }
     return simulate.run(
-        simulate.Inputs(THAUS, {**twin, "accelerometer": "specific_force"}, apparatus),
+        simulate.Inputs(
+            THAUS,
+            {**twin, "accelerometer": "specific_force"},
+            None if apparatus is None else parse(ApparatusDocument, apparatus),
+        ),
         simulate.Params(),
     )
 
@@ -351,6 +357,7 @@ def test_a_physical_pendulum_has_each_part_at_its_own_arm() -> None:
     pole["arm"]["value"] = 1.83
     pole["inertia"] = {"value": 6.62, "unit": "kg*m^2", "source": "rod"}
     pole["displaced_mass"] = {"value": 2.0, "unit": "kg", "source": "wet part"}
+    apparatus = parse(FreeDecayEntry, apparatus)
     found = pendulum_of(apparatus, {"X_u": -10.0, **POLE}, THAUS, dof="surge")
     assert found.inertia == pytest.approx(
         5.93 * 1.83**2 + 6.62 + (4.62 + 38.10 + 91.7507 + 4.1996) * 3.66**2
