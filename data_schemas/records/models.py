@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from auvid.data_schemas.documents.model import Model
+from auvid.data_schemas.records.likelihood import LikelihoodFit
 
 
 class TermCard(Model):
@@ -193,8 +194,12 @@ class ModelCard(Model):
     """Per axis, term -> number that predicts the force, whatever its verdict (0 for all
     but one of an inseparable group). Results are those of `axes`, with a verdict.
     """
-    method: Literal["least squares", "within limits"] = "least squares"
-    """Least squares alone, or with physical limits and the six axes as one problem."""
+    method: Literal["least squares", "within limits", "output error", "filter error"] = (
+        "least squares"
+    )
+    """Least squares alone, or with physical limits and the six axes as one problem, or
+    maximum likelihood of the sensors themselves.
+    """
     damping: Literal["free", "negative", "dissipative"] = "free"
     """Limits on damping: none; no positive damping along an axis; no motion of the flown
     range that gains energy.
@@ -209,6 +214,8 @@ class ModelCard(Model):
     """The prior on coefficients, where one was used; verdicts stay those of the data
     alone.
     """
+    likelihood: LikelihoodFit | None = None
+    """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
 
 
 class ErrorMetrics(Model):

@@ -1,0 +1,227 @@
+"""Fit models once more, to the sensors themselves, by maximum likelihood.
+
+Least squares takes its velocities and its force from one smoother. Here the motion is
+simulated instead and compared with every sensor at its own times: by innovations of a
+Kalman filter with an unsteady force (filter error), or by free motion from fitted
+starts (output error). A fit starts from the card of `synthesise` and keeps its terms,
+prior, fitted inertia and limits; noise, biases and a lag of the actuators are found
+with it. Where it fails the card of `synthesise` stays, and the reason is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.constrained.equations import added_mass_change
+from auvid.hydro.identification.maximum_likelihood.output_error import WINDOW_S
+from auvid.hydro.identification.maximum_likelihood.records import LegRecord
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.columns import ACCELERATION, VELOCITY, forces
+from auvid.stages.refine.fitting import ESTIMATORS, CardUnknowns, SensorFit, fit_card
+from auvid.stages.refine.legs import SegmentSamples, leg_record
+from auvid.stages.refine.presentation import refine_section
+from auvid.stages.refine.refined_card import refined_card
+
+
+@dataclass(frozen=True)
+class Inputs:
+    model_card: Collection[ModelCard] = port("model_card", many=True)
+    segment: Collection[SegmentRecord] = port("segment", many=True)
+    fusion: Collection[FusionRecord] = port("fusion", many=True)
+    log_info: Collection[LogInfo] = port("log_info", many=True)
+    resampled: Collection[pa.Table] = port("resampled", many=True)
+    samples_attitude: Collection[pa.Table] = port("samples_attitude", many=True)
+    residual: Collection[pa.Table] = port("residual", many=True)
+    fused: Collection[pa.Table] = port("fused", many=True)
+    vehicle: Vehicle = port("vehicle")
+    samples_imu: Collection[pa.Table] | None = port("samples_imu", many=True, optional=True)
+    samples_velocity: Collection[pa.Table] | None = port(
+        "samples_velocity", many=True, optional=True
+    )
+    samples_depth: Collection[pa.Table] | None = port("samples_depth", many=True, optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    models: tuple[str, ...] = param(
+        "1", (), meaning="models of synthesise that are fitted again to the sensors themselves"
+    )
+    estimator: str = param(
+        "1",
+        "filter_error",
+        meaning=(
+            "innovations of a Kalman filter with an unsteady force, or free motion from fitted"
+            " starts"
+        ),
+        allowed=ESTIMATORS,
+    )
+    window_s: float = param(
+        "s",
+        WINDOW_S,
+        meaning="output error only: length of a stretch that runs free from its own start",
+        low=1.0,
+        high=10_000.0,
+    )
+    thrust_lag: bool = param("1", True, meaning="fit a lag of the actuators, one for all")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    model_card: Mapping[str, ModelCard] = port("model_card", many=True)
+    section: Document | None = port("section", optional=True)
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """Return a card `MODEL_ESTIMATOR` for each model that could be fitted.
+
+    Raises `CampaignError` for a model that synthesise did not fit.
+    """
+    if not params.models:
+        return Outputs({}, None)
+    cards = _chosen(inputs.model_card, params)
+    legs, left_out, warnings = _legs(inputs)
+    refined: dict[str, ModelCard] = {}
+    for name, card in cards.items():
+        try:
+            fit = _fit(inputs, params, card, legs)
+        except DataError as fault:
+            warnings.append(_kept(card, str(fault)))
+            continue
+        if fit.estimate.word != "converged":
+            steps = len(fit.estimate.log_likelihood) - 1
+            warnings.append(_kept(card, f"the iteration did not converge in {steps} steps."))
+            continue
+        refined[name] = refined_card(
+            fit, name, params.estimator, legs, _force_errors(inputs, fit, legs), left_out
+        )
+    return Outputs(refined, refine_section(inputs.model_card, refined, warnings))
+
+
+def _chosen(cards: Mapping[str, ModelCard], params: Params) -> dict[str, ModelCard]:
+    """Return the cards to start from, by the names of those to come."""
+    field = "stages.refine.models"
+    for name in params.models:
+        if name not in cards:
+            raise CampaignError(
+                "synthesise fits no such model",
+                field=field,
+                value=name,
+                allowed=tuple(cards),
+                remedy=nearest(name, cards) or "Name it in stages.synthesise.models too.",
+            )
+    chosen = {f"{name}_{params.estimator}": cards[name] for name in params.models}
+    taken = [name for name in chosen if name in cards]
+    if taken or len(chosen) < len(params.models):
+        raise CampaignError(
+            "a name stands twice among the models", field=field, value=taken or list(params.models)
+        )
+    return chosen
+
+
+def _legs(inputs: Inputs) -> tuple[list[LegRecord], list[str], list[str]]:
+    """Return the training legs with all sensors, those without, and what to warn of."""
+    legs, left_out, warnings = [], [], []
+    for key, segment in inputs.segment.items():
+        if segment.use != "training":
+            continue
+        fusion = inputs.fusion[key]
+        samples = SegmentSamples(
+            segment,
+            fusion,
+            inputs.log_info[segment.log],
+            inputs.resampled[key],
+            inputs.samples_attitude[key],
+            *(
+                None if tables is None or key not in tables else tables[key]
+                for tables in (inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth)
+            ),
+        )
+        record = leg_record(samples, inputs.vehicle)
+        if isinstance(record, str):
+            left_out.append(record)
+        else:
+            legs.append(record)
+        if fusion.current is not None and fusion.current.verdict == "observable":
+            warnings.append(
+                f"Segment '{key}' has a water current, which fuse takes off; the fit to the sensors"
+                " takes the water as still."
+            )
+    warnings += [f"Refine leaves out segment {reason}." for reason in left_out]
+    return legs, left_out, warnings
+
+
+def _fit(inputs: Inputs, params: Params, card: ModelCard, legs: Sequence[LegRecord]) -> SensorFit:
+    if not legs:
+        raise DataError("no training leg has all the sensors that are needed")
+    gyro_bias = {
+        leg.name: inputs.fusion[leg.name].gyro_bias_rad_s or [0.0, 0.0, 0.0] for leg in legs
+    }
+    problem = CardUnknowns(card, inputs.vehicle, params.thrust_lag)
+    try:
+        return fit_card(
+            problem, legs, gyro_bias, estimator=params.estimator, window_s=params.window_s
+        )
+    except np.linalg.LinAlgError:
+        raise DataError("the data leave a direction of the coefficients open") from None
+
+
+def _kept(card: ModelCard, reason: str) -> str:
+    return (
+        f"{card.title}: not fitted to the sensors, the card of synthesise stays."
+        f" {reason[0].upper()}{reason[1:]}"
+    )
+
+
+def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> dict[str, float]:
+    """Return axis -> RMS error of the residual force on the legs [N, N m].
+
+    tau_bar is formed with the inertia of the vehicle file, so a model with another one
+    also predicts dM_A nu_dot + C(dM_A, nu) nu.
+    """
+    terms = {
+        axis: {term: value for term, value in row.items() if term != CONSTANT}
+        for axis, row in fit.predictor.items()
+    }
+    constant = np.array([fit.predictor.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES])
+    problem = fit.problem
+    change = added_mass_change(
+        {u: float(fit.limited.values[problem.unknowns.index(u)]) for u in problem.inertia}
+    )
+    squares, n = np.zeros(6), 0
+    for leg in legs:
+        residual = inputs.residual[leg.name]
+        nu, nu_dot = matrix(residual, VELOCITY), matrix(inputs.fused[leg.name], ACCELERATION)
+        ratio: Array | None = None
+        if has_columns(residual, ("eta_ratio",)):
+            ratio = column(residual, "eta_ratio")
+        force = constant + IdentifiedModel("refined", terms).force(nu, ratio)
+        force = force + nu_dot @ change.T + coriolis_force(change, nu)
+        squares += np.sum((forces(residual, "tau_bar") - force) ** 2, axis=0)
+        n += len(nu)
+    return dict(zip(AXES, np.sqrt(squares / n).tolist(), strict=True))
+
+
+STAGE = Stage(
+    "refine",
+    "Fit models once more, to the sensors themselves, by maximum likelihood",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+    no_views="coefficients are no signals: they stand in its tables",
+)

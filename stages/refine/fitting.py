@@ -1,0 +1,230 @@
+"""One model fitted to the sensors, from its card: unknowns, start, prior and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auvid.data_schemas.records.models import ModelCard
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
+from auvid.hydro.identification.constrained.equations import (
+    ACCELERATIONS,
+    ALL_AXES,
+    LAG,
+    Unknown,
+    added_mass_unknown,
+)
+from auvid.hydro.identification.constrained.estimates import LimitedEstimate, nearest_within
+from auvid.hydro.identification.constrained.limits import (
+    added_mass_bounds,
+    damping,
+    dissipation_cuts,
+    linear_dissipation,
+    positive_inertia,
+)
+from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
+from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
+from auvid.hydro.identification.maximum_likelihood.likelihood import NoiseModel
+from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
+from auvid.hydro.identification.maximum_likelihood.parameters import (
+    ParameterPrior,
+    UnknownParameters,
+)
+from auvid.hydro.identification.maximum_likelihood.records import LegRecord, rough_sd
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.regression.verdicts import INSEPARABLE
+
+ESTIMATORS = ("filter_error", "output_error")
+FIRST_LAG_S, LONGEST_LAG_S = 0.05, 1.0
+FIRST_FORCE_TIME_S = 0.5
+SMALLEST_FORCE = 1e-3
+"""Smallest unsteady force to start from: so much of the axis's inertia times 1 m/s^2."""
+
+
+@dataclass(frozen=True)
+class CardUnknowns:
+    """The unknowns of a model card on a vehicle, with start, prior and limits.
+
+    `lag`: whether a lag of the actuators is one of them.
+    """
+
+    card: ModelCard
+    vehicle: Vehicle
+    lag: bool
+
+    @cached_property
+    def terms(self) -> dict[str, tuple[str, ...]]:
+        """Return axis -> terms fitted: all but those at 0 for one of their group."""
+        apart = {
+            (axis, item.term)
+            for axis, part in self.card.axes.items()
+            for item in part.terms
+            if item.verdict == INSEPARABLE and self.card.predictor[axis][item.term] == 0.0
+        }
+        return {
+            axis: tuple(term for term in row if (axis, term) not in apart)
+            for axis, row in self.card.predictor.items()
+        }
+
+    @cached_property
+    def inertia(self) -> tuple[Unknown, ...]:
+        """Return the added masses fitted beside them."""
+        return tuple(added_mass_unknown(item.name) for item in self.card.inertia)
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Return the unknowns in the order of the parameters."""
+        viscous = [Unknown(axis, term) for axis, row in self.terms.items() for term in row]
+        lag = [Unknown(ALL_AXES, LAG)] if self.lag else []
+        return (*viscous, *self.inertia, *lag)
+
+    @cached_property
+    def parameters(self) -> UnknownParameters:
+        """Return what the estimator fits; damping and inertia keep their signs."""
+        entries = tuple((AXES.index(u.axis), ACCELERATIONS.index(u.term)) for u in self.inertia)
+        upper = {LAG: LONGEST_LAG_S}
+        if self.card.damping != "free":
+            for axis, own in OWN_VELOCITY.items():
+                upper |= {f"{axis} {own}": 0.0, f"{axis} {own}*|{own}|": 0.0}
+        rigid = self.vehicle.rigid_body_mass
+        return UnknownParameters(
+            self.vehicle,
+            self.terms,
+            inertia=entries,
+            lag=self.lag,
+            # Added mass can only add to the diagonal of the rigid body's inertia.
+            lower={f"M[{i},{j}]": float(rigid[i, j]) for i, j in entries if i == j},
+            upper=upper,
+        )
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Return the card's values by the names of the parameters."""
+        start = {
+            f"{axis} {term}": self.card.predictor[axis][term]
+            for axis, row in self.terms.items()
+            for term in row
+        }
+        for (i, j), item in zip(self.parameters.inertia, self.card.inertia, strict=True):
+            start[f"M[{i},{j}]"] = item.value
+        lags = [item.lag_s for item in self.card.inertia if 0.0 < item.lag_s < LONGEST_LAG_S]
+        return start | {LAG: float(np.mean(lags)) if lags else FIRST_LAG_S}
+
+    @property
+    def prior(self) -> ParameterPrior | None:
+        """Return the card's prior on its coefficients; None for none."""
+        if self.card.prior is None:
+            return None
+        mean, precision = np.zeros(len(self.unknowns)), np.zeros(len(self.unknowns))
+        for axis, row in self.card.prior.means.items():
+            for term, value in row.items():
+                if Unknown(axis, term) in self.unknowns:
+                    place = self.unknowns.index(Unknown(axis, term))
+                    mean[place] = value
+                    precision[place] = (self.card.prior.relative_sd * value) ** -2.0
+        return ParameterPrior(mean, np.diag(precision))
+
+    def noise(self, legs: Sequence[LegRecord]) -> NoiseModel:
+        """Return sensors as their samples scatter, and the force that the card left."""
+        floor = SMALLEST_FORCE * np.diag(self.vehicle.mass_matrix)
+        left = np.maximum([self.card.axes[axis].j for axis in AXES], floor)
+        force = np.tile(left, (len(legs), 1))
+        return NoiseModel(rough_sd(list(legs)), force, np.full(6, FIRST_FORCE_TIME_S))
+
+    def physical(self, theta: Array) -> Array:
+        """Return theta (k,) with added mass beyond the file's in place of inertia."""
+        values = theta.copy()
+        for number, (i, j) in enumerate(self.parameters.inertia):
+            place = len(theta) - len(self.inertia) - self.lag + number
+            values[place] = self.vehicle.mass_matrix[i, j] - theta[place]
+        return values
+
+    @property
+    def signs(self) -> Array:
+        """Return d(physical)/d(theta) (k,)."""
+        return np.where([unknown in self.inertia for unknown in self.unknowns], -1.0, 1.0)
+
+    def limits(self) -> tuple[list[InequalityRows], list[Cuts]]:
+        """Return the limits of the card on physical values, as rows and as cuts."""
+        rows: list[InequalityRows] = []
+        cuts: list[Cuts] = []
+        if self.card.damping != "free":
+            rows.append(damping(self.unknowns))
+        if self.card.damping == "dissipative":
+            viscous = [u for u in self.unknowns if u.term in BASIS_TERMS]
+            if all(u.term in VELOCITIES for u in viscous):
+                cuts.append(linear_dissipation(self.unknowns))
+            else:
+                flown = {name: self.card.conditions[name] for name in VELOCITIES}
+                high = np.array(
+                    [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
+                )
+                cuts.append(dissipation_cuts(self.unknowns, -high, high))
+        if self.inertia:
+            rows.append(added_mass_bounds(self.unknowns, self.vehicle.added_mass))
+            cuts.append(positive_inertia(self.unknowns, self.vehicle.mass_matrix))
+        return rows, cuts
+
+
+@dataclass(frozen=True)
+class SensorFit:
+    """What an estimator found, and its values moved within the limits."""
+
+    problem: CardUnknowns
+    estimate: LikelihoodEstimate
+    limited: LimitedEstimate
+
+    @property
+    def predictor(self) -> dict[str, dict[str, float]]:
+        """Return axis -> term -> coefficient within limits, those not fitted at 0."""
+        values = dict(zip(self.problem.unknowns, self.limited.values.tolist(), strict=True))
+        return {
+            axis: {term: values.get(Unknown(axis, term), 0.0) for term in row}
+            for axis, row in self.problem.card.predictor.items()
+        }
+
+    @property
+    def covariance(self) -> Array:
+        """Return the covariance (k, k) of physical values, nan where one is fixed."""
+        return self.estimate.covariance * np.outer(self.problem.signs, self.problem.signs)
+
+
+def fit_card(
+    problem: CardUnknowns,
+    legs: Sequence[LegRecord],
+    gyro_bias: Mapping[str, Sequence[float]],
+    *,
+    estimator: str,
+    window_s: float,
+) -> SensorFit:
+    """Return the model of a card fitted to the sensors of legs.
+
+    gyro_bias: leg -> bias [rad/s] in body axes to start from. Raises `DataError` where
+    the start diverges, windows are longer than all legs, or samples are too few.
+    """
+    biases = np.zeros((len(legs), 6))
+    biases[:, 3:] = [gyro_bias[leg.name] for leg in legs]
+    parameters, start = problem.parameters, problem.start
+    if estimator == "filter_error":
+        estimate = fit_filter_error(
+            legs, parameters, start, prior=problem.prior, biases=biases, noise=problem.noise(legs)
+        )
+    else:
+        estimate = fit_output_error(
+            legs, parameters, start, prior=problem.prior, biases=biases, window_s=window_s
+        )
+    values = problem.physical(estimate.theta)
+    signs = problem.signs
+    rows, cuts = problem.limits()
+    limited = LimitedEstimate(values, (), 0.0)
+    if rows or cuts:
+        metric = estimate.information_covariance * np.outer(signs, signs)
+        limited = nearest_within(problem.unknowns, values, metric, rows, cuts)
+    return SensorFit(problem, estimate, limited)

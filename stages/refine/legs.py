@@ -1,0 +1,152 @@
+"""Legs as maximum likelihood takes them: samples at their own times, and actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
+from auvid.hydro.dynamics.mechanics.kinematics import skew
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
+from auvid.hydro.identification.maximum_likelihood.records import (
+    ActuatorRecord,
+    LegRecord,
+    SensorGeometry,
+    SensorRecord,
+)
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, FINS, GYRO, VELOCITY, clock
+
+Tables = Mapping[str, pa.Table]
+NEEDED = {"imu": "angular rates", "velocity": "a body velocity"}
+"""Stream without which a leg takes no part, and what it gives."""
+
+
+@dataclass(frozen=True)
+class SegmentSamples:
+    """What earlier stages hand on of one segment; None for a sensor it lacks."""
+
+    segment: SegmentRecord
+    fusion: FusionRecord
+    log: LogInfo
+    resampled: pa.Table
+    attitude: pa.Table
+    imu: pa.Table | None
+    velocity: pa.Table | None
+    depth: pa.Table | None
+
+
+def leg_record(samples: SegmentSamples, vehicle: Vehicle) -> LegRecord | str:
+    """Return a segment without its margins, or the reason why it takes no part.
+
+    Actuators keep the margin before the leg, in which a lag settles.
+    """
+    tables = {"imu": samples.imu, "velocity": samples.velocity}
+    for stream, need in NEEDED.items():
+        if tables[stream] is None:
+            return (
+                f"'{samples.segment.id}' lacks {need}: the stream '{stream}' is missing; it can"
+                f" come from: {supply_text(stream)}"
+            )
+    actuators = actuator_record(samples, vehicle)
+    if isinstance(actuators, str):
+        return f"'{samples.segment.id}' {actuators}"
+    end = samples.segment.duration_s
+    assert samples.imu is not None
+    assert samples.velocity is not None
+    sensors = {
+        "attitude": _record(samples.attitude, ATTITUDE, end),
+        "gyro": _record(samples.imu, GYRO, end),
+        "velocity": _record(samples.velocity, VELOCITY[:3], end),
+    }
+    convention = samples.fusion.accelerometer or samples.log.accelerometer or vehicle.accelerometer
+    accelerometer = has_columns(samples.imu, ACCELEROMETER) and bool(
+        np.isfinite(matrix(samples.imu, ACCELEROMETER)).any()
+    )
+    if accelerometer and convention != "derivative":
+        sensors["accel"] = _record(samples.imu, ACCELEROMETER, end)
+    if samples.depth is not None:
+        sensors["depth"] = _record(samples.depth, ("z_m",), end)
+    geometry = SensorGeometry(
+        imu=_placed(vehicle.imu.arm_m),
+        velocity=velocity_place(samples.fusion, vehicle),
+        depth=vehicle.depth_sensor,
+        # A specific force has gravity inside, an inertial acceleration has not.
+        gravity=vehicle.gravity if convention == "specific_force" else 0.0,
+    )
+    return LegRecord(samples.segment.id, sensors, actuators, geometry)
+
+
+def actuator_record(samples: SegmentSamples, vehicle: Vehicle) -> ActuatorRecord | str:
+    """Return what the actuators do, on the uniform clock, or what is missing."""
+    vehicle, _ = with_logged_directions(vehicle, samples.log.parameters)
+    table = samples.resampled
+    pulses = tuple(
+        f"pwm_{number}_us"
+        for number in (vehicle.thrusters.outputs if vehicle.thrusters is not None else ())
+    )
+    names = (
+        *pulses,
+        *(("propeller_rev_s",) if vehicle.propeller is not None else ()),
+        *(FINS if vehicle.fins is not None else ()),
+    )
+    if not names:
+        return "belongs to a vehicle without actuators"
+    if not has_columns(table, names):
+        return f"lacks the stream 'actuators'; it can come from: {supply_text('actuators')}"
+    known: Mask = np.all(np.isfinite(matrix(table, names)), axis=1)
+    t_s = clock(table)
+    if not known[(t_s >= 0.0) & (t_s <= samples.segment.duration_s)].all():
+        return "is not covered by the stream 'actuators'"
+    table, t_s = table.filter(pa.array(known)), t_s[known]
+    force = None
+    if vehicle.thrusters is not None:
+        thrust = thruster_forces(vehicle.thrusters, matrix(table, pulses), _voltage(table))
+        force = thrust @ vehicle.thrusters.allocation.T
+    return ActuatorRecord(
+        t_s,
+        column(table, "propeller_rev_s") if vehicle.propeller is not None else None,
+        matrix(table, FINS) if vehicle.fins is not None else None,
+        force,
+    )
+
+
+def velocity_place(fusion: FusionRecord, vehicle: Vehicle) -> MountedSensor:
+    """Return arm and mounting of the velocity sensor, as `fuse` determined them."""
+    arm, turn = np.array(vehicle.dvl.arm_m), np.zeros(3)
+    if fusion.installation is not None:
+        item = fusion.installation
+        arm = np.where(item.dvl_arm_determined, np.array(item.dvl_arm_m, dtype=float), arm)
+        turn = np.where(
+            item.dvl_mounting_determined, np.array(item.dvl_mounting_rad, dtype=float), turn
+        )
+    return MountedSensor(arm, np.eye(3) + skew(turn), 0.0)
+
+
+def _placed(arm: Array) -> MountedSensor:
+    """Return a sensor whose samples are turned to body axes and free of lag already."""
+    return MountedSensor(arm, np.eye(3), 0.0)
+
+
+def _voltage(table: pa.Table) -> Array | None:
+    """Return the battery voltage (n,), nearest where not measured; None for none."""
+    if not has_columns(table, ("voltage_v",)):
+        return None
+    voltage = column(table, "voltage_v")
+    measured = np.isfinite(voltage)
+    t_s = clock(table)
+    return np.interp(t_s, t_s[measured], voltage[measured]) if measured.any() else None
+
+
+def _record(table: pa.Table, names: tuple[str, ...], end_s: float) -> SensorRecord:
+    t_s = clock(table)
+    inside = (t_s >= 0.0) & (t_s <= end_s)
+    return SensorRecord(t_s[inside], matrix(table, names)[inside])

@@ -1,0 +1,297 @@
+"""The model card of a fit to the sensors, with the figures of a likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.records.likelihood import ChannelNoise, LagFit, LegFit, LikelihoodFit
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    CovarianceCard,
+    InertiaCard,
+    LimitCard,
+    ModelCard,
+    TermCard,
+    TermCombination,
+)
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.identification.constrained.equations import ALL_AXES, LAG, Unknown
+from auvid.hydro.identification.constrained.estimates import EstimateStatus, estimate_statuses
+from auvid.hydro.identification.constrained.statuses import AT_BOUND
+from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
+from auvid.hydro.identification.regression.least_squares import Combination
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    INSEPARABLE,
+    NOT_EXCITED,
+    T_LIMIT,
+    VIF_LIMIT,
+    WEAK,
+    TermStatus,
+)
+from auvid.stages.refine.fitting import SensorFit
+
+UNITS = ("rad",) * 3 + ("rad/s",) * 3 + ("m/s^2",) * 3 + ("m/s",) * 3 + ("m",)
+CHANGED = 0.1
+"""Share of the standard error from which on limits changed a value."""
+
+
+def refined_card(
+    fit: SensorFit,
+    name: str,
+    estimator: str,
+    legs: Sequence[LegRecord],
+    force_errors: Mapping[str, float],
+    left_out: Sequence[str],
+) -> ModelCard:
+    """Return the card of a fit: that which it started from, with its own numbers.
+
+    force_errors: axis -> RMS error of the residual force on training.
+    """
+    card, words = fit.problem.card, estimator.replace("_", " ")
+    status = _statuses(fit)
+    return card.model_copy(
+        update={
+            "name": name,
+            "title": f"{card.title} ({words})",
+            "method": words,
+            "velocity_errors": None,
+            "axes": {
+                axis: _axis(axis, part, fit, status, force_errors[axis])
+                for axis, part in card.axes.items()
+            },
+            "predictor": fit.predictor,
+            "limits": [
+                LimitCard(name=item.name, unknowns=[str(u) for u in item.unknowns])
+                for item in fit.limited.active
+            ],
+            "limits_cost": 0.0,
+            "inertia": [_inertia(item, fit, status) for item in card.inertia],
+            "likelihood": _likelihood(fit, estimator, legs, left_out),
+        }
+    )
+
+
+def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
+    """Return the status of every unknown; what the motion rules out stays so."""
+    unknowns, estimate, signs = fit.problem.unknowns, fit.estimate, fit.problem.signs
+    beforehand = {
+        Unknown(axis, item.term): _of_motion(item)
+        for axis, part in fit.problem.card.axes.items()
+        for item in part.terms
+    }
+    prior = fit.problem.prior
+    bounded = {item.unknowns[0] for item in fit.limited.active if len(item.unknowns) == 1}
+    words = estimate_statuses(
+        fit.limited.values,
+        estimate.standard_errors,
+        estimate.information_covariance * np.outer(signs, signs),
+        np.zeros((len(unknowns),) * 2) if prior is None else prior.precision,
+        estimate.at_bound | np.array([unknown in bounded for unknown in unknowns]),
+        {i: word for i, unknown in enumerate(unknowns) if (word := beforehand.get(unknown))},
+    )
+    return dict(zip(unknowns, words, strict=True))
+
+
+def _of_motion(item: TermCard) -> str:
+    """Return the verdict that no estimator changes; empty for none."""
+    exact = item.verdict == INSEPARABLE and item.value is None
+    return item.verdict if item.verdict in (NOT_EXCITED, "not applicable") or exact else ""
+
+
+def _axis(
+    axis: str,
+    part: AxisCard,
+    fit: SensorFit,
+    status: Mapping[Unknown, EstimateStatus],
+    force_error: float,
+) -> AxisCard:
+    unknowns = fit.problem.unknowns
+    own = [u for u in unknowns if u.axis == axis and u.term in {item.term for item in part.terms}]
+    places = [unknowns.index(u) for u in own]
+    kept = [i for i in places if np.isfinite(fit.covariance[i, i])]
+    return part.model_copy(
+        update={
+            "j": force_error,
+            "terms": [_term(axis, item, fit, status) for item in part.terms],
+            "covariance": CovarianceCard(
+                terms=[unknowns[i].term for i in kept],
+                lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
+            ),
+            "combinations": [_combination(axis, item, fit) for item in part.combinations],
+        }
+    )
+
+
+def _term(
+    axis: str, item: TermCard, fit: SensorFit, status: Mapping[Unknown, EstimateStatus]
+) -> TermCard:
+    """Return a term; one that was not fitted keeps its verdict and has no number."""
+    unknown = Unknown(axis, item.term)
+    bare = {"value": None, "standard_error": None, "free_value": None, "inseparable_from": None}
+    if unknown not in status:
+        return item.model_copy(update={**bare, "inseparable_from": item.inseparable_from})
+    i = fit.problem.unknowns.index(unknown)
+    word = status[unknown].status
+    update: dict[str, Any] = {**bare, "verdict": word}
+    if word == INSEPARABLE:
+        others = [fit.problem.unknowns[j] for j in status[unknown].partners]
+        partners = [other.term if other.axis == axis else str(other) for other in others]
+        update["inseparable_from"] = partners or item.inseparable_from
+    exact = word == INSEPARABLE and not status[unknown].partners
+    if word != NOT_EXCITED and not exact:
+        value, error = float(fit.limited.values[i]), float(fit.estimate.standard_errors[i])
+        fixed = word == AT_BOUND or not np.isfinite(error)
+        update |= {"value": value, "standard_error": None if fixed else error}
+        free = float(fit.problem.physical(fit.estimate.theta)[i])
+        if not fixed and abs(value - free) > CHANGED * error:
+            update["free_value"] = free
+    return item.model_copy(update=update)
+
+
+def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombination:
+    """Return a sum of inseparable terms with the values of this fit."""
+    weights = np.array(
+        [item.weights.get(u.term, 0.0) * (u.axis == axis) for u in fit.problem.unknowns]
+    )
+    used = weights != 0.0
+    value = float(weights[used] @ fit.limited.values[used])
+    variance = float(weights[used] @ fit.covariance[np.ix_(used, used)] @ weights[used])
+    error = float(np.sqrt(variance)) if variance >= 0.0 else None
+    reading = str(Combination(item.weights, value, error or 0.0))
+    return TermCombination(weights=item.weights, value=value, standard_error=error, reading=reading)
+
+
+def _inertia(
+    item: InertiaCard, fit: SensorFit, status: Mapping[Unknown, EstimateStatus]
+) -> InertiaCard:
+    """Return a fitted inertia, and how far the lag fitted beside it takes its place."""
+    unknowns = fit.problem.unknowns
+    places = dict(zip((i.name for i in fit.problem.card.inertia), fit.problem.inertia, strict=True))
+    i = unknowns.index(places[item.name])
+    change, error = float(fit.limited.values[i]), float(fit.estimate.standard_errors[i])
+    update: dict[str, Any] = {
+        "value": item.in_vehicle_file - change,
+        "standard_error": error if np.isfinite(error) else 0.0,
+        "change": change,
+        "verdict": _clear(change, error),
+    }
+    if fit.problem.lag:
+        j = unknowns.index(Unknown(ALL_AXES, LAG))
+        lag, lag_error = float(fit.limited.values[j]), float(fit.estimate.standard_errors[j])
+        correlation = _correlation(fit.covariance, i, j)
+        # What the change would be without a lag, from the joint covariance.
+        without = change - correlation * error / lag_error * lag
+        without_error = error * np.sqrt(1.0 - correlation**2)
+        if 1.0 - correlation**2 < 1.0 / VIF_LIMIT or (
+            update["verdict"] == WEAK and _clear(without, without_error) == IDENTIFIED
+        ):
+            update["verdict"] = INSEPARABLE
+        update |= {
+            "beside_lag": change,
+            "beside_lag_error": update["standard_error"],
+            "lag_s": lag,
+            "lag_error_s": lag_error if np.isfinite(lag_error) else 0.0,
+            "correlation": correlation,
+        }
+    return item.model_copy(update=update)
+
+
+def _clear(value: float, error: float) -> TermStatus:
+    return IDENTIFIED if abs(value) >= T_LIMIT * error else WEAK
+
+
+def _correlation(covariance: Array, i: int, j: int) -> float:
+    """Return the correlation of two estimates, 0 where one is at its bound."""
+    size = float(np.sqrt(covariance[i, i] * covariance[j, j]))
+    return float(covariance[i, j]) / size if size > 0.0 else 0.0
+
+
+def _likelihood(
+    fit: SensorFit, estimator: str, legs: Sequence[LegRecord], left_out: Sequence[str]
+) -> LikelihoodFit:
+    estimate, noise = fit.estimate, fit.estimate.noise
+    counts = np.zeros(len(CHANNELS), dtype=int)
+    for leg in legs:
+        for sensor, record in leg.sensors.items():
+            counts[SENSORS[sensor]] += np.isfinite(record.values).sum(axis=0)
+    channels = [
+        ChannelNoise(
+            channel=name.replace("_", " "),
+            unit=unit,
+            samples=int(count),
+            noise_sd=float(sd),
+            normalised_rms=float(rms),
+        )
+        for name, unit, count, sd, rms in zip(
+            CHANNELS, UNITS, counts, noise.sensor_sd, estimate.channel_residuals, strict=True
+        )
+        if count and np.isfinite(rms)
+    ]
+    return LikelihoodFit.model_validate(
+        {
+            "estimator": estimator,
+            "started_from": fit.problem.card.name,
+            "word": estimate.word,
+            "steps": len(estimate.log_likelihood) - 1,
+            "log_likelihood_gain": estimate.log_likelihood[-1] - estimate.log_likelihood[0],
+            "samples": int(counts.sum()),
+            "windows": estimate.windows,
+            "weighted_residual": estimate.weighted_residual,
+            "channels": channels,
+            "legs": [_leg(number, leg, fit) for number, leg in enumerate(legs)],
+            "force_time_s": None if noise.time_s is None else _by_axis(noise.time_s),
+            "lag": _lag(fit),
+            "limits_cost": fit.limited.cost,
+            "left_out": [
+                *left_out,
+                *(
+                    f"'{item.leg}' from {item.start_s:.1f} to {item.end_s:.1f} s: {item.reason}"
+                    for item in estimate.dropped
+                ),
+            ],
+        }
+    )
+
+
+def _leg(number: int, leg: LegRecord, fit: SensorFit) -> LegFit:
+    values, errors = fit.estimate.biases[number], fit.estimate.bias_sd[number]
+    accelerometer, force = "accel" in leg.sensors, fit.estimate.noise.force_sd
+    return LegFit(
+        leg=leg.name,
+        accel_bias_m_s2=values[:3].tolist() if accelerometer else None,
+        accel_bias_sd_m_s2=errors[:3].tolist() if accelerometer else None,
+        gyro_bias_rad_s=values[3:].tolist(),
+        gyro_bias_sd_rad_s=errors[3:].tolist(),
+        force_sd=None if force is None else _by_axis(force[number]),
+    )
+
+
+def _by_axis(values: Array) -> dict[str, float]:
+    return dict(zip(AXES, values.tolist(), strict=True))
+
+
+def _lag(fit: SensorFit) -> LagFit | None:
+    if not fit.problem.lag:
+        return None
+    unknowns = fit.problem.unknowns
+    j = unknowns.index(Unknown(ALL_AXES, LAG))
+    value, error = float(fit.limited.values[j]), float(fit.estimate.standard_errors[j])
+    correlations = {
+        item.name: _correlation(fit.covariance, unknowns.index(unknown), j)
+        for item, unknown in zip(fit.problem.card.inertia, fit.problem.inertia, strict=True)
+    }
+    tied = any(1.0 - value**2 < 1.0 / VIF_LIMIT for value in correlations.values())
+    fixed = bool(fit.estimate.at_bound[j]) or not np.isfinite(error)
+    word = AT_BOUND if fixed else INSEPARABLE if tied else _clear(value, error)
+    return LagFit.model_validate(
+        {
+            "value_s": value,
+            "standard_error_s": None if fixed else error,
+            "verdict": word,
+            "correlations": correlations,
+        }
+    )

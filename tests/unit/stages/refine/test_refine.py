@@ -1,0 +1,276 @@
+"""The stage refine: known models recovered from sensors, and failures said in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
+from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
+from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
+from auvid.stages import fuse, refine, resample, residual, synthesise
+from auvid.stages.base import collection
+from auvid.stages.columns import ACCELEROMETER, forces
+from auvid.stages.refine import fitting
+from auvid.stages.validate import Predictor
+from tests.support.motions import log_document, shipped_vehicle
+
+VEHICLE = shipped_vehicle("bluerov2_heavy")
+TRUTH = {
+    "X": {"u": -40.0},
+    "Y": {"v": -60.0},
+    "Z": {"w": -80.0},
+    "K": {"p": -3.0},
+    "M": {"q": -4.0},
+    "N": {"r": -3.0},
+}
+LEG = {
+    "id": "a",
+    "duration_s": 20,
+    "use": "training",
+    "modes": [{"at_s": 0, "mode": "alt_hold"}],
+    "sticks": {
+        axis: {"kind": kind, "amplitude": 0.6}
+        for axis, kind in (
+            ("forward", "random"),
+            ("lateral", "random"),
+            ("heave", "multisine"),
+            ("yaw", "random"),
+            ("roll", "multisine"),
+            ("pitch", "multisine"),
+        )
+    },
+}
+NOISE = {
+    "imu": {"gyro_sd_rad_s": 0.002, "gyro_bias_sd_rad_s": 0.002, "accel_sd_m_s2": 0.02},
+    "attitude": {"tilt_sd_deg": 0.05, "heading_sd_deg": 0.05},
+    "dvl": {"sd_m_s": 0.005},
+    "depth": {"sd_m": 0.004},
+}
+
+
+def chain(model: str, *, duration_s: float = 20.0, seed: int = 1, **params: Any) -> refine.Inputs:
+    """What refine reads of one training leg of a twin, made by the stages before it."""
+    document = {
+        "kind": "dives",
+        "title": "a dive",
+        "settle_s": 5,
+        "legs": [LEG | {"duration_s": duration_s}],
+        "sensors": NOISE,
+    }
+    flown = parse(DivePlanDocument, document)
+    truth = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH))
+    _, record = dive_in_memory(truth, flown, "a", seed=seed)
+    names = ("imu", "attitude", "velocity", "depth", "actuators", "battery")
+    tables = {name: make_table(name, record.streams[name]) for name in names}
+    end_us = max(int(columns["time_us"][-1]) for columns in record.streams.values())
+    log = log_document(log="log", start_us=START_US, end_us=end_us)
+    leg = {"id": "a", "log": "log", "start_s": 0.0, "end_s": duration_s, "use": "training"}
+    cut = resample.run(
+        resample.Inputs(leg=leg, log_info=log, vehicle=VEHICLE, **tables), resample.Params()
+    )
+    (key,) = cut.segment
+    fused = fuse.run(
+        fuse.Inputs(cut.segment[key], cut.resampled[key], VEHICLE, log),
+        fuse.Params(cutoff_hz=2.0),
+    )
+    force = residual.run(
+        residual.Inputs(
+            cut.segment[key], fused.fused, fused.fusion, cut.resampled[key], VEHICLE, log
+        ),
+        residual.Params(),
+    )
+    fitted = synthesise.run(
+        synthesise.Inputs(
+            collection({key: force.residual}),
+            collection(cut.segment),
+            VEHICLE,
+            collection({key: fused.fused}),
+        ),
+        synthesise.Params(models=(model,), **params),
+    )
+    return refine.Inputs(
+        model_card=collection(fitted.model_card),
+        segment=collection(cut.segment),
+        fusion=collection({key: fused.fusion}),
+        log_info=collection({"log": log}),
+        resampled=collection(cut.resampled),
+        samples_attitude=collection(cut.samples_attitude),
+        residual=collection({key: force.residual}),
+        fused=collection({key: fused.fused}),
+        vehicle=VEHICLE,
+        samples_imu=collection(cut.samples_imu or {}),
+        samples_velocity=collection(cut.samples_velocity or {}),
+        samples_depth=collection(cut.samples_depth or {}),
+    )
+
+
+LAG_S = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH)).loss.lag_s
+
+
+def outputs(inputs: refine.Inputs, **params: Any) -> refine.Outputs:
+    found = refine.run(inputs, refine.Params(**{"models": ("symmetric",), **params}))
+    for card in found.model_card.values():
+        check_document(card, "model_card")
+    check_document(found.section, "section")
+    return found
+
+
+def warned(found: refine.Outputs) -> str:
+    assert found.section is not None
+    blocks = [block for block in found.section["blocks"] if block["kind"] == "remark"]
+    return "\n".join(block["text"] for block in blocks if block["level"] == "warning")
+
+
+@pytest.fixture(scope="module")
+def twin() -> refine.Inputs:
+    return chain("symmetric", duration_s=20.0)
+
+
+@pytest.fixture(scope="module")
+def limited() -> refine.Inputs:
+    """With constants, published damping as a prior, and yaw inertia fitted."""
+    return chain("symmetric", duration_s=20.0, trim=True, prior="vehicle", inertia=("N_rdot",))
+
+
+@pytest.mark.parametrize("estimator", ["output_error", "filter_error"])
+def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estimator: str) -> None:
+    found = outputs(twin, estimator=estimator)
+    (name,), (card,) = found.model_card, found.model_card.values()
+    assert name == card.name == f"symmetric_{estimator}"
+    assert card.title == f"Symmetric ({estimator.replace('_', ' ')})"
+    first = twin.model_card["symmetric"]
+    for axis, row in TRUTH.items():
+        for term, true in row.items():
+            # Least squares pays for the lag of the thrusters, up to a third in roll.
+            assert card.predictor[axis][term] == pytest.approx(true, rel=0.06)
+            error = abs(card.predictor[axis][term] - true)
+            assert error < max(abs(first.predictor[axis][term] - true), 0.01 * abs(true))
+            entry = next(item for item in card.axes[axis].terms if item.term == term)
+            assert entry.verdict == "identified"
+    fit = card.likelihood
+    assert fit is not None
+    assert fit.lag is not None
+    # 10 Hz of pulses, linear between them, count some of a tick as lag.
+    assert fit.lag.value_s == pytest.approx(LAG_S, abs=0.015)
+    assert fit.lag.verdict == "identified"
+    assert fit.weighted_residual == pytest.approx(1.0, abs=0.05)
+    noise = {item.channel: item.noise_sd for item in fit.channels}
+    assert noise["velocity x"] == pytest.approx(0.005, rel=0.2)
+    assert noise["depth"] == pytest.approx(0.004, rel=0.2)
+    assert (fit.force_time_s is None) == (estimator == "output_error")
+    assert warned(found) == ""
+
+
+def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:
+    (card,) = outputs(limited, estimator="output_error").model_card.values()
+    residual_of, fused = limited.residual["a"], limited.fused["a"]
+    model = Predictor.of(card)
+    error = forces(residual_of, "tau_bar") - model.force(residual_of, fused)
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    np.testing.assert_allclose([card.axes[axis].j for axis in AXES], rms, rtol=1e-9)
+
+
+def test_limits_prior_and_inertia_of_the_card_hold(limited: refine.Inputs) -> None:
+    (card,) = outputs(limited, estimator="output_error").model_card.values()
+    K = np.array([[card.predictor[a].get(v, 0.0) for v in VELOCITIES] for a in AXES])
+    assert np.linalg.eigvalsh(K + K.T).max() < 1e-6 * np.abs(K).max()
+    (inertia,) = card.inertia
+    true = float(VEHICLE.mass_matrix[5, 5])
+    assert inertia.value == pytest.approx(true, abs=4.0 * inertia.standard_error + 0.02)
+    assert inertia.in_vehicle_file - inertia.change == pytest.approx(inertia.value)
+    assert card.likelihood is not None
+    assert card.likelihood.lag is not None
+    assert inertia.lag_s == card.likelihood.lag.value_s
+    assert inertia.correlation == card.likelihood.lag.correlations["N_rdot"]
+    assert card.prior == limited.model_card["symmetric"].prior
+
+
+def test_without_models_nothing_is_said(twin: refine.Inputs) -> None:
+    found = refine.run(twin, refine.Params())
+    assert found == refine.Outputs({}, None)
+
+
+def test_a_model_that_was_not_fitted_is_named(twin: refine.Inputs) -> None:
+    with pytest.raises(CampaignError, match=r"fits no such model.*Did you mean 'symmetric'"):
+        refine.run(twin, refine.Params(models=("symetric",)))
+    with pytest.raises(CampaignError, match="stands twice"):
+        refine.run(twin, refine.Params(models=("symmetric", "symmetric")))
+
+
+@pytest.mark.parametrize(
+    ("stream", "words"),
+    [("samples_velocity", "a body velocity"), ("samples_imu", "angular rates")],
+)
+def test_a_leg_without_a_sensor_is_left_out(twin: refine.Inputs, stream: str, words: str) -> None:
+    found = outputs(replace(twin, **{stream: None}))
+    assert found.model_card == {}
+    assert f"leaves out segment 'a' lacks {words}" in warned(found)
+    assert "Symmetric: not fitted to the sensors, the card of synthesise stays" in warned(found)
+
+
+def test_windows_longer_than_legs_are_named(twin: refine.Inputs) -> None:
+    found = outputs(twin, estimator="output_error", window_s=60.0)
+    assert found.model_card == {}
+    assert "No leg is as long as a window" in warned(found)
+
+
+def test_too_few_samples_are_named(twin: refine.Inputs) -> None:
+    assert twin.samples_imu is not None
+    few = {
+        name: collection({"a": getattr(twin, name)["a"].slice(150, 2)})
+        for name in ("samples_imu", "samples_velocity", "samples_attitude", "samples_depth")
+    }
+    found = outputs(replace(twin, **few))
+    assert found.model_card == {}
+    assert "card of synthesise stays" in warned(found)
+
+
+def test_a_start_that_diverges_is_named(twin: refine.Inputs) -> None:
+    card = twin.model_card["symmetric"]
+    pushed = {**card.predictor, "N": {**card.predictor["N"], "r": 500.0}}
+    wild = card.model_copy(update={"predictor": pushed, "damping": "free"})
+    found = outputs(
+        replace(twin, model_card=collection({"symmetric": wild})), estimator="output_error"
+    )
+    assert found.model_card == {}
+    assert "The motion diverges at the starting values" in warned(found)
+
+
+def test_a_fit_that_does_not_converge_leaves_the_card_of_synthesise(
+    twin: refine.Inputs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unsettled(*arguments: Any, **options: Any) -> LikelihoodEstimate:
+        return replace(fit_output_error(*arguments, **options), word="no convergence")
+
+    monkeypatch.setattr(fitting, "fit_output_error", unsettled)
+    found = outputs(twin, estimator="output_error")
+    assert found.model_card == {}
+    assert "did not converge in" in warned(found)
+
+
+def test_without_an_accelerometer_the_rest_is_used(twin: refine.Inputs) -> None:
+    assert twin.samples_imu is not None
+    table = twin.samples_imu["a"]
+    bare = table.drop_columns(list(ACCELEROMETER))
+    nothing = {name: np.full(table.num_rows, np.nan) for name in ACCELEROMETER}
+    imu = make_table(
+        "samples_imu", {**{n: bare[n].to_numpy() for n in bare.column_names}, **nothing}
+    )
+    found = outputs(replace(twin, samples_imu=collection({"a": imu})), estimator="output_error")
+    (card,) = found.model_card.values()
+    assert card.likelihood is not None
+    assert not [c for c in card.likelihood.channels if c.channel.startswith("accel")]
+    assert card.likelihood.legs[0].accel_bias_m_s2 is None
+    assert card.predictor["X"]["u"] == pytest.approx(-40.0, rel=0.05)
