@@ -6,9 +6,31 @@ Every fault that a user can mend derives from `PipelineError`.
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable, Sequence
 
 LISTED = 20
+LONGEST_VALUE = 200
+
+
+class _Short(reprlib.Repr):
+    """Values of at most `LONGEST_VALUE` characters and a few levels; nothing is built whole."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxlong = 3, 60
+        self.maxlist = self.maxtuple = self.maxdict = self.maxset = LISTED
+        self.maxstring = self.maxother = LONGEST_VALUE
+
+    def repr_int(self, x: int, level: int) -> str:
+        short = x.bit_length() < 4096
+        return super().repr_int(x, level) if short else "an integer too long to show"
+
+
+def shown(value: object) -> str:
+    """Return a value as an error message shows it."""
+    text = _Short().repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
 
 
 class PipelineError(Exception):
@@ -51,7 +73,7 @@ class PipelineError(Exception):
             where.append(f"field '{self.field}'")
         text = ": ".join([", ".join(where), self.message]) if where else self.message
         if self.value is not None:
-            text += f"; found {self.value!r}"
+            text += f"; found {shown(self.value)}"
         if self.allowed is not None:
             allowed = self.allowed
             if not isinstance(allowed, str) and isinstance(allowed, Iterable):

@@ -5,6 +5,8 @@ SI inside: these functions are called once, where data enter.
 
 from __future__ import annotations
 
+import math
+import re
 from functools import cache
 
 import pint
@@ -25,6 +27,23 @@ pi.
 """
 
 
+LONGEST = 60
+RAISED = r"(?:\*\*|\^)"
+POWER = re.compile(rf"{RAISED}\s*[-+]?(\d{{1,2}})(?:\.\d+)?(?![\w.]|\s*{RAISED})")
+SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+
+
+def _harmless(unit: str) -> bool:
+    """Return whether a unit text is short and its powers are plain numbers below 100.
+
+    pint works powers out: those of 9**9**9**9 would take for ever.
+    """
+    plain = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda run: f"^{run[0].translate(SUPERSCRIPTS)} ", unit)
+    powers = [max(int(power), 1) for power in POWER.findall(plain)]
+    every = len(powers) == len(re.findall(RAISED, plain))
+    return len(unit) <= LONGEST and every and math.prod(powers) < 100
+
+
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -35,6 +54,8 @@ def convertible(unit: str, target: str) -> bool:
 
     rad/s and 1/s count as the same, as in SI.
     """
+    if not _harmless(unit):
+        return False
     try:
         return bool(_registry().Unit(unit).is_compatible_with(_registry().Unit(target)))
     except Exception:

@@ -544,6 +544,8 @@ def main() -> None:
     Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses, 130 interrupted.
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    sys.stdout = sys.stdout or io.StringIO()  # a closed one is None
+    sys.stderr = sys.stderr or io.StringIO()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # what a terminal cannot show is a ?

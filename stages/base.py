@@ -20,10 +20,11 @@ stage of the graph feeds gets the document of its schema that the manifest names
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -149,9 +150,14 @@ def param(
     low: float | None = None,
     high: float | None = None,
     allowed: tuple[Any, ...] | None = None,
+    names: tuple[str, ...] | None = None,
 ) -> Any:
-    """Declare a stage parameter: unit, default, bounds or choices, one-line meaning."""
+    """Declare a stage parameter: unit, default, bounds or choices, one-line meaning.
+
+    `names`: the keys that a mapping may have, or the items that a list may.
+    """
     metadata = {"unit": unit, "low": low, "high": high, "allowed": allowed, "meaning": meaning}
+    metadata["names"] = names
     if isinstance(default, dict | list):
         return field(default_factory=lambda: default.copy(), metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -171,6 +177,7 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
     Unknown keys, wrong types and values out of bounds are errors.
     """
     known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
+    types = get_type_hints(kind)
     faults: list[PipelineError] = []
     checked: dict[str, Any] = {}
     for key, value in values.items():
@@ -181,10 +188,48 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
             continue
         try:
             checked[key] = _check_param(known[key], value, path, file)
+            faults += _nested_faults(types[key], value, path, file, known[key].metadata["names"])
         except PipelineError as fault:
             faults.append(fault)
     raise_faults(faults, file=file)
     return kind(**checked)
+
+
+TYPES = {float: "a number", int: "an integer", str: "text", list: "a list", Mapping: "a mapping"}
+
+
+def _nested_faults(
+    kind: Any, value: Any, at: str, file: object, names: tuple[str, ...] | None = None
+) -> Iterator[PipelineError]:
+    """Yield what in a mapping or list does not fit its type or is none of `names`."""
+    outer, inner = get_origin(kind), get_args(kind)
+    entries: list[tuple[str, Any, Any]] = []
+    if outer is Mapping and isinstance(value, Mapping):
+        entries = [(f"{at}.{key}", key, item) for key, item in value.items()]
+    elif outer in (tuple, list) and isinstance(value, list | tuple):
+        entries = [(f"{at}[{index}]", item, item) for index, item in enumerate(value)]
+    for where, word, item in entries:
+        item_kind = inner[1 if outer is Mapping else 0]
+        plain = get_origin(item_kind) or item_kind
+        fits = _finite(item) if plain is float else isinstance(item, plain)
+        if not fits:
+            allowed = TYPES[plain]
+            yield CampaignError("wrong type", file=file, field=where, value=item, allowed=allowed)
+        elif not isinstance(word, str) and outer is Mapping:
+            yield CampaignError("a key that is no text", file=file, field=at, value=word)
+        elif names is not None and word not in names:
+            close = nearest(word, names)
+            yield CampaignError(
+                "unknown name", file=file, field=where, value=word, allowed=names, remedy=close
+            )
+        yield from _nested_faults(item_kind, item, where, file)
+
+
+def _finite(value: object) -> bool:
+    """Return whether a value is a number that a float holds."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value.bit_length() < 1024
+    return isinstance(value, float) and math.isfinite(value)
 
 
 def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
@@ -197,6 +242,8 @@ def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
     if "bool" in annotation or isinstance(value, bool):
         fits = "bool" in annotation and isinstance(value, bool)
     elif isinstance(value, int | float):
+        if isinstance(value, int) and not _finite(value):
+            raise CampaignError("out of range", file=file, field=path, value=value)
         fits = "float" in annotation or ("int" in annotation and isinstance(value, int))
         value = float(value) if fits and "float" in annotation else value
     elif isinstance(value, str):

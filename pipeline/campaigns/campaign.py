@@ -34,7 +34,7 @@ DOCUMENTS = {
 """Documents beside a manifest: schema -> the key that names the file, and the stage
 whose optional port it feeds.
 """
-ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class Campaign:
         value: Mapping[str, Any] = self.file.value
         return value if self.twin is None else with_logs_of_plan(value, self.twin)
 
-    @property
+    @cached_property
     def logs(self) -> dict[str, Mapping[str, Any]]:
         return {log["id"]: log for log in self.document.get("logs", ())}
 
-    @property
+    @cached_property
     def legs(self) -> dict[str, Mapping[str, Any]]:
         return {leg["id"]: leg for leg in self.document.get("legs", ())}
 
@@ -292,7 +292,7 @@ def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Itera
                 file=path,
                 field=f"{part}[{index}].id",
                 value=name,
-                allowed="letters, digits, _ and -, not starting with -",
+                allowed="at most 100 letters, digits, _ and -, not starting with -",
             )
         if name.lower() in seen:
             yield CampaignError(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
+from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError, nearest
 from auvid.pipeline.campaigns.campaign import Campaign
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.stages.base import Stage, make_params
@@ -143,10 +143,19 @@ def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) 
                 )
             )
     for stage in stages:
-        make_params(
-            stage.params, file.value.get(stage.name) or {}, stage=stage.name, file=file.path
-        )
+        try:
+            make_params(stage.params, file.value.get(stage.name) or {}, stage=stage.name)
+        except PipelineError as fault:
+            raise _located(file, fault) from None
     return file
+
+
+def _located(file: YamlFile, fault: PipelineError) -> PipelineError:
+    """Return a fault of a parameter with its row in params.yaml, which has no `stages`."""
+    if isinstance(fault, ManyFaults):
+        return ManyFaults([_located(file, each) for each in fault.faults], file=file.path)
+    fault.row = file.line((fault.field or "").removeprefix("stages."))
+    return file.located(fault)
 
 
 def stage_params(stage: Stage[Any, Any, Any], defaults: YamlFile, campaign: Campaign) -> Any:

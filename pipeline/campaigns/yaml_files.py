@@ -5,6 +5,7 @@ Duplicate keys are refused; error messages name the line.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,12 @@ from auvid.data_schemas.documents.model import M, parse
 from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError
 from auvid.data_schemas.yaml_text import Loader
 from auvid.pipeline.store.atomic_files import readable
+
+NO_TEXT = re.compile("[\0\ud800-\udfff]")
+LONGEST = 100
+"""Characters of a number."""
+MOST_REPEATED = 10_000
+"""Values that all aliases of a file together may stand for."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,7 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
         node = loader.get_single_node()
         lines: dict[str, int] = {}
         _walk(node, "", lines, path, set())
+        _refuse_bombs(node, path)
         value = None if node is None else loader.construct_document(node)
     except UnicodeDecodeError as fault:
         raise CampaignError(
@@ -96,6 +104,8 @@ def _walk(
         return
     seen.add(id(node))
     lines[path] = node.start_mark.line + 1
+    if isinstance(node, yaml.ScalarNode):
+        _check_scalar(node, path, file)
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             _walk(item, f"{path}[{index}]", lines, file, seen)
@@ -111,6 +121,54 @@ def _walk(
                     field=f"{path}.{name}" if path else name,
                 )
             keys.add(name)
+            if isinstance(key, yaml.ScalarNode):
+                _check_scalar(key, path, file)
             inner = f"{path}.{name}" if path else name
             _walk(value, inner, lines, file, seen)
             lines[inner] = key.start_mark.line + 1
+
+
+def _check_scalar(node: yaml.ScalarNode, path: str, file: Path) -> None:
+    """Refuse texts that no file name or page can hold, and numbers that no float holds."""
+    faults = {
+        "a character that no text may hold": NO_TEXT.search(node.value),
+        "a number too long": node.tag.endswith((":int", ":float")) and len(node.value) > LONGEST,
+    }
+    for words, found in faults.items():
+        if found:
+            row = node.start_mark.line + 1
+            raise CampaignError(words, file=file, row=row, field=path or None, value=node.value)
+
+
+def _refuse_bombs(root: yaml.Node | None, file: Path) -> None:
+    """Refuse aliases that hold themselves, or multiply the file beyond `MOST_REPEATED`."""
+    sizes: dict[int, int] = {}
+    repeated = 0
+
+    def size(node: yaml.Node) -> int:
+        nonlocal repeated
+        known = sizes.get(id(node))
+        if known == 0:
+            raise CampaignError(
+                "an alias stands in what it names", file=file, row=node.start_mark.line + 1
+            )
+        if known is None:
+            sizes[id(node)] = 0
+            inner = node.value if isinstance(node, yaml.CollectionNode) else ()
+            pairs = isinstance(node, yaml.MappingNode)
+            parts = (part for item in inner for part in (item if pairs else (item,)))
+            known = sizes[id(node)] = 1 + sum(map(size, parts))
+        else:
+            repeated += known
+        if repeated > MOST_REPEATED or known > MOST_REPEATED + len(sizes):
+            raise CampaignError(
+                "aliases repeat too much",
+                file=file,
+                row=node.start_mark.line + 1,
+                allowed=f"{MOST_REPEATED} values",
+                remedy="Write out what is meant.",
+            )
+        return known
+
+    if root is not None:
+        size(root)

@@ -30,7 +30,7 @@ from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, named
-from auvid.stages.fuse.methods import SensorSamples, kinematic, smoother, thesis
+from auvid.stages.fuse.methods import NOISES, SensorSamples, kinematic, smoother, thesis
 from auvid.stages.fuse.motion import FusionResult, SensorMotion, low_pass, sensor_motion
 from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
 
@@ -85,6 +85,7 @@ class Params:
             "smoother only, else from the data: accel_m_s2 velocity_m_s depth_m jerk_density"
             " tilt_error_rad tilt_time_s bias_m_s2 water_m_s current_walk_m_s"
         ),
+        names=tuple(NOISES),
     )
     estimate_dvl_arm: bool = param(
         "1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment"

@@ -16,6 +16,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import (
+    CHANNELS,
     DAMPING,
     ChannelEstimate,
     estimate_channel,
@@ -67,7 +68,10 @@ class Params:
         "1", 1e12, meaning="upper limit of the trace of the covariance under forgetting", low=1e-9
     )
     constant_force: tuple[str, ...] = param(
-        "1", ("heave",), meaning="channels in which a constant force is found too (net buoyancy)"
+        "1",
+        ("heave",),
+        meaning="channels in which a constant force is found too (net buoyancy)",
+        names=CHANNELS,
     )
     use_commands: bool = param(
         "1", False, meaning="take normalised commands for the force even where pulses are logged"

@@ -4,10 +4,12 @@ message must name file, line, field and remedy.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
+from auvid import stages
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.workspace import (
@@ -19,6 +21,7 @@ from auvid.pipeline.campaigns.workspace import (
 )
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.engines import Serial
+from auvid.stages.base import make_params
 from tests.support.toy_stages import KINDS, MANIFEST, STAGES, VEHICLES, open_run, write_campaign
 
 LEG = "  - {id: one, log: a, use: training}"
@@ -102,6 +105,37 @@ MANIFEST_FAULTS = {
     ),
 }
 
+NINE_OF_NINE = ", ".join(
+    ["&a0 [l, l, l]", *(f"&a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 9))]
+)
+MANIFEST_FAULTS |= {
+    "ALIASES_THAT_MULTIPLY": (
+        MANIFEST + f"title: [{NINE_OF_NINE}]\n",
+        ["row 10", "aliases repeat too much"],
+    ),
+    "ALIAS_OF_ITSELF": (MANIFEST + "stages: &s {spread: *s}\n", ["row 10", "stands in what it"]),
+    "NUMBER_OF_400_DIGITS": (
+        MANIFEST.replace(LEG, LEG.replace("log: a", f"log: a, end_s: {'9' * 400}")),
+        ["row 7", "'legs[0].end_s'", "too long"],
+    ),
+    "NUL_IN_A_FILE_NAME": (
+        MANIFEST.replace("file: a.log", 'file: "a\\0.log"'),
+        ["row 4", "'logs[0].file'", "character"],
+    ),
+    "SURROGATE_IN_A_FILE_NAME": (
+        MANIFEST.replace("file: a.log", 'file: "\\ud800.log"'),
+        ["row 4", "'logs[0].file'", "character"],
+    ),
+    "LEG_OF_300_LETTERS": (
+        MANIFEST.replace("id: two", f"id: {'t' * 300}"),
+        ["row 8", "not a name", "at most 100"],
+    ),
+    "TITLE_IS_A_LONG_LIST": (
+        MANIFEST + f"title: {list(range(5000))}\n",
+        ["row 10", "'title'", "wrong type", "..."],
+    ),
+}
+
 
 @pytest.mark.parametrize("name", MANIFEST_FAULTS)
 def test_manifest_fault(name: str, tmp_path: Path) -> None:
@@ -110,6 +144,7 @@ def test_manifest_fault(name: str, tmp_path: Path) -> None:
     with pytest.raises(PipelineError) as caught:
         load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
     assert str(folder / "campaign.yaml") in str(caught.value)
+    assert len(str(caught.value)) < 2000
     assert [piece for piece in pieces if piece not in str(caught.value)] == [], str(caught.value)
 
 
@@ -139,6 +174,44 @@ def test_symbolic_link_to_a_log_elsewhere_is_followed(tmp_path: Path) -> None:
         load_campaign(folder, kinds=KINDS, vehicles=VEHICLES).log_files("a")[0].path.read_bytes()
         == b"abc"
     )
+
+
+def test_names_and_items_of_nested_parameters_are_those_that_there_are() -> None:
+    for stage, values, pieces in (
+        ("fuse", {"method": "kinematic", "noise": {"accel": 1.0}}, ["noise.accel", "accel_m_s2"]),
+        ("rlse", {"constant_force": ["heaf"]}, ["constant_force[0]", "Did you mean 'heave'?"]),
+        ("synthesise", {"models": [["linear"], 5]}, ["models[0]", "models[1]", "text"]),
+        ("synthesise", {"structures": {"own": {"X": [3]}}}, ["structures.own.X[0]", "text"]),
+    ):
+        kind = next(item.params for item in stages.STAGES if item.name == stage)
+        with pytest.raises(PipelineError) as caught:
+            make_params(kind, values, stage=stage)
+        assert [piece for piece in pieces if piece not in str(caught.value)] == []
+
+
+@pytest.mark.parametrize("what", ["log", "column map", "vehicle"])
+def test_pipe_in_place_of_a_file_is_refused_by_name(what: str, tmp_path: Path) -> None:
+    folder = write_campaign(
+        tmp_path / "toy",
+        MANIFEST.replace("vehicle: toy", "vehicle: v.yaml").replace(
+            "file: a.log", "file: a.log, columns: c.yaml"
+        ),
+    )
+    (folder / "v.yaml").write_text(VEHICLES["toy"].read_text())
+    (folder / "c.yaml").write_text(
+        "time: {column: t, unit: s}\n"
+        "columns: [{column: z, stream: depth, field: depth_m, unit: m}]\n"
+    )
+    name = {"log": "a.log", "column map": "c.yaml", "vehicle": "v.yaml"}[what]
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    with pytest.raises(PipelineError, match=rf"{what}.* is no regular file; found '.*{name}'"):
+        _decode(folder, tmp_path / "runs")
+
+
+def _decode(folder: Path, runs: Path) -> None:
+    run = open_run(folder, runs)
+    run.execute(run.graph.stages[:1], Serial())
 
 
 @pytest.mark.parametrize("fault", ["LOG_MISSING", "LOG_IS_A_FOLDER", "LOG_WITHOUT_PERMISSION"])
@@ -209,6 +282,13 @@ PARAMS_FAULTS = {
     "WRONG_TYPE": ("spread: {floor: deep}\n", ["stages.spread.floor", "wrong type", "'deep'"]),
     "OUT_OF_RANGE": ("decode: {scale: 11}\n", ["out of range", "11", "0.1 to 10.0 m"]),
     "NOT_A_NUMBER": ("decode: {scale: .nan}\n", ["out of range"]),
+    "NESTED_TEXT_FOR_A_NUMBER": (
+        "spread: {plan: {x: deep}}\n",
+        ["row 1", "stages.spread.plan.x", "wrong type", "'deep'", "a number"],
+    ),
+    "NESTED_LIST_FOR_A_NUMBER": ("spread: {plan: {x: [1]}}\n", ["stages.spread.plan.x", "[1]"]),
+    "NESTED_INFINITY": ("spread: {plan: {x: .inf}}\n", ["stages.spread.plan.x", "inf"]),
+    "NESTED_KEY_NO_TEXT": ("spread: {plan: {1: 1}}\n", ["stages.spread.plan", "no text"]),
     "SECTION_IS_A_LIST": ("decode: [1]\n", ["not a mapping of parameters"]),
     "FILE_IS_A_LIST": ("[1]\n", ["one section per stage"]),
 }

@@ -81,7 +81,9 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
             file = load_yaml(columns, what="column map")
             file.check("column_map")
             mapping = file.value
-        return [_page(str(path), path.stem, (LogFile(path.name, path, mapping),))]
+        # bytes of a name that are no text are shown as a replacement character
+        name = Path(os.fsencode(path).decode(errors="replace"))
+        return [_page(str(name), name.stem, (LogFile(name.name, path, mapping),))]
     workspace = workspace_of(target)
     campaign = load_campaign(
         workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()

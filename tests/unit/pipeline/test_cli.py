@@ -4,6 +4,8 @@ goes wrong.
 
 from __future__ import annotations
 
+import errno
+import io
 import re
 import signal
 import subprocess
@@ -186,6 +188,39 @@ def test_interrupt_says_so(
     monkeypatch.setattr(open_run, "STAGES", stages)
     code, _, err = auvid(monkeypatch, capsys, "run", "toy")
     assert (code, err.splitlines()[-1]) == (130, "interrupted: what was finished is kept")
+
+
+def test_full_output_is_named_and_is_no_internal_fault(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Full(io.StringIO):
+        def flush(self) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(cli, "_close_output", lambda: None)
+    monkeypatch.setattr(sys, "stdout", Full())
+    code, _, err = auvid(monkeypatch, capsys, "vehicles")
+    assert code == 1
+    assert "nothing more can be printed: No space left on device" in err
+
+
+def test_terminal_without_our_signs_gets_question_marks(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(content, encoding="latin-1"))
+    code, _, err = auvid(monkeypatch, capsys, "models", "linear")
+    assert (code, err) == (0, "")
+    print("─── Ω")  # as the page of `auvid check`
+    sys.stdout.flush()
+    assert content.getvalue().endswith(b"??? ?\n")
+
+
+def test_closed_output_is_no_fault(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdout", None)
+    assert auvid(monkeypatch, capsys, "vehicles")[0] == 0
 
 
 def test_losses_are_named_and_3_when_strict(
