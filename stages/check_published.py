@@ -8,6 +8,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.data_schemas.documents.published_values import (
+    PublishedRowEntry,
+    PublishedValuesDocument,
+)
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
@@ -22,7 +26,7 @@ class Inputs:
     """The printed tables, if the manifest names them, and results by `stage/item`."""
 
     results: Collection[Document] = every("results")
-    published: Document | None = port("published_values", optional=True)
+    published: PublishedValuesDocument | None = port("published_values", optional=True)
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,7 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Compare all tables.
 
-    Raises `CampaignError` for figures that no stage has, all together, and for tables
-    that name unknown errata.
+    Raises `CampaignError` for figures that no stage has, all together.
     """
     if inputs.published is None:
         return Outputs()
@@ -54,9 +57,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     raise_faults(list(_faults(inputs.published, figures)), file="the published values")
     rows = [
-        compare_row(entry["id"], row, figures)
-        for entry in inputs.published["tables"]
-        for row in entry["rows"]
+        compare_row(entry.id, row, figures)
+        for entry in inputs.published.tables
+        for row in entry.rows
     ]
     columns = {name: [row[name] for row in rows] for name in schema("comparison").columns}
     return Outputs(
@@ -66,11 +69,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] | None:
+def _bounds(
+    published: PublishedValuesDocument, rows: list[dict[str, Any]]
+) -> dict[str, Any] | None:
     """Return how many requirements are met, by table; None without requirements."""
     figures = []
-    for entry in published["tables"]:
-        required = [row for row in rows if row["table"] == entry["id"] and row["met"] is not None]
+    for entry in published.tables:
+        required = [row for row in rows if row["table"] == entry.id and row["met"] is not None]
         if required:
             met = sum(row["met"] for row in required)
             bounded = [row for row in required if row["bound"] and row["our_error"] is not None]
@@ -81,40 +86,38 @@ def _bounds(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any] |
                 else f"largest error {percent(abs(worst['our_error']), 2)} ({worst['quantity']})"
             )
             verdict = "met" if met == len(required) else "missed"
-            title = f"{entry['id']}: bounds met of {len(required)}"
+            title = f"{entry.id}: bounds met of {len(required)}"
             figures.append(
                 figure(title, float(met), "1", verdict=verdict, note=note, headline=True)
             )
-    return {"title": str(published["title"]), "rows": figures} if figures else None
+    return {"title": published.title, "rows": figures} if figures else None
 
 
-def compare_row(name: str, row: Document, figures: Mapping[str, Document]) -> dict[str, Any]:
+def compare_row(
+    table: str, row: PublishedRowEntry, figures: Mapping[str, Document]
+) -> dict[str, Any]:
     """Return one row of schema `comparison`.
 
     Met: error, value and verdict are all as required; None where nothing is required.
     """
-    figure = figures.get(row.get("ours", ""), {})
-    factor, value = float(row.get("factor", 1.0)), figure.get("value")
-    spread = figure.get("standard_error")
-    values = {
-        "printed": row["printed"],
-        "corrected": row.get("corrected"),
-        "truth": row.get("truth", row.get("corrected", row["printed"])),
-        "ours": None if value is None else float(row.get("offset", 0.0)) + factor * value,
-        "standard_error": None if spread is None else abs(factor) * spread,
-        "bound": row.get("most_relative_error"),
-        "least": row.get("least"),
-        "most": row.get("most"),
-    }
+    figure = figures[row.ours] if row.ours is not None else {}
+    value, spread = figure.get("value"), figure.get("standard_error")
     entry: dict[str, Any] = {
-        "table": name,
-        "quantity": str(row["quantity"]),
-        "unit": str(row["unit"]),
-        **{key: None if value is None else float(value) for key, value in values.items()},
+        "table": table,
+        "quantity": row.quantity,
+        "unit": row.unit,
+        "printed": row.printed,
+        "corrected": row.corrected,
+        "truth": row.to_be_found,
+        "ours": None if value is None else row.offset + row.factor * value,
+        "standard_error": None if spread is None else abs(row.factor) * spread,
+        "bound": row.most_relative_error,
+        "least": row.least,
+        "most": row.most,
         "verdict": str(figure.get("verdict") or ""),
-        "required_verdict": str(row.get("verdict") or ""),
-        "source": str(row.get("ours", "")),
-        "note": str(row.get("note", "")),
+        "required_verdict": row.verdict or "",
+        "source": row.ours or "",
+        "note": row.note,
     }
     check = check_of(entry)
     printed = ReferenceCheck("", entry["printed"], reference=entry["truth"])
@@ -171,38 +174,21 @@ def _percent(share: float | None) -> str:
     return "" if share is None else as_printed(100.0 * share, places=2)
 
 
-BOUNDS = ("most_relative_error", "least", "most", "verdict")
-
-
-def _faults(published: Document, figures: Mapping[str, Document]) -> Iterator[PipelineError]:
-    known = {entry["id"] for entry in published.get("errata") or ()}
-    for t, entry in enumerate(published["tables"]):
-        for name in entry.get("errata") or ():
-            if name not in known:
-                yield CampaignError(
-                    "no such erratum",
-                    field=f"tables[{t}].errata",
-                    value=name,
-                    remedy=nearest(name, known),
-                )
-        for index, row in enumerate(entry["rows"]):
-            if "ours" in row and row["ours"] not in figures:
-                remedy = nearest(row["ours"], figures) or "Run the stages that find it first."
+def _faults(
+    published: PublishedValuesDocument, figures: Mapping[str, Document]
+) -> Iterator[PipelineError]:
+    for t, entry in enumerate(published.tables):
+        for index, row in enumerate(entry.rows):
+            if row.ours is not None and row.ours not in figures:
                 yield CampaignError(
                     "no stage has this figure",
                     field=f"tables[{t}].rows[{index}].ours",
-                    value=row["ours"],
-                    remedy=remedy,
-                )
-            if "ours" not in row and any(key in row for key in BOUNDS):
-                yield CampaignError(
-                    "a bound needs a figure",
-                    field=f"tables[{t}].rows[{index}]",
-                    value=row["quantity"],
+                    value=row.ours,
+                    remedy=nearest(row.ours, figures) or "Run the stages that find it first.",
                 )
 
 
-def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _section(published: PublishedValuesDocument, rows: list[dict[str, Any]]) -> dict[str, Any]:
     checks = [check_of(row) for row in rows]
     missed = [
         f"{row['table']}, {check.quantity}: {check.shortfall}"
@@ -211,7 +197,7 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
     ]
     blocks: list[Block] = [
         text(
-            f"Printed: {published['source']}. Errors are relative to what is to be found: the print"
+            f"Printed: {published.source}. Errors are relative to what is to be found: the print"
             " unless a column says otherwise."
         )
     ]
@@ -219,19 +205,17 @@ def _section(published: Document, rows: list[dict[str, Any]]) -> dict[str, Any]:
         words = f"{count_met(checks)} bounds on the printed tables are met."
         blocks.append(remark(words, "warning" if missed else "finding"))
     blocks += [remark(words, "warning") for words in missed]
-    for entry in published["tables"]:
-        notes = [
-            str(entry.get("note", "")),
-            f"Errata {', '.join(entry['errata'])}." if entry.get("errata") else "",
-        ]
-        own = printed_rows([row for row in rows if row["table"] == entry["id"]], "note")
-        title = f"{entry['id']}: {entry['title']}"
+    for entry in published.tables:
+        notes = [entry.note, f"Errata {', '.join(entry.errata)}." if entry.errata else ""]
+        own = printed_rows([row for row in rows if row["table"] == entry.id], "note")
+        title = f"{entry.id}: {entry.title}"
         blocks.append(table(title, *own, note=" ".join(filter(None, notes))))
-    errata = published.get("errata") or ()
-    if errata:
+    if published.errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
-        keys = ("id", "where", "printed", "corrected", "confidence", "shown")
-        cells = [[entry.get(key, "") for key in keys] for entry in errata]
+        cells = [
+            [item.id, item.where, item.printed, item.corrected, item.confidence, item.shown]
+            for item in published.errata
+        ]
         blocks.append(table("Errata of the source", heads, cells))
     return section(
         "Printed tables beside ours",

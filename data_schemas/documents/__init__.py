@@ -55,6 +55,7 @@ DELIVERED = frozenset(
         "fusion",
         "log_info",
         "model_card",
+        "published_values",
         "segment",
         "triangular_factor",
     }

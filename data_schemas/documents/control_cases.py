@@ -200,7 +200,11 @@ class DubinsEntry(PathEntry):
     """Pose at its end."""
 
 
-PATHS = {"helix": HelixEntry, "saw_tooth": SawToothEntry, "dubins": DubinsEntry}
+PATHS: dict[str, type[PathEntry]] = {
+    "helix": HelixEntry,
+    "saw_tooth": SawToothEntry,
+    "dubins": DubinsEntry,
+}
 
 
 class WaitingEntry(Model):

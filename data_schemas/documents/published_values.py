@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from auvid.data_schemas.documents.model import Model, Range
+from pydantic import Field, model_validator
+
+from auvid.data_schemas.documents.model import Faults, Model, Range, fault
+from auvid.data_schemas.errors import nearest
 
 
 class PublishedRowEntry(Model):
@@ -26,10 +29,10 @@ class PublishedRowEntry(Model):
     """Figure of the results, STAGE/ITEM:QUANTITY or STAGE:QUANTITY; left out where none
     is recomputed.
     """
-    factor: float | None = None
-    """Ours is offset + factor times that figure; default 1."""
-    offset: float | None = None
-    """Default 0."""
+    factor: float = 1.0
+    """Ours is offset + factor times that figure."""
+    offset: float = 0.0
+    """Added to it."""
     most_relative_error: Annotated[float, Range(0)] | None = None
     """Bound on the relative error of ours against the truth."""
     least: float | None = None
@@ -38,8 +41,24 @@ class PublishedRowEntry(Model):
     """What ours must be at most, in the unit of the row."""
     verdict: str | None = None
     """Verdict that the figure must have."""
-    note: str | None = None
+    note: str = ""
     """What is to be said of the row."""
+
+    @model_validator(mode="after")
+    def _bounds_are_of_a_figure(self) -> PublishedRowEntry:
+        bounds = (self.most_relative_error, self.least, self.most, self.verdict)
+        if self.ours is None and any(bound is not None for bound in bounds):
+            raise Faults(fault("a bound needs a figure", "ours", self.quantity))
+        return self
+
+    @property
+    def to_be_found(self) -> float | None:
+        """The truth, else the corrected value, else the printed one: the first given."""
+        names = ("truth", "corrected", "printed")
+        value: float | None = getattr(
+            self, next(name for name in names if name in self.model_fields_set)
+        )
+        return value
 
 
 class PublishedTableEntry(Model):
@@ -49,9 +68,9 @@ class PublishedTableEntry(Model):
     """Number of the table as printed (Table 4, (58))."""
     title: str
     """What it holds."""
-    note: str | None = None
+    note: str = ""
     """How ours come about."""
-    errata: list[str] | None = None
+    errata: list[str] = Field(default_factory=list)
     """Ids of errata that concern it."""
     rows: list[PublishedRowEntry]
     """One figure each."""
@@ -70,7 +89,7 @@ class ErratumEntry(Model):
     """What it should be."""
     confidence: str
     """How sure that is."""
-    shown: str | None = None
+    shown: str = ""
     """Where it shows in the tables or in the tests."""
 
 
@@ -86,5 +105,18 @@ class PublishedValuesDocument(Model):
     """Where the tables are printed."""
     tables: list[PublishedTableEntry]
     """The tables, in the order of the source."""
-    errata: list[ErratumEntry] | None = None
+    errata: list[ErratumEntry] = Field(default_factory=list)
     """Print errors of the source."""
+
+    @model_validator(mode="after")
+    def _errata_are_listed(self) -> PublishedValuesDocument:
+        known = {entry.id for entry in self.errata}
+        Faults(
+            *(
+                fault("no such erratum", f"tables[{t}].errata", name, remedy=nearest(name, known))
+                for t, entry in enumerate(self.tables)
+                for name in entry.errata
+                if name not in known
+            )
+        ).raise_any()
+        return self

@@ -168,7 +168,7 @@ def gap_list(signals: Sequence[Signal], max_gap_s: float, window: Span) -> list[
             pauses.append(
                 LegGap(stream=item.stream, start_s=start, end_s=end, duration_s=end - start)
             )
-    return sorted(pauses, key=lambda gap: (str(gap.start_s), gap.stream))
+    return sorted(pauses, key=lambda gap: (gap.start_s, gap.stream))
 
 
 def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> DataError:

@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.published_values import PublishedValuesDocument
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages import check_published
 from auvid.stages.base import collection
@@ -48,7 +50,7 @@ def row(**changes: Any) -> dict[str, Any]:
     return {**entry, "factor": -1.0, "offset": 20.9, **changes}
 
 
-def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> dict[str, Any]:
+def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> PublishedValuesDocument:
     erratum = {
         "id": "A17",
         "where": "Table 3",
@@ -60,8 +62,7 @@ def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> dict
         {"id": "Table 4", "title": "varying steps", "errata": list(errata), "rows": list(rows)}
     ]
     document = {"title": "Alberti", "source": "Alberti 2015", "tables": tables, "errata": [erratum]}
-    check_document(document, "published_values")
-    return document
+    return parse(PublishedValuesDocument, document)
 
 
 def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
@@ -187,10 +188,13 @@ def test_a_campaign_without_printed_tables_gives_nothing():
     assert outputs == check_published.Outputs(None, None, None)
 
 
-def test_unknown_figures_and_errata_are_refused_together():
-    document = published(
-        row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"), errata=("A71",)
-    )
+def test_unknown_errata_are_refused_before_any_stage():
+    with pytest.raises(PipelineError, match=r"tables\[0\]\.errata.*no such erratum.*A17"):
+        published(row(), errata=("A71",))
+
+
+def test_unknown_figures_are_refused_together():
+    document = published(row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"))
     with pytest.raises(PipelineError) as caught:
         check_published.run(
             check_published.Inputs(collection(RESULTS), document), check_published.Params()
@@ -198,13 +202,10 @@ def test_unknown_figures_and_errata_are_refused_together():
     words = str(caught.value)
     assert "rlse/surge:m - X_udot" in words
     assert "tables[0].rows[1].ours" in words
-    assert "no such erratum" in words
 
 
 @pytest.mark.parametrize("bound", [{"most_relative_error": 0.1}, {"least": 0.0}, {"most": 3.0}])
 def test_a_bound_without_a_figure_is_refused(bound):
     entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, **bound}
     with pytest.raises(PipelineError, match="a bound needs a figure"):
-        check_published.run(
-            check_published.Inputs(collection(RESULTS), published(entry)), check_published.Params()
-        )
+        published(entry)

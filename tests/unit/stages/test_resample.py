@@ -18,6 +18,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import resample
 from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
+from auvid.stages.resample.segments import Signal, gap_list
 from tests.support.motions import log_document, shipped_vehicle, vehicle_document
 
 DOCUMENT, VEHICLE = vehicle_document("bluerov2_heavy"), shipped_vehicle("bluerov2_heavy")
@@ -261,6 +262,21 @@ def test_a_gap_splits_the_leg() -> None:
     assert list(
         run(params={"max_gap_s": 7.0}, velocity=velocity(without(times(8), 20.0, 26.0))).resampled
     ) == ["leg"]
+
+
+def test_gaps_are_listed_by_time() -> None:
+    """Seconds of other lengths too: 9.5 s is before 10.5 s."""
+    t_s = np.array([0.0, 9.5, 10.5, 20.0, 100.0, 101.0])
+    signal = Signal("depth", t_s, ("depth_m",), np.zeros((6, 1)), ())
+    starts = [gap.start_s for gap in gap_list([signal], 2.0, (0.0, 200.0))]
+    assert starts == [0.0, 10.5, 20.0]
+    late = Signal("velocity", np.array([9.0, 19.0]), ("u_m_s",), np.zeros((2, 1)), ())
+    assert [gap.start_s for gap in gap_list([signal, late], 2.0, (0.0, 200.0))] == [
+        0.0,
+        9.0,
+        10.5,
+        20.0,
+    ]
 
 
 def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
