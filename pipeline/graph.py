@@ -154,9 +154,10 @@ class Graph:
                 f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is:"
                 f" {givers}"
             )
-        # Artefacts of the whole campaign that have keys are handed over as a
-        # collection, from which a smaller item takes its own.
-        if SIZE[found[0].level] > SIZE[stage.maps_over] and not found[0].keyed:
+        # What belongs to the whole campaign is handed to every item, with keys as a
+        # collection.
+        level = found[0].level
+        if SIZE[level] > SIZE[stage.maps_over] and level != WHOLE and not found[0].keyed:
             raise WiringError(
                 f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a"
                 f" {found[0].level}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from auvid.stages import (
+    check_installation,
     check_published,
     check_truth,
     control,
@@ -28,6 +29,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     simulate.STAGE,
     ingest.STAGE,
     resample.STAGE,
+    check_installation.STAGE,
     fuse.STAGE,
     replace_state.STAGE,
     residual.STAGE,
@@ -47,6 +49,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "identification": (
         "ingest",
         "resample",
+        "check_installation",
         "fuse",
         "residual",
         "synthesise",
@@ -58,6 +61,7 @@ KINDS: dict[str, tuple[str, ...]] = {
         "simulate",
         "ingest",
         "resample",
+        "check_installation",
         "fuse",
         "residual",
         "synthesise",

@@ -70,21 +70,55 @@ class SegmentRecord(Model):
     """Sentences a user should read."""
 
 
-class InstallationRecord(Model):
-    """Estimated arm and mounting of the velocity sensor; null where not determined."""
+class InstallationFigure(Model):
+    """One figure of how a sensor is installed, by the file and by the legs."""
 
-    dvl_arm_m: list[float | None]
+    name: str
+    """What it is, as `arm x`."""
+    unit: str
+    """Its unit."""
+    departure: float
+    """Estimate less the vehicle file's value."""
+    standard_error: float | None
+    """Of the departure; null where the legs show nothing of it."""
+    limit: float
+    """A departure counts beyond this size and three standard errors."""
+    verdict: Literal["agrees", "departs", "not observable"]
+    """not observable: a departure of twice the limit would not be seen for certain."""
+    file_value: float | None
+    """Value of the vehicle file; null where it has none."""
+    corrected: float | None
+    """Value of the file with the departure, where it departs."""
+
+
+class InstallationEstimate(Model):
+    """Where the velocity log sits, by vehicle file and legs together."""
+
+    arm_m: list[float]
     """Arm x y z."""
-    dvl_arm_sd_m: list[float | None]
-    """Its standard deviations."""
-    dvl_mounting_rad: list[float | None]
-    """Small rotation in addition to the mounting of the vehicle file."""
-    dvl_mounting_sd_rad: list[float | None]
-    """Its standard deviations."""
-    dvl_arm_determined: list[bool]
-    """Whether the segment determines each component of the arm."""
-    dvl_mounting_determined: list[bool]
-    """Whether the segment determines each component of the mounting."""
+    angles_rad: list[float]
+    """Rotation vector from the vehicle file's body axes of the log to the true ones."""
+    lag_s: float
+    """Lag beyond that of the vehicle file."""
+
+
+class InstallationRecord(Model):
+    """How velocity log and accelerometer are installed, by all legs together."""
+
+    figures: list[InstallationFigure]
+    """Arm, angles and lag of the velocity log, and scales."""
+    estimate: InstallationEstimate | None
+    """null where no leg could be checked, or the accelerometer's convention is wrong."""
+    convention: str | None
+    """What the accelerometer was taken for."""
+    convention_found: str | None
+    """What it measures by its readings, where that is another."""
+    innovations: dict[str, float]
+    """Mean squared innovation over its variance: about 1 where the noise is as assumed."""
+    legs: list[str]
+    """Segments that were checked."""
+    left_out: dict[str, str]
+    """Segment -> why it was not."""
 
 
 class CurrentRecord(Model):
@@ -121,10 +155,8 @@ class FusionRecord(Model):
     """Width cut at either end."""
     integrated_sway_rms_m_s: float | None = None
     """RMS of integrated against measured sway."""
-    installation: InstallationRecord | None = None
-    """Estimated arm and mounting of the velocity sensor, with standard deviations and
-    what the data determine.
-    """
+    installation: Literal["vehicle_file", "estimate"] = "vehicle_file"
+    """Where the velocity log was taken to sit."""
     current: CurrentRecord | None = None
     """Water current, where it was asked for: verdict (observable, not observable),
     reason, ned_m_s, sd_m_s.

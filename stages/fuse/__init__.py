@@ -21,7 +21,11 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.records.motion import (
+    FusionRecord,
+    InstallationRecord,
+    SegmentRecord,
+)
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array, Mask, cross
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
@@ -30,9 +34,21 @@ from auvid.hydro.identification.signals.bias import integrate
 from auvid.hydro.identification.signals.filters import edge_zone_s
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, VELOCITY_SD, named
-from auvid.stages.fuse.methods import NOISES, SensorSamples, kinematic, smoother, thesis
-from auvid.stages.fuse.motion import FusionResult, SensorMotion, low_pass, sensor_motion
+from auvid.stages.fuse.methods import (
+    NOISES,
+    FusionResult,
+    SensorSamples,
+    kinematic,
+    smoother,
+    thesis,
+)
 from auvid.stages.fuse.presentation import fuse_section, fuse_views, fusion_document
+from auvid.stages.sensor_motion import (
+    SensorMotion,
+    VelocityLogPlacement,
+    low_pass,
+    sensor_motion,
+)
 
 LEAST_EDGE_S = 0.5
 
@@ -47,6 +63,7 @@ class Inputs:
     samples_velocity: pa.Table | None = port("samples_velocity", optional=True)
     samples_depth: pa.Table | None = port("samples_depth", optional=True)
     samples_water: pa.Table | None = port("samples_water", optional=True)
+    installation: InstallationRecord | None = port("installation", optional=True)
 
 
 @dataclass(frozen=True)
@@ -87,13 +104,14 @@ class Params:
         ),
         names=tuple(NOISES),
     )
-    estimate_dvl_arm: bool = param(
-        "1", False, meaning="smoother only: find the velocity sensor's lever arm from the segment"
-    )
-    estimate_dvl_mounting: bool = param(
+    installation: str = param(
         "1",
-        False,
-        meaning="smoother only: find the velocity sensor's mounting angles from the segment",
+        "vehicle_file",
+        meaning=(
+            "where the velocity log sits: as the vehicle file says, or as check_installation finds"
+            " it from all legs together"
+        ),
+        allowed=("vehicle_file", "estimate"),
     )
     estimate_current: bool = param(
         "1",
@@ -137,14 +155,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 remedy=f"Set method: {method}, or leave {key} out.",
             )
 
+    placement = _placement(inputs, params)
     motion = sensor_motion(
         inputs.resampled,
         inputs.vehicle,
         cutoff_hz=None if params.method == "smoother" else params.cutoff_hz,
         fit_gyro_bias=params.fit_gyro_bias,
-        arm=not params.as_published,
+        placement=None if params.as_published else placement,
     )
-    result = _fuse(inputs, params, motion)
+    result = _fuse(inputs, params, motion, placement)
     pose = _pose(motion, result.velocity)
     over_ground = np.hstack([result.velocity, motion.omega])
     nu_dot = np.hstack([result.v_dot, motion.omega_dot])
@@ -174,6 +193,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         "as_published": params.as_published,
         "cutoff_hz": params.cutoff_hz,
         "edge_s": edge_s,
+        "installation": params.installation,
     }
     state = named(POSE, pose) | named(VELOCITY, over_ground)
     fusion = fusion_document(
@@ -187,7 +207,29 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _fuse(inputs: Inputs, params: Params, motion: SensorMotion) -> FusionResult:
+def _placement(inputs: Inputs, params: Params) -> VelocityLogPlacement:
+    """Return where the velocity log sits.
+
+    Raises `CampaignError` where an estimate is wanted and there is none.
+    """
+    if params.installation == "vehicle_file":
+        return VelocityLogPlacement.of(inputs.vehicle, None)
+    if params.as_published or inputs.installation is None or inputs.installation.estimate is None:
+        raise CampaignError(
+            "there is no estimate of how the velocity log is installed"
+            if not params.as_published
+            else "the method as published takes no lever arm",
+            field="stages.fuse.installation",
+            value=params.installation,
+            allowed="vehicle_file",
+            remedy="It needs legs with a velocity log, an accelerometer and depth.",
+        )
+    return VelocityLogPlacement.of(inputs.vehicle, inputs.installation)
+
+
+def _fuse(
+    inputs: Inputs, params: Params, motion: SensorMotion, placement: VelocityLogPlacement
+) -> FusionResult:
     if params.method == "kinematic":
         return kinematic(motion)
     convention = (
@@ -210,9 +252,8 @@ def _fuse(inputs: Inputs, params: Params, motion: SensorMotion) -> FusionResult:
         samples,
         inputs.vehicle,
         convention=convention,
+        placement=placement,
         noise=params.noise,
-        estimate_arm=params.estimate_dvl_arm,
-        estimate_mounting=params.estimate_dvl_mounting,
         estimate_current=params.estimate_current,
     )
 

@@ -14,9 +14,9 @@ import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.data_schemas.records.motion import InstallationRecord
+from auvid.data_schemas.records.motion import CurrentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
-from auvid.hydro.arrays import Array, cross
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.bias import (
@@ -24,16 +24,15 @@ from auvid.hydro.identification.signals.bias import (
     fit_velocity,
     inertial_acceleration,
     integrate,
-    lever_arm_velocity,
 )
-from auvid.hydro.identification.signals.installation import Installation, estimate_installation
 from auvid.hydro.identification.signals.smoother import SmootherNoise, smooth_velocity
 from auvid.hydro.identification.signals.splines import derivative
 from auvid.stages.columns import ACCELEROMETER, VELOCITY, rms
 from auvid.stages.fuse.current import current_document, drift, water_track, without_water_track
-from auvid.stages.fuse.motion import (
-    FusionResult,
+from auvid.stages.sensor_motion import (
     SensorMotion,
+    VelocityLogPlacement,
+    accelerometer_motion,
     depth_below_origin,
     low_pass,
     missing,
@@ -52,6 +51,24 @@ NOISES = {
     "current_walk_m_s": ("current_walk", 1),
 }
 """Key of parameter `noise` -> field of `SmootherNoise`, and its number of components."""
+
+
+@dataclass(frozen=True)
+class FusionResult:
+    """Velocity over ground and its derivative (n, 3) by a method, and its estimates.
+
+    `drift` (n, 3): the water's velocity in body axes, None where it is not known.
+    """
+
+    velocity: Array
+    v_dot: Array
+    convention: str | None = None
+    accel_bias: Array | None = None
+    velocity_sd: Array | None = None
+    current: CurrentRecord | None = None
+    drift: Array | None = None
+    sway_rms: float | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def kinematic(motion: SensorMotion) -> FusionResult:
@@ -154,9 +171,8 @@ def smoother(
     vehicle: Vehicle,
     *,
     convention: str,
+    placement: VelocityLogPlacement,
     noise: Mapping[str, float],
-    estimate_arm: bool,
-    estimate_mounting: bool,
     estimate_current: bool,
 ) -> FusionResult:
     """Return velocity by Kalman filter and smoother over every sensor at its own times.
@@ -166,56 +182,26 @@ def smoother(
     """
     if samples.depth is None:
         raise missing("depth", "the samples of the depth sensor (method smoother)")
-    if samples.imu is None or not np.isfinite(matrix(samples.imu, ACCELEROMETER)).all():
-        raise missing("imu", "an accelerometer (method smoother)")
     if samples.velocity is None or motion.velocity is None:
         raise missing("velocity", "a body velocity (method smoother)")
-    first, last = motion.t_s[0], motion.t_s[-1]
-
-    def at(values: Array, times: Array) -> Array:
-        return np.asarray(CubicSpline(motion.t_s, values)(np.clip(times, first, last)))
-
-    # Accelerometer at its own times within the segment, without gravity and lever arm.
-    t = column(samples.imu, "t_s")
-    inside = (t >= first) & (t <= last)
-    t = t[inside]
-    euler, omega = at(motion.euler, t), at(motion.omega, t)
-    force = inertial_acceleration(
-        matrix(samples.imu, ACCELEROMETER)[inside],
-        convention=convention,
-        euler=euler,
-        omega=omega,
-        omega_dot=at(motion.omega_dot, t),
-        velocity=at(motion.velocity, t),
-        arm=vehicle.imu.arm_m,
-        gravity=vehicle.gravity,
-    )
-
-    # Where the velocity sensor sits: the vehicle file's word, or the segment's.
-    times, sensed = column(samples.velocity, "t_s"), matrix(samples.velocity, VELOCITY[:3])
-    arm, turn, installation = vehicle.dvl.arm_m, np.zeros(3), None
-    if estimate_arm or estimate_mounting:
-        fit = estimate_installation(
-            t, force, euler, omega, times, sensed, arm=estimate_arm, mounting=estimate_mounting
-        )
-        installation = _installation_record(fit)
-        if estimate_arm:
-            arm = np.where(fit.determined_arm, fit.arm_m, arm)
-        if estimate_mounting:
-            turn = np.where(fit.determined_mounting, fit.mounting_rad, 0.0)
+    accelerometer = accelerometer_motion(motion, samples.imu, vehicle, convention=convention)
+    if accelerometer is None:
+        raise missing("imu", "an accelerometer (method smoother)")
+    t = accelerometer.t_s
 
     def at_origin(times: Array, sensed: Array) -> Array:
-        turned = sensed + cross(np.broadcast_to(turn, sensed.shape), sensed)
-        return lever_arm_velocity(turned, at(motion.omega, times), arm)
+        return placement.at_origin(sensed, motion.at(motion.omega, times))
 
+    times = column(samples.velocity, "t_s") - placement.lag_s
+    sensed = matrix(samples.velocity, VELOCITY[:3])
     track = water_track(samples.water, (float(t[0]), float(t[-1]))) if estimate_current else None
     t_depth = column(samples.depth, "t_s")
-    below = depth_below_origin(at(motion.euler, t_depth), vehicle.depth_sensor.arm_m)
+    below = depth_below_origin(motion.at(motion.euler, t_depth), vehicle.depth_sensor.arm_m)
     smoothed = smooth_velocity(
         t,
-        force,
-        euler,
-        omega,
+        accelerometer.acceleration,
+        accelerometer.euler,
+        accelerometer.omega,
         t_velocity=times,
         velocity=at_origin(times, sensed),
         t_depth=t_depth,
@@ -231,18 +217,13 @@ def smoother(
     velocity_sd = np.column_stack(
         [np.interp(on_clock, t, smoothed.velocity_sd[:, axis]) for axis in range(3)]
     )
-    # motion.velocity rests on the arm of the vehicle file; the smoothed velocity rests
-    # on the arm and mounting that were used.
-    lever = cross(motion.omega, np.broadcast_to(vehicle.dvl.arm_m, motion.omega.shape))
-    measured = at_origin(motion.t_s, motion.velocity + lever)
     result = FusionResult(
         velocity,
         CubicSpline(t, smoothed.rate)(on_clock),
         convention,
         smoothed.bias.mean(axis=0),
         velocity_sd,
-        installation,
-        **sway_check(velocity, measured, convention),
+        **sway_check(velocity, motion.velocity, convention),
     )
     if not estimate_current:
         return result
@@ -272,17 +253,3 @@ def _noise(values: Mapping[str, float], gravity: float) -> SmootherNoise:
         name, size = NOISES[key]
         fields[name] = value if size == 1 else np.full(size, value)
     return SmootherNoise(**fields)
-
-
-def _installation_record(fit: Installation) -> InstallationRecord:
-    def numbers(values: Array) -> list[float | None]:
-        return [float(value) if np.isfinite(value) else None for value in values]
-
-    return InstallationRecord(
-        dvl_arm_m=numbers(fit.arm_m),
-        dvl_arm_sd_m=numbers(fit.arm_sd_m),
-        dvl_mounting_rad=numbers(fit.mounting_rad),
-        dvl_mounting_sd_rad=numbers(fit.mounting_sd_rad),
-        dvl_arm_determined=list(fit.determined_arm),
-        dvl_mounting_determined=list(fit.determined_mounting),
-    )

@@ -11,7 +11,6 @@ from auvid.data_schemas.records.motion import (
     ChannelSmoothing,
     CurrentRecord,
     FusionRecord,
-    InstallationRecord,
     SegmentRecord,
 )
 from auvid.data_schemas.tables import column, has_columns
@@ -19,7 +18,7 @@ from auvid.hydro.arrays import Array, Mask
 from auvid.stages.base import Document
 from auvid.stages.columns import ATTITUDE, VELOCITY, clock, rms
 from auvid.stages.fuse.current import NOT_OBSERVABLE
-from auvid.stages.fuse.motion import FusionResult
+from auvid.stages.fuse.methods import FusionResult
 from auvid.stages.presentation import (
     Block,
     panel,
@@ -51,7 +50,6 @@ def fusion_document(
         gyro_bias_rad_s=gyro_bias.tolist(),
         accel_bias_m_s2=None if result.accel_bias is None else result.accel_bias.tolist(),
         integrated_sway_rms_m_s=result.sway_rms,
-        installation=result.installation,
         current=result.current,
         rms={
             name: rms((column(resampled, name) - state[name])[keep])
@@ -100,7 +98,6 @@ def fuse_section(
     blocks = [
         *[remark(words, "warning") for words in fusion.warnings],
         *_current_blocks(fusion.current),
-        *installation_blocks(fusion.installation),
         *_uneven_bandwidth(segment.smoothing, fusion.cutoff_hz),
         plot(
             "Velocity of the body origin, raw against fused",
@@ -144,52 +141,6 @@ def _current_blocks(current: CurrentRecord | None) -> list[Block]:
     )
     heads = ["towards", "value", "standard deviation", "unit"]
     return [table("Water current", heads, rows, note=note)]
-
-
-def installation_blocks(installation: InstallationRecord | None) -> list[Block]:
-    """Return the estimated arm and mounting of the velocity sensor.
-
-    A warning names what this segment does not determine.
-    """
-    if installation is None:
-        return []
-    rows: list[list[Any]] = []
-    for part, unit, values, errors, determined in (
-        (
-            "arm",
-            "m",
-            installation.dvl_arm_m,
-            installation.dvl_arm_sd_m,
-            installation.dvl_arm_determined,
-        ),
-        (
-            "mounting",
-            "rad",
-            installation.dvl_mounting_rad,
-            installation.dvl_mounting_sd_rad,
-            installation.dvl_mounting_determined,
-        ),
-    ):
-        rows += [
-            [f"{part} {axis}", value, error, unit, "yes" if used else "no"]
-            for axis, value, error, used in zip("xyz", values, errors, determined, strict=True)
-            if value is not None
-        ]
-    note = (
-        "Mounting: small rotation in addition to that of the vehicle file. From this segment alone;"
-        " a standard error too large is not used."
-    )
-    heads = ["figure", "value", "standard error", "unit", "used"]
-    blocks = [table("Estimated installation of the velocity sensor", heads, rows, note=note)]
-    undetermined = [row[0] for row in rows if row[-1] == "no"]
-    if undetermined:
-        words = (
-            f"This segment does not determine the velocity sensor's {', '.join(undetermined)}: the"
-            " value of the vehicle file is used. Estimate it on a leg with turns and dives, and"
-            " write it into the vehicle file."
-        )
-        blocks.insert(0, remark(words, "warning"))
-    return blocks
 
 
 def _uneven_bandwidth(

@@ -19,6 +19,7 @@ SHARED_IN_STAGES = {
     "base",
     "presentation",
     "columns",
+    "sensor_motion",
     "truth_lookup",
     "reference_check",
     "number_format",

@@ -1,107 +1,307 @@
-"""Lever arm and mounting rotation of a velocity sensor, from a leg.
+"""How a velocity log and an accelerometer are installed, found from a vehicle's motion.
 
-They are estimated together with the accelerometer's bias. The sensor reports v_s = E'
-(v + omega x r) with E the small rotation from sensor to body axes, exp(delta x). To
-first order in delta, v_s = v + omega x r + v_s x delta, linear in r and delta. The
-velocity v comes from the integrated accelerometer (bias b, initial velocity v_0
-fitted), so that all twelve unknowns are found by one least-squares fit.
+A Kalman filter carries depth z, body velocity v and the accelerometer's bias b from the
+accelerometer's reading a, without gravity, to the velocity log and the depth sensor:
+
+    z_dot = (R v)_3,   v_dot = a - b - omega x v,   b_dot = white noise.
+
+It is linear, so what a wrong lever arm, angle or lag adds to the measurements passes
+through it as they do. With the innovations nu_0 of the measurements, their variances s
+and the innovations nu_j that one unit of each fault makes,
+
+    nu_0 = sum_j theta_j nu_j + white noise of variance s,
+
+and the faults theta follow from one weighted regression (generalised least squares).
+Its normal equations are sums over samples: those of all legs are added. What a fault
+makes is built from the filter's expectation of a sample, which has no part in the
+sample's noise; built from the sample, the scales came out 2 % wrong. The acceleration
+is the filter's input and has no model of its own: with one that is smooth (as that of
+`smoother.py`), transients are taken away and arms come out 2 % short.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned, skew
-from auvid.hydro.identification.regression.standard_errors import hac_covariance
-from auvid.hydro.identification.signals.bias import integrate
+from auvid.hydro.identification.signals.bias import lever_arm_velocity
+from auvid.hydro.identification.signals.smoother import (
+    FEWEST,
+    SmootherNoise,
+    estimated_noise,
+)
+from auvid.hydro.identification.signals.splines import smoothing_spline
 
-ARM_FLOOR_M, ANGLE_FLOOR_RAD = 0.05, 0.01
+FAULTS = (
+    "arm_x", "arm_y", "arm_z", "angle_x", "angle_y", "angle_z", "lag", "velocity_scale",
+    "depth_scale", "accelerometer_scale", "gravity", "transport",
+)  # fmt: skip
+"""What can be wrong, each 0 where all is right. Arm [m]: where the velocity log sits
+beyond the vehicle file, and equally where the accelerometer sits short of it (their
+difference is seen). Angles [rad]: small rotation of the velocity log beyond the file's,
+v_body = v + angle x v. Lag [s] of the velocity log. Scales: share by which a sensor reads
+too much. Gravity: 1 where the reading has gravity in it against what was assumed, -1
+where it lacks it; transport: 1 where it lacks omega x v.
+"""
+SENSORS = ("u", "v", "w", "depth")
+BLOCK_S = 5.0
+"""Sums are kept for pieces of this length, longer than the innovations' memory."""
+PLACES = 9
+"""The first faults are those of place and scale; the last three belong to the
+accelerometer.
+"""
+LEAST_NOISE = 0.25
+"""Least share of a noise variance that is left when innovations are smaller."""
+START_VARIANCES = (1.0, 0.25, 0.25, 0.25)
+"""Of depth [m^2] and velocity [m^2/s^2] about their first samples."""
 
 
 @dataclass(frozen=True)
-class Installation:
-    """Arm r (3,) [m] and mounting delta (3,) [rad] with standard errors.
+class InstallationSums:
+    """Sums of a leg or of several: what the estimate of the faults needs.
 
-    nan for what was not estimated. `determined_arm`, `determined_mounting`: whether the
-    data fix each component at all (a component along the axis that the vehicle turns
-    about is not seen).
+    gram: (blocks, 1 + k, 1 + k), innovations of measurements and faults over their
+    variances; squares, samples (7,): normalised squares of each sensor's innovations,
+    with the noise that splines see.
     """
 
+    gram: Array
+    squares: Array
+    samples: Array
+
+    def merge(self, other: InstallationSums) -> InstallationSums:
+        """Return the sums of both."""
+        return InstallationSums(
+            np.concatenate([self.gram, other.gram]),
+            self.squares + other.squares,
+            self.samples + other.samples,
+        )
+
+
+@dataclass(frozen=True)
+class LegSensors:
+    """Sensors of a leg, body axes, each at its own times.
+
+    At t_s (n,): acceleration (n, 3) of the origin without gravity (by the convention
+    assumed), the accelerometer's reading, euler, omega, omega_dot (n, 3). velocity
+    (m, 3) at t_velocity, of the velocity log at `arm_m`; depth (k,) of the origin at
+    t_depth.
+    """
+
+    t_s: Array
+    acceleration: Array
+    reading: Array
+    euler: Array
+    omega: Array
+    omega_dot: Array
+    t_velocity: Array
+    velocity: Array
     arm_m: Array
-    arm_sd_m: Array
-    mounting_rad: Array
-    mounting_sd_rad: Array
-
-    @property
-    def determined_arm(self) -> tuple[bool, ...]:
-        """Return whether each component's standard error is below `ARM_FLOOR_M`."""
-        return tuple(bool(sd < ARM_FLOOR_M) for sd in self.arm_sd_m)
-
-    @property
-    def determined_mounting(self) -> tuple[bool, ...]:
-        """Return whether each angle's standard error is below `ANGLE_FLOOR_RAD`."""
-        return tuple(bool(sd < ANGLE_FLOOR_RAD) for sd in self.mounting_sd_rad)
+    t_depth: Array
+    depth: Array
 
 
-def estimate_installation(
-    t_s: ArrayLike,
-    acceleration: ArrayLike,
-    euler: ArrayLike,
-    omega: ArrayLike,
-    t_velocity: ArrayLike,
-    velocity: ArrayLike,
-    *,
-    arm: bool = True,
-    mounting: bool = True,
-) -> Installation:
-    """Estimate arm and mounting of a velocity sensor from its readings.
+def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> InstallationSums:
+    """Return the sums of one leg.
 
-    `velocity` (m, 3) at t_velocity (m,), in its own axes taken for body axes.
-    acceleration (n, 3): inertial acceleration of the body origin with bias
-    (`inertial_acceleration`); euler, omega (n, 3), t_s (n,). Raises `DataError` for too
-    few samples or when nothing is asked for.
+    Raises `DataError` for fewer than five samples of a sensor within the leg.
     """
-    if not (arm or mounting):
+    t = leg.t_s
+    at_v = (leg.t_velocity >= t[0]) & (leg.t_velocity <= t[-1])
+    at_z = (leg.t_depth >= t[0]) & (leg.t_depth <= t[-1])
+    tv, sensed, tz, z = leg.t_velocity[at_v], leg.velocity[at_v], leg.t_depth[at_z], leg.depth[at_z]
+    if min(len(t), len(tv), len(tz)) < FEWEST:
         raise DataError(
-            "neither the arm nor the mounting of the velocity sensor is to be estimated"
+            "too few samples to check how the sensors are installed",
+            value=(len(t), len(tv), len(tz)),
+            allowed="5 or more of each sensor",
         )
-    t, f = np.asarray(t_s, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
-    times, sensed = np.asarray(t_velocity, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
-    inside = (times >= t[0]) & (times <= t[-1])
-    times, sensed = times[inside], sensed[inside]
-    if len(times) < 12:
-        raise DataError(
-            "too few velocity samples to estimate how the sensor is mounted",
-            value=len(times),
-            allowed="12 or more",
-        )
-    R = rotation_body_to_ned(euler)
-    ned = CubicSpline(t, integrate(t, np.einsum("nij,nj->ni", R, f)))(times)
-    gain = CubicSpline(t, integrate(t, R.reshape(len(t), 9)))(times).reshape(-1, 3, 3)
-    back = np.swapaxes(CubicSpline(t, R.reshape(len(t), 9))(times).reshape(-1, 3, 3), 1, 2)
-    parts = [-back @ gain, back @ R[0]]
-    if arm:
-        parts.append(skew(CubicSpline(t, np.asarray(omega, dtype=np.float64))(times)))
-    if mounting:
-        parts.append(skew(sensed))
-    design = np.concatenate(parts, axis=2)
-    target = sensed - np.einsum("mij,mj->mi", back, ned)
-    rows = design.reshape(-1, design.shape[2])
-    value = np.linalg.lstsq(rows, target.reshape(-1), rcond=None)[0]
-    scores = np.einsum("mc,mck->mk", target - design @ value, design)
-    spread = np.sqrt(np.diag(hac_covariance(scores, np.linalg.pinv(rows.T @ rows, hermitian=True))))
-    unknown = np.full(3, np.nan)
-    first = slice(6, 9)
-    last = slice(9, 12) if arm else slice(6, 9)
-    return Installation(
-        arm_m=value[first] if arm else unknown,
-        arm_sd_m=spread[first] if arm else unknown,
-        mounting_rad=value[last] if mounting else unknown,
-        mounting_sd_rad=spread[last] if mounting else unknown,
+    step_v, step_z = _nearest_step(t, tv), _nearest_step(t, tz)
+    omega = leg.omega[step_v]
+    velocity = lever_arm_velocity(sensed, omega, leg.arm_m)
+    used = estimated_noise(t, leg.acceleration, tv, velocity, tz, z, noise or SmootherNoise())
+    assert used.velocity is not None
+    assert used.depth is not None
+    smooth = np.asarray(smoothing_spline(t, leg.acceleration).evaluate(tv))
+    # v_dot = f - omega x v carries a sample to its step.
+    carried = velocity + (t[step_v] - tv)[:, None] * (smooth - cross(omega, velocity))
+    order = np.argsort(np.concatenate([np.repeat(step_v, 3), step_z]), kind="stable")
+    steps = np.concatenate([np.repeat(step_v, 3), step_z])[order].astype(np.int64)
+    sensor = np.concatenate([np.tile([0, 1, 2], len(tv)), np.full(len(tz), 3)])[order]
+    variance = np.concatenate([used.velocity, [used.depth]]) ** 2
+    transitions, gains, processes = _process(t, leg.euler, leg.omega, used)
+    blocks = ((t - t[0]) / BLOCK_S).astype(np.int64)
+    start = np.concatenate([z[:1], velocity[0], np.zeros(3)])
+    prior = np.array([*START_VARIANCES, *np.full(3, used.bias**2)])
+
+    def filtered(inputs: Array, values: Array, variance: Array) -> tuple[Array, Array, Array]:
+        x = np.zeros((7, inputs.shape[2]))
+        x[:, 0] = start
+        innovations, scaled = np.empty((len(steps), inputs.shape[2])), np.empty(len(steps))
+        _filter(
+            transitions, gains, processes, np.ascontiguousarray(inputs), x, np.diag(prior),
+            steps, sensor, np.ascontiguousarray(values[order]), variance, innovations, scaled,
+        )  # fmt: skip
+        return innovations, scaled, x[4:, 0]
+
+    # What the filter expects of a sample has no part of its noise: faults are made of it.
+    measured = np.concatenate([carried.ravel(), z])
+    first, first_scaled, bias = filtered(leg.acceleration[:, :, None], measured[:, None], variance)
+    expected = np.empty(len(measured))
+    expected[order] = measured[order] - first[:, 0]
+    v, depth = expected[: 3 * len(tv)].reshape(-1, 3), expected[3 * len(tv) :]
+    arm = np.broadcast_to(leg.arm_m, omega.shape)
+    reading = v + cross(omega, arm)
+    rate = smooth - bias - cross(omega, v) + cross(leg.omega_dot[step_v], arm)
+
+    k = len(FAULTS)
+    on_velocity, on_accel = np.zeros((len(tv), 3, 1 + k)), np.zeros((len(t), 3, 1 + k))
+    on_depth = np.zeros((len(tz), 1 + k))
+    for axis, unit in enumerate(np.eye(3)):
+        on_velocity[:, :, 1 + axis] = cross(omega, np.broadcast_to(unit, omega.shape))
+        on_velocity[:, :, 4 + axis] = cross(reading, np.broadcast_to(unit, reading.shape))
+    speed = np.column_stack([np.interp(t, tv, v[:, axis]) for axis in range(3)])
+    for name, where, column in (
+        ("lag", on_velocity, -rate),
+        ("velocity_scale", on_velocity, reading),
+        ("depth_scale", on_depth, depth - depth.mean()),
+        ("accelerometer_scale", on_accel, leg.reading),
+        ("gravity", on_accel, -used.gravity * rotation_body_to_ned(leg.euler)[:, 2, :]),
+        ("transport", on_accel, -cross(leg.omega, speed)),
+    ):
+        where[..., 1 + FAULTS.index(name)] = column
+    on_velocity[:, :, 0], on_accel[:, :, 0], on_depth[:, 0] = carried, leg.acceleration, z
+    values = np.concatenate([on_velocity.reshape(-1, 1 + k), on_depth])
+    innovations, scaled, _ = filtered(on_accel, values, variance)
+
+    # Once more with the noise that the innovations show, less what the faults explain.
+    weighted = innovations / np.sqrt(scaled)[:, None]
+    place = weighted[:, 1 : 1 + PLACES]
+    explained = np.linalg.lstsq(place, weighted[:, 0], rcond=1e-9)[0]
+    left = innovations[:, 0] - innovations[:, 1 : 1 + PLACES] @ explained
+    counts = np.bincount(sensor, minlength=len(SENSORS))
+    excess = np.bincount(sensor, left**2 - scaled, minlength=len(SENSORS)) / counts
+    variance = np.clip(variance + excess, LEAST_NOISE * variance, None)
+    innovations, scaled, _ = filtered(on_accel, values, variance)
+    weighted = innovations / np.sqrt(scaled)[:, None]
+    gram = np.zeros((int(blocks[-1]) + 1, 1 + k, 1 + k))
+    for block in range(len(gram)):
+        rows = weighted[blocks[steps] == block]
+        gram[block] = rows.T @ rows
+    squares = np.bincount(sensor, (first[:, 0] ** 2) / first_scaled, minlength=len(SENSORS))
+    return InstallationSums(gram, squares, counts.astype(np.float64))
+
+
+def _process(
+    t: Array, euler: Array, omega: Array, noise: SmootherNoise
+) -> tuple[Array, Array, Array]:
+    """Return transitions (n, 7, 7), input gains (n, 7, 3), noise (n, 7, 7) of z, v, b.
+
+    z_dot = (R v)_3, v_dot = a - b - omega x v from step k - 1 to k, with the mean
+    reading of both ends as a.
+    """
+    n, dt = len(t), np.diff(t, prepend=t[0])
+    middle = 0.5 * (omega + np.roll(omega, 1, axis=0))
+    down = rotation_body_to_ned(euler)[:, 2, :]
+    A = np.zeros((n, 7, 7))
+    A[:, 0, 1:4] = 0.5 * (down + np.roll(down, 1, axis=0))
+    A[:, 1:4, 1:4] = -skew(middle)
+    A[:, 1:4, 4:7] = -np.eye(3)
+    step = A * dt[:, None, None]
+    second = step @ step
+    transition = np.eye(7) + step + second / 2.0 + second @ step / 6.0
+    # Integral of exp(A s) over the step, on v.
+    integral = (np.eye(7) + step / 2.0 + second / 6.0) * dt[:, None, None]
+    assert noise.accel is not None
+    Q = np.zeros((n, 7, 7))
+    place = np.arange(3)
+    Q[:, 1 + place, 1 + place] = dt[:, None] ** 2 * noise.accel**2
+    Q[:, 4 + place, 4 + place] = dt[:, None] * noise.bias_density
+    return transition, np.ascontiguousarray(integral[:, :, 1:4]), Q
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _filter(
+    transitions,
+    gains,
+    processes,
+    inputs,
+    x,
+    P,
+    steps,
+    sensor,
+    values,
+    variance,
+    innovations,
+    scaled,
+):  # type: ignore[no-untyped-def]
+    """Run the filter over all columns at once, one scalar measurement at a time."""
+    size = x.shape[0]
+    row, gain = 0, np.zeros(size)
+    for step in range(len(transitions)):
+        if step > 0:
+            F = transitions[step]
+            x[:] = F @ x + gains[step] @ (0.5 * (inputs[step] + inputs[step - 1]))
+            P[:] = F @ P @ F.T + processes[step]
+        while row < len(steps) and steps[row] == step:
+            entry = sensor[row] + 1 if sensor[row] < 3 else 0  # velocity v, depth z
+            s = variance[sensor[row]] + P[entry, entry]
+            gain[:] = P[:, entry] / s
+            innovations[row] = values[row] - x[entry]
+            scaled[row] = s
+            for i in range(size):
+                x[i] += gain[i] * innovations[row]
+                P[i] -= gain[i] * gain * s
+            row += 1
+
+
+def _nearest_step(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    right = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    return np.asarray(np.where(times - t[right - 1] < t[right] - times, right - 1, right))
+
+
+@dataclass(frozen=True)
+class InstallationFaults:
+    """Faults by name, in the units of `FAULTS`, with standard errors; inf: not seen."""
+
+    names: tuple[str, ...]
+    value: Array
+    sd: Array
+
+
+def installation_faults(
+    sums: InstallationSums, names: Sequence[str], prior_sd: ArrayLike | None = None
+) -> InstallationFaults:
+    """Return the estimate of the named faults from the sums of all legs.
+
+    theta = (A + P^-1)^-1 b with A = sum nu_j nu_k / s and b = sum nu_j nu_0 / s. The
+    standard error is the larger of two: from A and the innovations' size, and from the
+    scatter of the scores of pieces of 5 s. `prior_sd`: P = diag(prior_sd^2) about 0.
+    """
+    at = np.array([1 + FAULTS.index(name) for name in names])
+    A = sums.gram[:, at[:, None], at]
+    b = sums.gram[:, at, 0]
+    prior = np.zeros(len(at)) if prior_sd is None else np.asarray(prior_sd, dtype=np.float64) ** -2
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(A.sum(axis=0)), 1e-300))
+    information = (A.sum(axis=0) + np.diag(prior)) * scale[:, None] * scale
+    inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True) * scale[:, None] * scale
+    value = inverse @ b.sum(axis=0)
+    scores = b - A @ value
+    blocks = len(scores)
+    left = max(1.0, np.sum(sums.samples) - len(at))
+    squares = np.sum(sums.gram[:, 0, 0]) - value @ (2.0 * b.sum(axis=0) - A.sum(axis=0) @ value)
+    data = inverse @ A.sum(axis=0) @ inverse
+    plain = np.diag(inverse - data) + np.diag(data) * max(1.0, squares / left)
+    spread = np.diag(inverse - data) + np.diag(inverse @ (scores.T @ scores) @ inverse) * (
+        blocks / max(1, blocks - 1)
     )
+    seen = np.diag(A.sum(axis=0)) + prior > 0.0
+    sd = np.where(seen, np.sqrt(np.maximum(plain, spread)), np.inf)
+    return InstallationFaults(tuple(names), value, sd)

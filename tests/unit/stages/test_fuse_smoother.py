@@ -8,17 +8,20 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
-from auvid.data_schemas.records.motion import InstallationRecord
+from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages import fuse, resample
 from auvid.stages.columns import ACCELERATION, POSE_RATE, VELOCITY, named
-from auvid.stages.fuse.presentation import installation_blocks
 from tests.support.motions import (
+    IDEAL,
     ODD,
     RATE_HZ,
     Motion,
@@ -93,40 +96,68 @@ def test_gives_standard_deviations(motion: Motion) -> None:
     assert np.all(matrix(found, names) > 0)
 
 
-def test_finds_an_arm_that_the_vehicle_file_does_not_know(motion: Motion) -> None:
+def test_takes_the_estimated_installation(motion: Motion) -> None:
     unknown = replace(ODD, dvl_arm=np.zeros(3))
-    blind = run(inputs(motion, ODD, told=unknown))
-    found = run(inputs(motion, ODD, told=unknown), estimate_dvl_arm=True)
-    assert all(found.fusion.installation.dvl_arm_determined)
-    np.testing.assert_allclose(
-        found.fusion.installation.dvl_arm_m, ODD.dvl_arm, rtol=0.0, atol=0.02
-    )  # m
-    assert errors(found, motion)[0] < 0.5 * errors(blind, motion)[0]
-    assert "Estimated installation of the velocity sensor" in str(found.section)
-    assert "Estimated installation of the velocity sensor" not in str(blind.section)
+    blind = inputs(motion, ODD, told=unknown)
+    estimate = InstallationEstimate(arm_m=ODD.dvl_arm.tolist(), angles_rad=[0.0] * 3, lag_s=0.0)
+    known = replace(blind, installation=installation_record(estimate))
+    right, wrong = run(known, installation="estimate"), run(blind)
+    assert errors(right, motion)[0] < 2e-3 < 0.02 < errors(wrong, motion)[0]  # m/s
+    assert right.fusion.installation == "estimate"
     # m/s: measured sway uses the estimated arm, not that of the vehicle file.
-    turned = float(np.std(matrix(found.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
-    assert found.fusion.integrated_sway_rms_m_s < 0.5 * turned
+    turned = float(np.std(matrix(right.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
+    assert right.fusion.integrated_sway_rms_m_s < 0.5 * turned
+    # An estimate is used where it is wanted, and nowhere else.
+    np.testing.assert_array_equal(matrix(run(known).fused, VELOCITY), matrix(wrong.fused, VELOCITY))
 
 
-def test_says_what_a_segment_leaves_open_of_the_installation() -> None:
-    found = {
-        "dvl_arm_m": [0.4, 0.1, None],
-        "dvl_arm_sd_m": [0.01, 0.2, None],
-        "dvl_arm_determined": [True, False, False],
-    }
-    found |= {
-        "dvl_mounting_rad": [None] * 3,
-        "dvl_mounting_sd_rad": [None] * 3,
-        "dvl_mounting_determined": [False] * 3,
-    }
-    warning, shown = installation_blocks(InstallationRecord.model_validate(found))
-    assert (
-        "does not determine the velocity sensor's arm y: the value of the vehicle file is used"
-        in str(warning)
+@pytest.mark.parametrize("method", ["kinematic", "smoother"])
+def test_turns_and_shifts_the_velocity_log_by_the_estimate(motion: Motion, method: str) -> None:
+    angle, lag = np.array([0.02, -0.03, 0.05]), 0.1
+    turned = Rotation.from_rotvec(angle).as_matrix()
+    given = inputs(motion, replace(IDEAL, convention="specific_force"))
+
+    def faulty(table: pa.Table) -> pa.Table:
+        # The log reads what was true `lag` ago, in axes turned back by `angle`.
+        past = CubicSpline(motion.t_s, motion.nu[:, :3])(column(table, "t_s") - lag) @ turned
+        for name, values in zip(VELOCITY[:3], past.T, strict=True):
+            index = table.column_names.index(name)
+            table = table.set_column(index, table.schema.field(name), pa.array(values))
+        return table
+
+    assert given.samples_velocity is not None
+    given = replace(
+        given,
+        resampled=faulty(given.resampled),
+        samples_velocity=faulty(given.samples_velocity),
+        installation=installation_record(
+            InstallationEstimate(arm_m=[0.0] * 3, angles_rad=angle.tolist(), lag_s=lag)
+        ),
     )
-    assert [row[0] for row in shown["rows"]] == ["arm x", "arm y"]
-    assert installation_blocks(None) == []
+    right = run(given, method=method, installation="estimate")
+    wrong = run(given, method=method)
+    assert errors(right, motion)[0] < 4e-3 < 0.03 < errors(wrong, motion)[0]  # m/s
+
+
+def test_refuses_an_estimate_that_there_is_not(motion: Motion) -> None:
+    given = inputs(motion, ODD)
+    for record in (None, installation_record(None)):
+        with pytest.raises(CampaignError, match="no estimate of how the velocity log is installed"):
+            run(replace(given, installation=record), installation="estimate")
+    with pytest.raises(CampaignError, match="takes no lever arm"):
+        run(given, method="thesis", as_published=True, installation="estimate")
+
+
+def installation_record(estimate: InstallationEstimate | None) -> InstallationRecord:
+    return InstallationRecord(
+        figures=[],
+        estimate=estimate,
+        convention="specific_force",
+        convention_found=None,
+        innovations={},
+        legs=[],
+        left_out={},
+    )
 
 
 def test_refuses_without_its_sensors(motion: Motion) -> None:

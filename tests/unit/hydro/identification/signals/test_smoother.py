@@ -1,6 +1,4 @@
-"""The velocity smoother and the installation estimate against a synthetic motion with
-known truth.
-"""
+"""The velocity smoother against a synthetic motion with known truth."""
 
 from __future__ import annotations
 
@@ -10,13 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned
 from auvid.hydro.identification.signals.bias import integrate
-from auvid.hydro.identification.signals.installation import estimate_installation
 from auvid.hydro.identification.signals.smoother import (
     SmoothedVelocity,
     SmootherNoise,
@@ -191,39 +187,6 @@ def test_refuses_what_is_not_finite_and_what_is_too_short(motion: Motion) -> Non
             t_depth=motion.t,
             depth=motion.z,
         )
-
-
-def test_arm_and_mounting_are_found(motion: Motion) -> None:
-    arm, delta = np.array([0.5, -0.1, 0.2]), np.array([0.01, -0.02, 0.03])
-    sensed = (motion.v + np.cross(motion.omega, arm)) @ Rotation.from_rotvec(delta).as_matrix()
-    found = estimate_installation(
-        motion.t, motion.f + BIAS, motion.euler, motion.omega, motion.t[::13], sensed[::13]
-    )
-    np.testing.assert_allclose(found.arm_m, arm, atol=2e-3)
-    np.testing.assert_allclose(found.mounting_rad, delta, atol=1e-3)  # first order in delta
-    only_arm = estimate_installation(
-        motion.t,
-        motion.f + BIAS,
-        motion.euler,
-        motion.omega,
-        motion.t[::13],
-        motion.v[::13] + np.cross(motion.omega, arm)[::13],
-        mounting=False,
-    )
-    np.testing.assert_allclose(only_arm.arm_m, arm, atol=1e-6)
-    assert np.isnan(only_arm.mounting_rad).all()
-    assert only_arm.determined_arm == (True, True, True)
-
-
-def test_an_arm_that_no_rotation_shows_is_not_determined(motion: Motion) -> None:
-    rng = np.random.default_rng(3)
-    still = np.zeros_like(motion.euler)
-    sensed = motion.v + 0.01 * rng.standard_normal(motion.v.shape)
-    slow = 1e-4 * rng.standard_normal(motion.v.shape)
-    found = estimate_installation(
-        motion.t, motion.v_dot, still, slow, motion.t[::13], sensed[::13], mounting=False
-    )
-    assert found.determined_arm == (False, False, False)
 
 
 def with_water_track(
