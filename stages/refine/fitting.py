@@ -62,14 +62,14 @@ class CardUnknowns:
     @cached_property
     def terms(self) -> dict[str, tuple[str, ...]]:
         """Return axis -> terms fitted: all but those at 0 for one of their group."""
-        apart = {
+        stand_ins = {
             (axis, item.term)
             for axis, part in self.card.axes.items()
             for item in part.terms
             if item.verdict == INSEPARABLE and self.card.predictor[axis][item.term] == 0.0
         }
         return {
-            axis: tuple(term for term in row if (axis, term) not in apart)
+            axis: tuple(term for term in row if (axis, term) not in stand_ins)
             for axis, row in self.card.predictor.items()
         }
 

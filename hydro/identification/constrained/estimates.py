@@ -102,7 +102,7 @@ def estimate_statuses(
     prior_precision (p, p): the prior's part of its inverse. verdicts: by place, those
     that the motion decides beforehand (not excited). In this order: at its bound; from
     the prior, which gives half of the information or more; the motion's verdict;
-    identified, from two standard errors on; inseparable, where the other unknowns leave
+    identified, from four standard errors on; inseparable, where the other unknowns leave
     less than a tenth of its own (variance inflation above 100); weak.
 
     >>> C = np.linalg.inv(np.array([[1.0, 0.999], [0.999, 1.0]]))
@@ -119,26 +119,24 @@ def estimate_statuses(
     scale = np.sqrt(np.maximum(np.diag(data), np.finfo(float).tiny))
     strength, vectors = np.linalg.eigh(data / np.outer(scale, scale))
     unit = (vectors / np.maximum(strength, LEAST_SHARE)) @ vectors.T
-    place = {int(i): j for j, i in enumerate(moving)}
+    size = len(values)
+    inflation, prior_share = np.ones(size), np.zeros(size)
+    inflation[moving] = np.diag(unit)
+    prior_share[moving] = 1.0 - np.diag(after) * scale**2 / np.diag(unit)
     out = []
-    for i, (value, error) in enumerate(zip(values, errors, strict=True)):
+    for i in range(size):
         if at_bound[i]:
             out.append(EstimateStatus(AT_BOUND))
-        elif i not in place:
-            out.append(EstimateStatus(verdicts.get(i, WEAK)))
-        elif 1.0 - after[place[i], place[i]] / (
-            unit[place[i], place[i]] / scale[place[i]] ** 2
-        ) >= (PRIOR_SHARE):
+        elif prior_share[i] >= PRIOR_SHARE:
             out.append(EstimateStatus(FROM_PRIOR))
         elif i in verdicts:
             out.append(EstimateStatus(verdicts[i]))
-        elif abs(value) >= T_LIMIT * error:
+        elif abs(values[i]) >= T_LIMIT * errors[i]:
             out.append(EstimateStatus(IDENTIFIED))
-        elif unit[place[i], place[i]] > VIF_LIMIT:
-            weights = np.abs(unit[place[i]])
-            weights[place[i]] = 0.0
-            near = np.flatnonzero(weights >= PARTNER_SHARE * weights.max())
-            out.append(EstimateStatus(INSEPARABLE, tuple(int(moving[j]) for j in near)))
+        elif inflation[i] > VIF_LIMIT:
+            weights = np.where(moving == i, 0.0, np.abs(unit[moving == i][0]))
+            near = moving[weights >= PARTNER_SHARE * weights.max()]
+            out.append(EstimateStatus(INSEPARABLE, tuple(near.tolist())))
         else:
             out.append(EstimateStatus(WEAK))
     return out

@@ -1,0 +1,71 @@
+"""Draws from a normal posterior within limits, for what a spread of models would do.
+
+A draw outside the limits moves to the nearest point within, in the metric of the
+posterior (projected posterior, Dunson and Neelon 2003): where a limit holds the
+estimate itself back, most of a plain normal lies outside it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
+from auvid.hydro.identification.constrained.equations import Unknown
+from auvid.hydro.identification.constrained.estimates import nearest_within
+
+
+@dataclass(frozen=True)
+class PosteriorDraws:
+    """Draws (n, p) within limits, and how many of them lay outside.
+
+    outside: by limit; a draw counts for each that held it.
+    """
+
+    values: Array
+    moved: int
+    outside: Mapping[str, int]
+
+
+def draw_within(
+    unknowns: Sequence[Unknown],
+    values: Array,
+    covariance: Array,
+    limits: Sequence[InequalityRows],
+    cuts: Sequence[Cuts],
+    *,
+    count: int,
+    seed: int,
+) -> PosteriorDraws:
+    """Return draws of values (p,) with a covariance (p, p), all within the limits.
+
+    A value with the variance 0 stays as it is. The same at each call with one seed.
+
+    >>> from auvid.hydro.identification.constrained.limits import damping
+    >>> roll = (Unknown("K", "p"),)
+    >>> drawn = draw_within(
+    ...     roll, np.zeros(1), np.eye(1), [damping(roll)], [], count=1000, seed=1
+    ... )
+    >>> bool(drawn.values.max() <= 0.0), 450 < drawn.moved < 550, list(drawn.outside)
+    (True, True, ['K_p <= 0'])
+    """
+    share, vectors = np.linalg.eigh(covariance)
+    half = vectors * np.sqrt(np.maximum(share, 0.0))
+    random = np.random.default_rng(seed)
+    drawn = values + random.standard_normal((count, len(values))) @ half.T
+    metric = covariance.copy()
+    metric[np.diag_indices_from(metric)] = np.where(
+        np.diag(covariance) > 0.0, np.diag(covariance), np.nan
+    )
+    outside: Counter[str] = Counter()
+    moved = 0
+    for number, draw in enumerate(drawn):
+        nearest = nearest_within(unknowns, draw, metric, limits, cuts)
+        drawn[number] = nearest.values
+        moved += bool(nearest.active)
+        outside.update({item.name for item in nearest.active})
+    return PosteriorDraws(drawn, moved, dict(outside))
