@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from auvid.data_schemas.documents.model import Model
 
 Accelerometer = Literal["specific_force", "inertial", "derivative"]
@@ -131,6 +133,8 @@ class FindingRecord(Model):
     at_s: float | None = None
     """When, from the first time-stamped record; null for what concerns the whole log.
     """
+    fields: list[str] = Field(default_factory=list)
+    """Fields of the stream that are in question, as a column map writes them."""
 
 
 class StreamRecord(Model):

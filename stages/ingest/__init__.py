@@ -34,7 +34,14 @@ from auvid.stages.ingest.multi_file import (
     on_one_clock,
     vehicle_sources,
 )
-from auvid.stages.ingest.rejection import Rejected, clock_set, reject_samples
+from auvid.stages.ingest.rejection import (
+    IMPOSSIBLE,
+    REPEATED,
+    USUAL_UNITS,
+    Rejected,
+    clock_set,
+    reject_samples,
+)
 from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -141,12 +148,22 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
     lost = sum(item.count for item in rejected)
     if count and lost > share * count:
         reasons = ", ".join(f"{item.reason} ({item.count})" for item in rejected)
+        stream = rejected[0].stream
+        impossible = sum(item.count for item in rejected if item.reason == IMPOSSIBLE)
+        usual = (
+            f"Impossible are {USUAL_UNITS[stream]}. "
+            if impossible > 0.5 * lost and stream in USUAL_UNITS
+            else ""
+        )
+        if sum(item.count for item in rejected if item.reason == REPEATED) > 0.5 * lost:
+            usual = "Stamps repeat where a time in s is declared as us, or is cut to seconds. "
         raise DataError(
             f"{lost} of {count} samples of stream '{rejected[0].stream}' cannot be used: {reasons}",
             file=f"log '{log}'",
             value=round(lost / count, 3),
             allowed=f"at most {share:g} of a stream",
-            remedy=(
+            remedy=usual
+            + (
                 f"Choose another source for the stream, or none (sources: {{{rejected[0].stream}:"
                 " none} in the manifest), or raise stages.ingest.max_dropped_share."
             ),

@@ -21,6 +21,15 @@ NO_TIME = "no time stamp"
 REPEATED = "repeated time stamp"
 BACKWARD = "time stamp out of order"
 BEFORE_LEAP = "before the clock was set"
+USUAL_UNITS: Mapping[str, str] = {
+    "attitude": "angles beyond 7 rad: if the file has degrees, set unit: deg",
+    "imu": "rates beyond 100 rad/s or 1000 m/s^2: if the file has deg/s, set unit: deg/s",
+    "velocity": "speeds beyond 50 m/s: if the file has mm/s or cm/s, set that unit",
+    "depth": "depths beyond -1 or 12 km: if the file has mm, cm or Pa, set that unit",
+    "position": "positions beyond 10 000 km: if the file has mm or degrees, set that unit",
+    "actuators": "outputs that are no pulses (1100 to 1900 us); a command is command_surge ...",
+}
+"""What impossible values of a stream usually are."""
 LEAP_US = 30 * 86_400_000_000
 """No dive lasts 30 days; a clock that is set to Unix time jumps by 50 years."""
 POSSIBLE: Mapping[str, tuple[float, float]] = {

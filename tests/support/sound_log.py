@@ -47,6 +47,13 @@ def rates(t: Array) -> Array:
     return np.einsum("nij,nj->ni", euler_rate_matrix_inverse(euler(t)), dot)
 
 
+def acceleration(t: Array) -> Array:
+    """Acceleration (n, 3) in body axes in m/s^2: v_dot + omega x v."""
+    step = 1e-5
+    v_dot = (velocity(t + step) - velocity(t - step)) / (2.0 * step)
+    return v_dot + np.cross(rates(t), velocity(t))
+
+
 def depth(t: Array) -> Array:
     """Depth (n,) in m: the integral of the vertical velocity."""
     fine = np.arange(-1.0, LENGTH_S + 2.0, 0.01)
@@ -143,7 +150,8 @@ def sound() -> Log:
         return size * random.standard_normal(shape)
 
     gyro = rates(t_imu) + noise((t_imu.size, 3), 0.002)
-    up = -GRAVITY * rotation_body_to_ned(euler(t_imu))[:, 2] + noise((t_imu.size, 3), 0.05)
+    up = acceleration(t_imu) - GRAVITY * rotation_body_to_ned(euler(t_imu))[:, 2]
+    up += noise((t_imu.size, 3), 0.05)
     attitude = euler(t) + noise((t.size, 3), 1e-4)
     speed = velocity(t_dvl) + noise((t_dvl.size, 3), 0.005)
     # Motion answers the outputs 0.3 s later.

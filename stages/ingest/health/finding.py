@@ -127,10 +127,13 @@ def finding(
     stream: str | None = None,
     value: float | None = None,
     at_s: float | None = None,
+    fields: Sequence[str] = (),
+    remedy: str = "",
 ) -> Finding:
     """Return a finding of the catalogue with its sentence and measured value.
 
-    `at_s` is its time from the start of the log, where it has one.
+    `at_s` is its time from the start of the log, where it has one; `fields` are those
+    of the stream in question; `remedy` knows more than the catalogue's.
     """
     check = checks()[name]
     number = None if value is None or not np.isfinite(value) else float(value)
@@ -142,8 +145,9 @@ def finding(
         "value": number,
         "threshold": check.threshold,
         "unit": check.unit,
-        "remedy": check.remedy,
+        "remedy": remedy or check.remedy,
         "at_s": None if at_s is None or not np.isfinite(at_s) else float(at_s),
+        "fields": list(fields),
     }
 
 

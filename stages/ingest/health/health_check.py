@@ -15,9 +15,12 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
+from auvid.stages.ingest.health.motion_agreement import motion_findings
 from auvid.stages.ingest.health.records import (
+    clock_findings,
     file_findings,
     gap_findings,
+    impossible_findings,
     rate_findings,
     rejected_findings,
     sample_findings,
@@ -113,7 +116,9 @@ def check_health(
 CHECKS = (
     file_findings,
     rejected_findings,
+    impossible_findings,
     missing_findings,
+    clock_findings,
     gap_findings,
     rate_findings,
     sample_findings,
@@ -121,6 +126,7 @@ CHECKS = (
     attitude_findings,
     depth_findings,
     velocity_findings,
+    motion_findings,
     actuation_findings,
     battery_findings,
     response_findings,

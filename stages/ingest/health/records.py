@@ -20,6 +20,7 @@ from auvid.stages.ingest.health.finding import (
     limit,
     listed,
 )
+from auvid.stages.ingest.rejection import IMPOSSIBLE, USUAL_UNITS
 from auvid.stages.number_format import percent, significant
 
 CLOCK_NOTE = re.compile(r"clock (goes back|leaps|of the log was set)")
@@ -35,6 +36,19 @@ MOTION = {
     "depth": ("depth_m",),
 }
 STEADY = (*MOTION, "actuators")
+TIMED = ("imu", "attitude", "velocity", "depth", "actuators")
+SLOWEST_OUTPUT_HZ, FASTEST_HZ = 0.1, 3000.0
+SLOWEST_HZ = {"imu": 0.05, "attitude": 0.05, "actuators": 0.05}
+"""Depth and velocity of gliders come more slowly than that."""
+TIME_UNITS = (
+    (1e3, "it is in ms, declared as s (or us as ms)", "ms"),
+    (1e6, "it is in us, declared as s", "us"),
+    (1e9, "it is in ns, declared as s", "ns"),
+    (60.0, "it is in seconds, declared as minutes", "s"),
+    (1e-3, "it is in s, declared as ms (or ms as us)", "s"),
+    (1e-6, "it is in s, declared as us", "s"),
+)
+"""Factor of the rates under the right unit, what is wrong, and the right unit."""
 MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
@@ -98,6 +112,72 @@ def rejected_findings(log: CheckedLog) -> Iterator[Finding]:
                 stream=stream,
                 value=share,
             )
+
+
+def impossible_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield streams with so many impossible values that their unit must be wrong."""
+    lost = {
+        row["stream"]: row["count"]
+        for row in log.dropped.to_pylist()
+        if row["reason"] == IMPOSSIBLE and row["stream"] in USUAL_UNITS
+    }
+    for stream, count in lost.items():
+        total = count + (log.tables[stream].num_rows if stream in log.tables else 0)
+        if count / total > limit("impossible_values"):
+            yield finding(
+                "impossible_values",
+                f"{percent(count / total)} of the samples of {stream} are impossible:"
+                f" {USUAL_UNITS[stream]}.",
+                stream=stream,
+                value=count / total,
+                fields=MOTION.get(stream, ()),
+            )
+
+
+def clock_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield time columns in a wrong unit, and streams that share no time."""
+    wrong = []
+    for stream in TIMED:
+        clock = clock_statistics(log.t_s(stream)) if log.has(stream) else None
+        if clock is None:
+            continue
+        rate = 1.0 / clock.step_s
+        if rate > FASTEST_HZ or rate < SLOWEST_HZ.get(stream, 0.0):
+            wrong.append((stream, rate))
+    if wrong:
+        rate = wrong[0][1]
+        factor, words, unit = next(
+            (item for item in TIME_UNITS if SLOWEST_OUTPUT_HZ < rate * item[0] < FASTEST_HZ / 2),
+            TIME_UNITS[0] if rate < 1.0 else TIME_UNITS[-1],
+        )
+        names = listed([stream for stream, _ in wrong])
+        length = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
+        yield finding(
+            "time_unit",
+            f"{names} come{'s' if len(wrong) == 1 else ''} at {significant(rate)} Hz in a log of"
+            f" {significant(length)} s: {words}, which gives {significant(rate * factor)} Hz.",
+            stream=wrong[0][0] if len(wrong) == 1 else None,
+            value=rate,
+            fields=("time_us",),
+            remedy=f"Set unit: {unit} for the time column.",
+        )
+        return
+    spans = {
+        stream: (float(log.t_s(stream)[0]), float(log.t_s(stream)[-1]))
+        for stream in TIMED
+        if log.has(stream) and log.tables[stream].num_rows >= MIN_LIVE_SAMPLES
+    }
+    disjoint = [
+        f"{stream} {start:.6g} to {end:.6g} s"
+        for stream, (start, end) in spans.items()
+        if any(min(end, b) <= max(start, a) for other, (a, b) in spans.items() if other != stream)
+    ]
+    if disjoint:
+        yield finding(
+            "streams_apart",
+            f"Streams share no time: {'; '.join(disjoint)}.",
+            fields=("time_us",),
+        )
 
 
 def gap_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -34,6 +34,22 @@ SMALLEST_TURN_RAD_S = 0.03
 """Standard deviation of a body rate below which the rounding of the attitude decides
 and nothing is compared.
 """
+SMALLEST_COMPARED_RAD_S = 0.01
+"""The same for the sign, which rounding does not turn."""
+SLOWEST_TURN_RAD_S = 0.02
+SMALLEST_CIRCLE_RAD = 1.05 * math.radians(2.0 * math.pi)
+"""A whole circle in rad that is taken for degrees."""
+SAME_TURN = 0.9
+UNIT_SCALES = {
+    180.0 / math.pi: ("it is in deg/s, declared as rad/s", "deg/s"),
+    math.pi / 180.0: ("it is in rad/s, declared as deg/s", "rad/s"),
+    1000.0: ("it is in mrad/s, declared as rad/s", "mrad/s"),
+    0.001: ("it is in rad/s, declared as mrad/s", "rad/s"),
+    0.5 / math.pi: ("it is in turns per second, declared as rad/s", "revolution/s"),
+    2.0 * math.pi: ("it is in rad/s, declared as turns per second", "rad/s"),
+    30.0 / math.pi: ("it is in turns per minute, declared as rad/s", "rpm"),
+}
+"""Gyro over rate of the attitude, which unit makes it so large, and the right one."""
 SMALLEST_MOVE_M_S = 0.03
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
@@ -47,7 +63,6 @@ attitude.
 """
 RATES = ("roll", "pitch", "yaw")
 SPEEDS = ("surge", "sway", "heave")
-RATE_S = 1.0
 
 
 def inertial_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -65,15 +80,19 @@ def inertial_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def _gyro(log: CheckedLog) -> Iterator[Finding]:
-    agreement = rate_agreement(
-        log.t_s("attitude"),
-        log.values("attitude", ATTITUDE),
-        log.t_s("imu"),
-        log.values("imu", GYRO),
-    )
+    t_s, angles = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+    gyro = log.t_s("imu"), log.values("imu", GYRO)
+    agreement = rate_agreement(t_s, angles, *gyro)
     if agreement is None:
         return
-    compared = list(_axes(agreement))
+    if not _agrees(agreement):
+        for other, item in _turned(log, angles):
+            compared = rate_agreement(t_s, other, *gyro)
+            if compared is not None and _agrees(compared):
+                yield item
+                return
+    unit = list(_unit(log, agreement))
+    compared = unit or list(_axes(agreement))
     yield from compared
     if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
         text = (
@@ -90,9 +109,108 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
         )
 
 
+def _moved(agreement: RateAgreement) -> list[int]:
+    """Return the axes about which attitude or gyro turns enough to be compared."""
+    gyro = np.abs(np.nan_to_num(agreement.scale)) * agreement.std
+    size = np.maximum(agreement.std, gyro)
+    return [axis for axis in range(3) if size[axis] >= SMALLEST_TURN_RAD_S]
+
+
+def _agrees(agreement: RateAgreement) -> bool:
+    """Return whether the gyro turns as the attitude in every axis that moves."""
+    moved = _moved(agreement)
+    return bool(moved) and all(
+        agreement.correlation[axis, axis] > SAME_TURN
+        and abs(agreement.scale[axis] - 1.0) < limit("gyro_scale")
+        for axis in moved
+    )
+
+
+def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
+    """Yield attitudes (n, 3) behind which a wrong map may stand, and the finding."""
+    used = f"The attitude ({log.source('attitude')})"
+    for axes in ((0, 1, 2), (2,), (0, 1)):
+        part = angles[:, axes]
+        if np.abs(part).max() > 2.0 * math.pi:
+            other = angles.copy()
+            other[:, axes] = np.radians(part)
+            yield (
+                other,
+                _attitude_unit(
+                    f"{used} is in degrees, declared as rad: {listed([RATES[i] for i in axes])}"
+                    f" reach {np.abs(part).max():.0f}, and taken for degrees they turn as the gyro"
+                    " does.",
+                    "deg",
+                    tuple(ATTITUDE[i] for i in axes),
+                ),
+            )
+    turn = np.abs(np.diff(angles, axis=0)).max(axis=1) / np.diff(log.t_s("attitude"))
+    if np.abs(angles).max() < SMALLEST_CIRCLE_RAD and np.median(turn) < SLOWEST_TURN_RAD_S:
+        yield (
+            np.degrees(angles),
+            _attitude_unit(
+                f"{used} hardly turns and is in rad, declared as degrees: taken for rad it turns as"
+                " the gyro does.",
+                "rad",
+            ),
+        )
+    for axes in ((1, 2), (2,), (1,), (0,)):
+        other = angles.copy()
+        other[:, axes] = -other[:, axes]
+        names, letters = listed([RATES[i] for i in axes]), listed([XYZ[i] for i in axes])
+        yield (
+            other,
+            finding(
+                "gyro_sign",
+                f"Gyro {letters} turn{'s' * (len(axes) == 1)} against {names} of the attitude; with"
+                " the other sign of either they agree.",
+                stream="imu",
+                value=-1.0,
+                fields=tuple(name for i in axes for name in (GYRO[i], ATTITUDE[i])),
+            ),
+        )
+    yield (
+        angles[:, (1, 0, 2)],
+        finding(
+            "gyro_axes",
+            f"Roll and pitch of the attitude ({log.source('attitude')}) are exchanged: the other"
+            " way round they turn as the gyro does.",
+            stream="attitude",
+            value=1.0,
+            fields=ATTITUDE[:2],
+        ),
+    )
+
+
+def _attitude_unit(text: str, unit: str, fields: tuple[str, ...] = ATTITUDE) -> Finding:
+    remedy = f"Set unit: {unit} for the column{'s' * (len(fields) > 1)} of {listed(fields)}."
+    return finding("attitude_unit", text, stream="attitude", fields=fields, remedy=remedy)
+
+
+def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
+    """Yield one finding where gyro and attitude differ by the scale of a known unit."""
+    moved = _moved(agreement)
+    if not moved or any(agreement.correlation[axis, axis] < SAME_TURN for axis in moved):
+        return
+    scale = float(np.median(agreement.scale[moved]))
+    known = next((size for size in UNIT_SCALES if abs(np.log(scale / size)) < 0.15), None)
+    if known is None or np.ptp(np.log(agreement.scale[moved])) > 0.4:
+        return
+    cause, unit = UNIT_SCALES[known]
+    yield finding(
+        "gyro_scale",
+        f"The gyro ({log.source('imu')}) turns {significant(scale)} times as much as the attitude"
+        f" about every axis that moves: {cause}.",
+        stream="imu",
+        value=scale - 1.0,
+        fields=GYRO,
+        remedy=f"Set unit: {unit} for the columns of the gyro.",
+    )
+
+
 def _axes(agreement: RateAgreement) -> Iterator[Finding]:
     """Yield bias, sign, axes, scale and lag of the gyro against the attitude."""
-    moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_TURN_RAD_S]
+    moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_COMPARED_RAD_S]
     largest = int(np.argmax(np.abs(agreement.bias)))
     if abs(agreement.bias[largest]) > limit("gyro_bias"):
         text = (
@@ -109,7 +227,9 @@ def _axes(agreement: RateAgreement) -> Iterator[Finding]:
                 f"Gyro {XYZ[axis]} turns against {RATES[axis]} of the attitude (correlation"
                 f" {own:.2f})."
             )
-            yield finding("gyro_sign", text, stream="imu", value=own)
+            yield finding("gyro_sign", text, stream="imu", value=own, fields=(GYRO[axis],))
+        elif agreement.std[axis] < SMALLEST_TURN_RAD_S:
+            continue
         elif best != axis and abs(agreement.correlation[axis, best]) > max(
             limit("gyro_axes"), abs(own) + 0.3
         ):
@@ -252,8 +372,6 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
     yield from _other_depths(log, t_s, depth)
-    if log.has("velocity", "attitude"):
-        yield from _depth_sign(log, t_s, depth)
 
 
 def _other_depths(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
@@ -331,31 +449,6 @@ def _choice(named: bool, controller: bool) -> str:
 def _spread(values: Array) -> float:
     low, high = np.percentile(values, (5.0, 95.0))
     return float(high - low)
-
-
-def _depth_sign(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
-    at, velocity = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)
-    angles = log.values("attitude", ATTITUDE)
-    phi, theta = (np.interp(at, log.t_s("attitude"), angles[:, axis]) for axis in range(2))
-    down = -np.sin(theta) * velocity[:, 0] + np.cos(theta) * (
-        np.sin(phi) * velocity[:, 1] + np.cos(phi) * velocity[:, 2]
-    )
-    inside = (at > t_s[0] + RATE_S) & (at < t_s[-1] - RATE_S)
-    if np.count_nonzero(inside) < 20:
-        return
-    at, down = at[inside], down[inside]
-    rate = (
-        np.interp(at + RATE_S / 2.0, t_s, depth) - np.interp(at - RATE_S / 2.0, t_s, depth)
-    ) / RATE_S
-    if min(float(rate.std()), float(down.std())) < SMALLEST_MOVE_M_S:
-        return
-    relation = following(at, down, at, rate)
-    if relation is not None and relation.correlation < limit("depth_sign"):
-        text = (
-            f"Depth goes up where the velocity ({log.source('velocity')}) goes down (correlation"
-            f" {relation.correlation:.2f})."
-        )
-        yield finding("depth_sign", text, stream="depth", value=relation.correlation)
 
 
 def velocity_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.signals.signal_checks import clock_statistics, response_lag
+from auvid.hydro.identification.signals.signal_checks import (
+    Response,
+    clock_statistics,
+    response_lag,
+)
 from auvid.stages.columns import GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
@@ -17,16 +21,18 @@ from auvid.stages.ingest.health.finding import (
     limit,
     listed,
 )
-from auvid.stages.number_format import percent
+from auvid.stages.number_format import percent, significant
 
 NEUTRAL_US = 1500.0
+PULSES_US = (800.0, 2200.0)
 PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0
 FULL_COMMAND = 0.99
 ACTIVE_COMMAND = 0.02
-LAGS_S = (-0.5, 2.0)
+LAGS_S = (-1.5, 2.0)
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
+LEAST_EXPLAINED = 0.6
 DEPTH_RATE_S = 1.0
 SIMULATOR = re.compile(r"^(SIM\d?|SIMSTATE|SIM_STATE|.*_groundtruth)$")
 SEVERAL = re.compile(r"^several vehicles: ")
@@ -75,6 +81,7 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
     moving = activity(log)
     if moving is None:
         return
+    yield from _no_pulses(log)
     share = float(np.mean(moving))
     if not moving.any() and armed is not False:
         yield finding(
@@ -87,6 +94,23 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
     yield from _saturation(log)
+
+
+def _no_pulses(log: CheckedLog) -> Iterator[Finding]:
+    for name in log.thrusters():
+        output = log.column("actuators", name)
+        outside = (output != 0.0) & ((output < PULSES_US[0]) | (output > PULSES_US[1]))
+        share = float(np.mean(outside))
+        if share > limit("output_range"):
+            low, high = (significant(float(value)) for value in np.percentile(output, (1, 99)))
+            yield finding(
+                "output_range",
+                f"Output {name.split('_')[1]} lies from {low} to {high} us.",
+                stream="actuators",
+                value=share,
+                fields=tuple(log.thrusters()),
+            )
+            return
 
 
 def _armed(log: CheckedLog) -> bool | None:
@@ -228,10 +252,10 @@ def motions(log: CheckedLog) -> dict[str, tuple[Array, Array, str]]:
     return by_axis
 
 
-def response_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield how much later motion follows the outputs, per axis."""
+def responses(log: CheckedLog) -> dict[str, Response]:
+    """Return how motion follows the outputs, per axis that they explain."""
     if not log.has("actuators") or log.under_water is False:
-        return
+        return {}
     names = log.thrusters() + log.commands()
     clock = clock_statistics(log.t_s("actuators"))
     moving = activity(log)
@@ -242,9 +266,9 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
         or moving is None
         or not moving.any()
     ):
-        return
+        return {}
     commands = np.nan_to_num(log.values("actuators", names))
-    lags = []
+    answers = {}
     for axis, (at, motion, _) in motions(log).items():
         if float(np.std(motion)) < SMALLEST_MOTION:
             continue
@@ -252,11 +276,40 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
             log.t_s("actuators"), commands, at, motion, lags_s=LAGS_S, rate_hz=RESPONSE_HZ
         )
         if (
-            response is None
-            or response.explained < limit("command_lag")
-            or response.lag_s >= LAGS_S[1]
+            response is not None
+            and response.explained >= limit("command_lag")
+            and LAGS_S[0] < response.lag_s < LAGS_S[1]
         ):
-            continue
+            answers[axis] = response
+    return answers
+
+
+def command_lead(answers: Mapping[str, Response]) -> tuple[str, Response] | None:
+    """Return the axis that answers best, if its motion comes before the outputs."""
+    if not answers:
+        return None
+    axis = max(answers, key=lambda name: answers[name].explained)
+    best = answers[axis]
+    late = best.explained > LEAST_EXPLAINED and best.lag_s < -limit("command_late")
+    return (axis, best) if late else None
+
+
+def response_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield how much later motion follows the outputs, per axis."""
+    answers = responses(log)
+    lead = command_lead(answers)
+    if lead is not None:
+        axis, best = lead
+        yield finding(
+            "command_late",
+            f"{MOTION_WORDS[axis].capitalize()} moves {-best.lag_s:.2f} s before the outputs that"
+            f" drive it ({percent(round(best.explained, 2))} explained): the outputs are stamped"
+            " late, or the sensors early.",
+            stream="actuators",
+            value=-best.lag_s,
+        )
+    lags = []
+    for axis, response in answers.items():
         how = (
             f"follows by {response.lag_s:.2f} s"
             if response.lag_s > 0.0

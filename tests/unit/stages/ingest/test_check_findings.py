@@ -16,7 +16,15 @@ from auvid.data_schemas.documents import check_document
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
-from tests.support.sound_log import DELAY_S, FIRST_US, LENGTH_S, Log, micro, sound
+from tests.support.sound_log import (
+    DELAY_S,
+    FIRST_US,
+    LENGTH_S,
+    Log,
+    acceleration,
+    micro,
+    sound,
+)
 
 IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
@@ -54,12 +62,12 @@ def saying(**info: Any) -> Spoil:
     return change
 
 
-def rejecting(stream: str, count: int) -> Spoil:
+def rejecting(stream: str, count: int, reason: str = "repeated time stamp") -> Spoil:
     def change(log: Log) -> None:
         log.dropped.append(
             {
                 "stream": stream,
-                "reason": "repeated time stamp",
+                "reason": reason,
                 "count": count,
                 "first": 0,
                 "last": 9,
@@ -127,6 +135,7 @@ SPOIL |= {
     "constant_signal": at("velocity", 0.0, 99.0, v_m_s=0.0),
     "stuck_sensor": at("velocity", 20.0, 25.0, u_m_s=0.1, v_m_s=0.0, w_m_s=0.0),
     "outputs_saturated": at("actuators", 20.0, 22.0, pwm_3_us=1900.0),
+    "velocity_scale": scaled("depth", ("depth_m",), 100.0),
     "gyro_sign": scaled("imu", ("gyro_y_rad_s",), -1.0),
     "gyro_scale": scaled("imu", IMU_COLUMNS, 57.3),
     "accelerometer_unit": scaled("imu", ACCEL, 1.0 / 9.81),
@@ -254,6 +263,71 @@ def _jump(log: Log) -> None:
 @spoils("depth_sign")
 def _flipped(log: Log) -> None:
     log.streams["depth"]["depth_m"] = 10.0 - log.streams["depth"]["depth_m"]
+
+
+@spoils("velocity_sign")
+def _flu(log: Log) -> None:
+    for name in ("v_m_s", "w_m_s"):
+        log.streams["velocity"][name] = -log.streams["velocity"][name]
+
+
+@spoils("velocity_axes")
+def _crossed(log: Log) -> None:
+    velocity = log.streams["velocity"]
+    velocity["u_m_s"], velocity["v_m_s"] = velocity["v_m_s"], velocity["u_m_s"]
+
+
+@spoils("velocity_lag")
+def _slow_velocity(log: Log) -> None:
+    log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] + 800_000
+
+
+@spoils("command_late")
+def _slow_commands(log: Log) -> None:
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] + 900_000
+
+
+@spoils("response_sign")
+def _backward(log: Log) -> None:
+    """Thrusters push aft where the vehicle speeds up."""
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    thrusters = log.vehicle.thrusters
+    assert thrusters is not None
+    push = -1500.0 * acceleration(log.t_s("actuators"))[:, 0]
+    for number, share in enumerate(thrusters.direction * thrusters.allocation[0], start=1):
+        log.streams["actuators"][f"pwm_{number}_us"] = 1500.0 + share * push
+    log.info["parameters"] = {"FRAME_CONFIG": 2.0}
+
+
+@spoils("time_unit")
+def _milliseconds(log: Log) -> None:
+    for columns in log.streams.values():
+        columns["time_us"] = FIRST_US + (columns["time_us"] - FIRST_US) * 1000
+    log.info["end_us"] = FIRST_US + int(LENGTH_S * 1e9)
+
+
+@spoils("streams_apart")
+def _other_zero(log: Log) -> None:
+    log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] + 10_000_000_000
+    log.info["end_us"] = log.info["end_us"] + 10_000_000_000
+
+
+@spoils("attitude_unit")
+def _degrees(log: Log) -> None:
+    for name in ("phi_rad", "theta_rad", "psi_rad"):
+        log.streams["attitude"][name] = np.degrees(log.streams["attitude"][name])
+
+
+@spoils("output_range")
+def _small_outputs(log: Log) -> None:
+    for number in range(1, 9):
+        pulses = log.streams["actuators"][f"pwm_{number}_us"]
+        log.streams["actuators"][f"pwm_{number}_us"] = (pulses - 1100.0) / 800.0
+
+
+@spoils("impossible_values")
+def _impossible(log: Log) -> None:
+    rejecting("attitude", 300, "impossible value")(log)
 
 
 @spoils("never_armed")

@@ -1,0 +1,255 @@
+"""AxisGains between two records of one motion, axis by axis.
+
+A body velocity is compared with what its integral does (depth, position) and with what
+its rate follows (accelerometer, actuator forces), over windows that do not overlap: a
+gain of 1 is a right sign, scale and unit; -1 a wrong sign; 57.3 degrees taken for rad.
+Nothing here decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+
+FEWEST_WINDOWS = 12
+LONGEST_STEP_S = 1.0
+"""A window across a longer pause of a sensor is left out."""
+WINDOW_S = 1.0
+ROBUST_ROUNDS = 3
+ROBUST_SPREADS = 4.0
+"""Windows further off than so many spreads (1.48 times the median) are left out."""
+
+
+@dataclass(frozen=True)
+class AxisGains:
+    """Gain of each axis (k,) with its standard deviation (k,).
+
+    `explained`: share of the variance of the windows that the axes explain together;
+    `count` of windows.
+    """
+
+    gain: Array
+    sd: Array
+    explained: float
+    count: int
+
+
+def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
+    """Return the least-squares gains of y (n,) on design (n, k), a constant beside.
+
+    y = design g + c, outliers left out; sd from the scatter of windows that do not
+    overlap. A column without motion has an infinite sd. None for too few windows.
+    """
+    x, target = np.asarray(design, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    good = np.isfinite(target) & np.isfinite(x).all(axis=1)
+    x, target = x[good], target[good]
+    keep = np.ones(target.size, dtype=np.bool_)
+    for _ in range(ROBUST_ROUNDS):
+        if np.count_nonzero(keep) < FEWEST_WINDOWS + x.shape[1]:
+            return None
+        full = np.column_stack([x, np.ones(target.size)])
+        gain = np.linalg.lstsq(full[keep], target[keep], rcond=None)[0]
+        off = np.abs(target - full @ gain)
+        spread = 1.4826 * float(np.median(off[keep]))
+        keep = off <= ROBUST_SPREADS * max(spread, 1e-12)
+    used, rest = full[keep], off[keep]
+    if used.shape[0] < FEWEST_WINDOWS + x.shape[1]:
+        return None
+    variance = float(rest @ rest) / (used.shape[0] - used.shape[1])
+    spread_y = float(np.var(target[keep]))
+    moment = used.T @ used
+    scale = np.sqrt(np.diag(moment))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    inverse = np.linalg.pinv(moment / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    sd = np.sqrt(variance * np.maximum(np.diag(inverse), 0.0))[:-1]
+    sd = np.where(x[keep].std(axis=0) > 0.0, sd, np.inf)
+    explained = 1.0 - variance / spread_y if spread_y > 0.0 else 0.0
+    return AxisGains(gain[:-1], sd, explained, used.shape[0])
+
+
+def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_S) -> Array:
+    """Return the begins (n,) of windows side by side in which no clock pauses.
+
+    Empty for clocks so slow that hardly any window would hold a sample.
+    """
+    if (ends - starts) / width_s > 10.0 * min(t.size for t in clocks):
+        return np.zeros(0)
+    at = np.arange(starts, ends - width_s, width_s)
+    good: Mask = np.ones(at.size, dtype=np.bool_)
+    for t in clocks:
+        pauses = np.flatnonzero(np.diff(t) > LONGEST_STEP_S)
+        first, last = np.searchsorted(at + width_s, t[pauses]), np.searchsorted(at, t[pauses + 1])
+        for low, high in zip(first, last, strict=True):
+            good[low:high] = False
+    return at[good]
+
+
+def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> Array:
+    """Return the integrals (m, k) of values (n, k) at t (n,) over windows from `at`."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+    ends = [
+        np.stack([np.interp(side, t, column) for column in total.T], axis=1)
+        for side in (at, at + width_s)
+    ]
+    return np.asarray(ends[1] - ends[0])
+
+
+def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
+    """Return attitude (n, 3) [rad] at times t (n,), yaw without its wraps."""
+    unwrapped = np.column_stack([euler[:, :2], np.unwrap(euler[:, 2])])
+    return np.stack([np.interp(t, t_attitude, column) for column in unwrapped.T], axis=1)
+
+
+def depth_gains(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> AxisGains | None:
+    """Return the gains of surge, sway and heave in the depth rate.
+
+    d(z)/dt = -u sin(theta) + v cos(theta) sin(phi) + w cos(theta) cos(phi), each term
+    with its own gain, over windows of 1 s.
+    """
+    start = max(t_depth[0], t_velocity[0], t_attitude[0])
+    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
+    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    down = rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler))[:, 2, :]
+    rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
+    return fitted_gains(rise, integrals(t_velocity, down * velocity, at))
+
+
+def position_gains(
+    t_position: Array,
+    position: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> AxisGains | None:
+    """Return the gains of surge and sway in the horizontal displacement.
+
+    d(x, y)/dt = R(psi, theta, phi) [u v w], rows north and east, over windows of 2 s.
+    """
+    width = 2.0 * WINDOW_S
+    start = max(t_position[0], t_velocity[0], t_attitude[0])
+    end = min(t_position[-1], t_velocity[-1], t_attitude[-1])
+    at = windows(start, end, t_position, t_velocity, t_attitude, width_s=width)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    turn = rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler))
+    moved, parts = [], []
+    for row in range(2):
+        ends = [np.interp(side, t_position, position[:, row]) for side in (at, at + width)]
+        parts.append(integrals(t_velocity, turn[:, row, :2] * velocity[:, :2], at, width))
+        moved.append(ends[1] - ends[0])
+    return fitted_gains(np.concatenate(moved), np.concatenate(parts))
+
+
+def accelerometer_changes(
+    t_imu: Array,
+    gyro: Array,
+    specific_force: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+    *,
+    gravity: float,
+    lag_s: float = 0.0,
+) -> tuple[Array, Array, Array] | None:
+    """Return changes of velocity (n, 3) and their parts: force, transport (n, 3).
+
+    v_dot = f + R^T [0 0 g] - omega x v, integrated over windows of 1 s; the velocity is
+    read `lag_s` later than its stamp says it should be.
+    """
+    start = max(t_imu[0], t_attitude[0], t_velocity[0] - min(lag_s, 0.0))
+    end = min(t_imu[-1], t_attitude[-1], t_velocity[-1] - max(lag_s, 0.0))
+    at = windows(start, end, t_imu, t_attitude, t_velocity)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    down = rotation_body_to_ned(angles_at(t_imu, t_attitude, euler))[:, 2, :]
+    speed = np.stack([np.interp(t_imu + lag_s, t_velocity, column) for column in velocity.T], 1)
+    force = integrals(t_imu, specific_force + gravity * down, at)
+    transport = integrals(t_imu, -np.cross(gyro, speed), at)
+    change = [
+        np.stack([np.interp(side + lag_s, t_velocity, column) for column in velocity.T], axis=1)
+        for side in (at, at + WINDOW_S)
+    ]
+    return change[1] - change[0], force, transport
+
+
+def velocity_lag(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+    *,
+    lags_s: ArrayLike,
+) -> tuple[float, float, float] | None:
+    """Return how late the velocity is behind the depth [s]; explained there and at 0.
+
+    The lag of `lags_s` at which the velocity, read so much later, explains most of the
+    depth rate. None for too few windows.
+    """
+    shares = {}
+    for lag in np.asarray(lags_s, dtype=np.float64):
+        gains = depth_gains(t_depth, depth, t_attitude, euler, t_velocity - lag, velocity)
+        if gains is not None:
+            shares[float(lag)] = gains.explained
+    if 0.0 not in shares:
+        return None
+    best = max(shares, key=lambda lag: shares[lag])
+    return best, shares[best], shares[0.0]
+
+
+def own_and_cross(first: Array, second: Array) -> Array:
+    """Return the correlations (k, l) of the columns of (n, k) and (n, l)."""
+    one, two = first - first.mean(axis=0), second - second.mean(axis=0)
+    size = np.outer(np.linalg.norm(one, axis=0), np.linalg.norm(two, axis=0))
+    return np.asarray(np.divide(one.T @ two, size, out=np.zeros_like(size), where=size > 0.0))
+
+
+def response_gains(
+    t_force: Array,
+    acceleration: Array,
+    t_motion: Array,
+    motion: Array,
+    *,
+    lags_s: ArrayLike = (0.0, 0.1, 0.2, 0.3),
+    width_s: float = 0.5,
+) -> AxisGains | None:
+    """Return the gain of actuator forces over mass (n, k) in one motion's rate (m,).
+
+    d(nu)/dt = g a + d nu + e nu |nu| + c over windows of 0.5 s, at the lag behind the
+    commands that explains most; the gains of a only. Positive where axis, actuators and
+    signs agree, also under feedback, which the drag terms alone would turn around.
+    """
+    best: AxisGains | None = None
+    parts = np.column_stack([motion, motion * np.abs(motion)])
+    for lag in np.asarray(lags_s, dtype=np.float64):
+        start = max(t_force[0], t_motion[0])
+        end = min(t_force[-1], t_motion[-1] - lag)
+        at = windows(start, end, t_force, t_motion, width_s=width_s)
+        if at.size < FEWEST_WINDOWS:
+            continue
+        ends = [np.interp(side + lag, t_motion, motion) for side in (at, at + width_s)]
+        pushed = integrals(t_force, acceleration, at, width_s)
+        drag = integrals(t_motion, parts, at + lag, width_s)
+        gains = fitted_gains(ends[1] - ends[0], np.column_stack([pushed, drag]))
+        if gains is not None and (best is None or gains.explained > best.explained):
+            count = acceleration.shape[1]
+            best = AxisGains(gains.gain[:count], gains.sd[:count], gains.explained, gains.count)
+    return best

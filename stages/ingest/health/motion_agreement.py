@@ -1,0 +1,303 @@
+"""Checks of the velocity, axis by axis, against depth, position and accelerometer.
+
+And of the motion against the forces of the thrusters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auvid.data_schemas.tables import matrix
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.identification.signals.motion_checks import (
+    AxisGains,
+    accelerometer_changes,
+    depth_gains,
+    own_and_cross,
+    position_gains,
+    response_gains,
+    velocity_lag,
+)
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.vehicle import command_lead, responses
+from auvid.stages.number_format import significant
+
+SPEEDS = ("surge", "sway", "heave")
+RATES = ("roll", "pitch", "yaw")
+CLEAR = 4.0
+"""A gain is clear of a number if it is so many standard deviations away."""
+LEAST_EXPLAINED = 0.6
+SURE_GAIN_SD = 0.25
+LEAST_GAIN = -0.3
+LAGS_S = np.round(np.arange(-20, 21) * 0.1, 1)
+LEAST_RESPONSE_HZ = 4.0
+SMALLEST_MOTION = 0.01
+ANSWER_GAP = 0.3
+NAMED_SCALES: Mapping[float, str] = {
+    1000.0: "depth in mm, or a velocity in m/s declared as mm/s",
+    100.0: "depth in cm, or a velocity in m/s declared as cm/s",
+    10.0: "depth in dm, or pressure in bar taken for decibar",
+    3.2808: "depth in ft, or a velocity in m/s declared as ft/s",
+    1.9438: "a velocity in m/s declared as knots",
+    0.5144: "a velocity in knots declared as m/s",
+    0.3048: "a velocity in ft/s declared as m/s, or depth in m declared as ft",
+    0.1: "depth in m declared as dm",
+    0.01: "a velocity in cm/s declared as m/s, or depth in m declared as cm",
+    0.001: "a velocity in mm/s declared as m/s, or depth in m declared as mm",
+}
+"""Depth rate over vertical velocity, and what makes it so large."""
+
+
+@dataclass
+class Evidence:
+    """What the other sensors say against each axis of the velocity."""
+
+    against: dict[int, list[str]] = field(default_factory=dict)
+
+    def take(self, gains: AxisGains | None, axes: range, what: str) -> None:
+        """Take the gains of some axes, where they are sure."""
+        if gains is None or gains.explained < LEAST_EXPLAINED:
+            return
+        for axis, gain, sd in zip(axes, gains.gain, gains.sd, strict=True):
+            if sd > SURE_GAIN_SD * max(1.0, abs(gain)):
+                continue
+            if gain + CLEAR * sd < 0.0 and gain < LEAST_GAIN:
+                words = f"{what} with a gain of {gain:.2f}"
+                self.against.setdefault(axis, []).append(words)
+
+
+def motion_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
+    answers = responses(log)
+    response = {} if command_lead(answers) else dict(_responses(log))
+    exchanged = list(_exchanged_answers(log, response))
+    yield from exchanged or _response_signs(response)
+    if not log.has("velocity", "attitude"):
+        return
+    turned = Evidence()
+    depth = _depth_gains(log)
+    found_depth = list(_depth(log, depth, response))
+    yield from found_depth
+    if depth is not None and not any(item["id"] == "depth_sign" for item in found_depth):
+        turned.take(depth, range(3), "the depth rate follows it")
+    turned.take(_position_gains(log), range(2), "the position follows it")
+    changes = _changes(log)
+    if changes is not None:
+        correlation = own_and_cross(changes[0], changes[1] + changes[2])
+        for axis in range(3):
+            if correlation[axis, axis] < limit("velocity_sign"):
+                turned.against.setdefault(axis, []).append(
+                    f"the accelerometer (correlation {correlation[axis, axis]:.2f})"
+                )
+        if not exchanged:
+            yield from _exchanged(correlation)
+    for axis, reasons in sorted(turned.against.items()):
+        yield finding(
+            "velocity_sign",
+            f"{SPEEDS[axis].capitalize()} of the velocity ({log.source('velocity')}) has the wrong"
+            f" sign: {'; '.join(reasons)}.",
+            stream="velocity",
+            value=-1.0,
+            fields=(LINEAR_VELOCITY[axis],),
+        )
+    if not turned.against:
+        yield from _late(log)
+
+
+def _poses(log: CheckedLog) -> tuple[Array, Array, Array, Array]:
+    return (
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        log.t_s("velocity"),
+        log.values("velocity", LINEAR_VELOCITY),
+    )
+
+
+def _depth_gains(log: CheckedLog) -> AxisGains | None:
+    if not log.has("depth"):
+        return None
+    return depth_gains(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+
+
+def _position_gains(log: CheckedLog) -> AxisGains | None:
+    if not log.has("position"):
+        return None
+    return position_gains(log.t_s("position"), log.values("position", POSITION), *_poses(log))
+
+
+def _changes(log: CheckedLog) -> tuple[Array, Array, Array] | None:
+    accelerometer = log.accelerometer()
+    if accelerometer is None or log.info.accelerometer not in (None, "specific_force"):
+        return None
+    good = np.isfinite(accelerometer).all(axis=1)
+    changes = accelerometer_changes(
+        log.t_s("imu")[good],
+        log.values("imu", GYRO)[good],
+        accelerometer[good],
+        *_poses(log),
+        gravity=STANDARD_GRAVITY,
+    )
+    return None if changes is None or len(changes[0]) < 30 else changes
+
+
+def _depth(
+    log: CheckedLog, gains: AxisGains | None, response: Mapping[str, AxisGains]
+) -> Iterator[Finding]:
+    """Yield a depth that is turned, or that differs from the velocity in scale."""
+    if gains is None or gains.explained < LEAST_EXPLAINED:
+        return
+    sure = np.flatnonzero(gains.sd < SURE_GAIN_SD * np.maximum(1.0, np.abs(gains.gain)))
+    clear = [axis for axis in sure if abs(gains.gain[axis]) > CLEAR * gains.sd[axis]]
+    if not clear:
+        return
+    turned = [axis for axis in clear if gains.gain[axis] < 0.0]
+    if len(turned) == len(clear) and (
+        len(turned) > 1
+        or float(np.median(log.column("depth", "depth_m"))) < 0.0
+        or ("w" in response and response["w"].gain[0] > 0.0)
+    ):
+        text = (
+            f"Depth goes up where the velocity ({log.source('velocity')}) goes down (gain"
+            f" {significant(float(gains.gain[turned[-1]]))} in"
+            f" {listed([SPEEDS[axis] for axis in turned])})."
+        )
+        yield finding("depth_sign", text, stream="depth", value=-1.0, fields=("depth_m",))
+    best = min(clear, key=lambda axis: gains.sd[axis] / abs(gains.gain[axis]))
+    size, sd = abs(float(gains.gain[best])), float(gains.sd[best])
+    factor = 1.0 + limit("velocity_scale")
+    if size - CLEAR * sd > factor or size + CLEAR * sd < 1.0 / factor:
+        yield finding(
+            "velocity_scale",
+            f"Depth moves {significant(size)} times as much as the velocity in"
+            f" {SPEEDS[best]} says{_cause(size)}.",
+            stream="velocity",
+            value=size,
+            fields=(*LINEAR_VELOCITY, "depth_m"),
+        )
+
+
+def _cause(size: float) -> str:
+    for factor, words in NAMED_SCALES.items():
+        if abs(np.log(size / factor)) < 0.12:
+            return f": {words}"
+    return ""
+
+
+def _exchanged(correlation: Array) -> Iterator[Finding]:
+    """Yield surge and sway that follow the accelerometer's other axis."""
+    own, cross = np.diag(correlation)[:2], (correlation[0, 1], correlation[1, 0])
+    if max(np.abs(own)) < 0.4 and min(np.abs(cross)) > limit("velocity_axes"):
+        yield finding(
+            "velocity_axes",
+            "Surge of the velocity follows the accelerometer's y, and sway its x (correlations"
+            f" {cross[0]:.2f} and {cross[1]:.2f}).",
+            stream="velocity",
+            value=float(min(np.abs(cross))),
+            fields=LINEAR_VELOCITY[:2],
+        )
+
+
+def _late(log: CheckedLog) -> Iterator[Finding]:
+    if not log.has("depth"):
+        return
+    lag = velocity_lag(
+        log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log), lags_s=LAGS_S
+    )
+    if lag is None:
+        return
+    at, there, zero = lag
+    if abs(at) > limit("velocity_lag") and there > 0.8 and there - zero > 0.1:
+        late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
+        text = (
+            f"The {late} comes {abs(at):.1f} s after the {early}: read so much earlier it explains"
+            f" {there:.2f} of the depth rate, as it stands {zero:.2f}."
+        )
+        yield finding("velocity_lag", text, stream=late, value=abs(at))
+
+
+def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
+    """Return times (n,) and the thrusters' force over mass (n, 6), where known."""
+    vehicle = log.vehicle
+    if vehicle is None or vehicle.thrusters is None or not log.has("actuators"):
+        return None
+    names = [f"pwm_{number}_us" for number in vehicle.thrusters.outputs]
+    if not set(names) <= set(log.tables["actuators"].column_names):
+        return None
+    vehicle, _ = with_logged_directions(vehicle, log.info.parameters)
+    assert vehicle.thrusters is not None
+    t_s = log.t_s("actuators")
+    if t_s.size < 100 or (t_s.size - 1) / (t_s[-1] - t_s[0]) < LEAST_RESPONSE_HZ:
+        return None
+    pulses = np.nan_to_num(matrix(log.tables["actuators"], names))
+    forces = thruster_force(vehicle.thrusters, thruster_forces(vehicle.thrusters, pulses))
+    return t_s, forces / np.diag(vehicle.mass_matrix)
+
+
+def _responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
+    """Yield the gain of the thrusters' force in each motion that it can show."""
+    pushes = _pushes(log)
+    if pushes is None:
+        return
+    t_s, pushed = pushes
+    streams = [("velocity", name) for name in LINEAR_VELOCITY]
+    streams += [("imu", name) for name in GYRO]
+    for axis, (stream, name) in enumerate(streams):
+        if not log.has(stream) or not np.ptp(pushed[:, axis]):
+            continue
+        motion = log.column(stream, name)
+        if float(motion.std()) < SMALLEST_MOTION:
+            continue
+        gains = response_gains(t_s, pushed[:, [axis]], log.t_s(stream), motion)
+        if gains is not None:
+            yield "uvwpqr"[axis], gains
+
+
+def _exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield surge and sway that answer each other's thrusters."""
+    pushes = _pushes(log)
+    if pushes is None or not {"u", "v"} <= set(response):
+        return
+    t_s, pushed = pushes
+    crossed = [
+        response_gains(
+            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), log.column("velocity", name)
+        )
+        for axis, name in enumerate(LINEAR_VELOCITY[:2])
+    ]
+    own = sum(response[axis].explained for axis in "uv")
+    other = sum(gains.explained for gains in crossed if gains is not None)
+    if other - own > ANSWER_GAP:
+        yield finding(
+            "velocity_axes",
+            "Surge of the velocity answers the thrusters of sway, and sway those of surge"
+            f" (explained {other / 2.0:.2f}; their own {max(own, 0.0) / 2.0:.2f}, means).",
+            stream="velocity",
+            value=other / 2.0,
+            fields=LINEAR_VELOCITY[:2],
+        )
+
+
+def _response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
+    fields = dict(zip("uvwpqr", (*LINEAR_VELOCITY, *GYRO), strict=True))
+    for axis, gains in response.items():
+        clear = float(gains.gain[0] / gains.sd[0])
+        if clear < limit("response_sign") and gains.explained > 0.1:
+            text = (
+                f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
+                f" forward accelerates it backward ({significant(clear)} standard deviations)."
+            )
+            yield finding(
+                "response_sign",
+                text,
+                stream="velocity" if axis in "uvw" else "imu",
+                value=clear,
+                fields=(fields[axis],),
+            )

@@ -1,0 +1,341 @@
+"""Wrong column maps and manifests over a small healthy campaign: each is refused, stops
+the run or is named with its cause before anything is fitted; the healthy one is not.
+
+The log is that of the example that `auvid new` makes, and for the accelerometer the
+start of the dive of campaign bluerov2_dvl_csv; docs/checks.md holds the table.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import yaml
+
+from auvid.data_schemas.checks import checks
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle
+from auvid.pipeline.commands.new.new_example import example_log
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
+
+ROOT = Path(__file__).resolve().parents[5]
+TEMPLATES = ROOT / "pipeline" / "templates"
+DIVE = ROOT / "campaigns" / "bluerov2_dvl_csv"
+DIVE_S = 60.0
+Values = dict[str, npt.NDArray[np.float64]]
+
+
+@dataclass
+class Case:
+    """A log as columns of one or more files, and their column maps, to be spoiled."""
+
+    files: dict[str, Values]
+    maps: dict[str, dict[str, Any]]
+    vehicle: Vehicle
+    formats: dict[str, str] = field(default_factory=dict)
+
+    def entry(self, name: str) -> dict[str, Any]:
+        """The entry of a column in its map."""
+        return next(
+            item for map_ in self.maps.values() for item in map_["columns"] if item["field"] == name
+        )
+
+    def values(self, name: str) -> tuple[Values, str]:
+        """The file that holds the values of a field, and their column in it."""
+        for file, map_ in self.maps.items():
+            for item in map_["columns"]:
+                if item["field"] == name:
+                    return self.files[file], item["column"]
+        raise KeyError(name)
+
+    def findings(self) -> list[dict[str, Any]]:
+        """The findings of the log, or what reading it raises."""
+        raw = tuple(
+            RawFile(name, np.frombuffer(_csv(values), np.uint8), self.maps[name])
+            for name, values in self.files.items()
+        )
+        inputs = ingest.Inputs(RawLog("log", raw), None, self.vehicle)
+        found: list[dict[str, Any]] = ingest.run(inputs, ingest.Params()).health["findings"]
+        return found
+
+
+def _csv(values: Values) -> bytes:
+    table = np.column_stack(list(values.values()))
+    rows = "\n".join(",".join(f"{cell:.9g}" for cell in row) for row in table.tolist())
+    return f"{','.join(values)}\n{rows}\n".encode()
+
+
+@cache
+def _example() -> Case:
+    vehicle = load_vehicle(TEMPLATES / "vehicles/example_rov.yaml").vehicle
+    names, *rows = example_log(vehicle).decode().splitlines()
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    columns = dict(zip(names.split(","), table.T, strict=True))
+    text = (TEMPLATES / "campaigns/example/columns/synthetic_run.yaml").read_text(encoding="utf-8")
+    return Case({"run.csv": columns}, {"run.csv": yaml.safe_load(text)}, vehicle)
+
+
+@cache
+def _dive() -> Case:
+    files, maps = {}, {}
+    for path in sorted((DIVE / "logs").glob("*.csv")):
+        names, *rows = path.read_text(encoding="utf-8").splitlines()
+        table = np.array([[float(cell or "nan") for cell in row.split(",")] for row in rows])
+        table = table[table[:, 0] < DIVE_S]
+        files[path.name] = dict(zip(names.split(","), table.T, strict=True))
+        text = (DIVE / "columns" / f"{path.stem}.yaml").read_text(encoding="utf-8")
+        maps[path.name] = yaml.safe_load(text)
+    vehicle = load_vehicle(ROOT / "vehicles/bluerov2_heavy.yaml").vehicle
+    return Case(files, maps, vehicle)
+
+
+Change = Callable[[Case], None]
+GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
+ANGLES = ("phi_rad", "theta_rad", "psi_rad")
+SPEED = ("u_m_s", "v_m_s", "w_m_s")
+PULSES = tuple(f"pwm_{number}_us" for number in range(1, 5))
+
+
+def unit(text: str, *names: str) -> Change:
+    """The map declares this unit."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            case.entry(name)["unit"] = text
+
+    return change
+
+
+def sign(*names: str) -> Change:
+    """The map turns these fields."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            entry = case.entry(name)
+            entry["sign"] = -entry.get("sign", 1)
+
+    return change
+
+
+def frame(text: str, *names: str) -> Change:
+    """The map declares this frame."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            case.entry(name)["frame"] = text
+
+    return change
+
+
+def exchanged(one: str, other: str) -> Change:
+    """The map takes each of two columns for the other."""
+
+    def change(case: Case) -> None:
+        first, second = case.entry(one), case.entry(other)
+        first["column"], second["column"] = second["column"], first["column"]
+
+    return change
+
+
+def data(change: Callable[[npt.NDArray[np.float64]], Any], *names: str) -> Change:
+    """The file holds something else than the map says."""
+
+    def spoil(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            values[column] = change(values[column])
+
+    return spoil
+
+
+def time(text: str) -> Change:
+    """The maps declare this unit of time."""
+
+    def change(case: Case) -> None:
+        for map_ in case.maps.values():
+            map_["time"]["unit"] = text
+
+    return change
+
+
+def late(seconds: float, *names: str) -> Change:
+    """Values were written so much later than they were measured."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            t = next(iter(values.values()))
+            values[column] = np.interp(t - seconds, t, values[column])
+
+    return change
+
+
+def frozen(case: Case) -> None:
+    values, _ = case.values("u_m_s")
+    for name in ("u", "v", "w"):
+        values[name] = np.where(np.arange(900) > 500, values[name][500], values[name])
+
+
+def other_clock(case: Case) -> None:
+    case.files["velocity.csv"]["time_s"] = case.files["velocity.csv"]["time_s"] + 1.7e6
+
+
+def misspelt(key: str, value: str, name: str) -> Change:
+    def change(case: Case) -> None:
+        case.entry(name)[key] = value
+
+    return change
+
+
+EXAMPLE: dict[str, tuple[Change, str, str]] = {
+    "gyro in rad/s declared deg/s": (unit("deg/s", *GYRO), "gyro_scale", "rad/s"),
+    "gyro in deg/s declared rad/s": (data(np.degrees, *GYRO), "gyro_scale", "deg/s"),
+    "gyro p turned": (sign(GYRO[0]), "gyro_sign", "Gyro x"),
+    "gyro q turned": (sign(GYRO[1]), "gyro_sign", "Gyro y"),
+    "gyro r turned": (sign(GYRO[2]), "gyro_sign", "Gyro z"),
+    "gyro of a forward-right-down unit declared flu": (
+        frame("flu", *GYRO),
+        "gyro_sign",
+        "pitch and yaw",
+    ),
+    "gyro p and q exchanged": (exchanged(GYRO[0], GYRO[1]), "gyro_axes", "Roll"),
+    "gyro q and r exchanged": (exchanged(GYRO[1], GYRO[2]), "gyro_axes", "Yaw"),
+    "gyro 0.4 s late": (late(0.4, *GYRO), "gyro_lag", "gyro comes 0.4"),
+    "attitude in degrees declared rad": (unit("rad", *ANGLES), "attitude", "degrees"),
+    "yaw alone in degrees declared rad": (unit("rad", ANGLES[2]), "attitude_unit", "yaw"),
+    "attitude in rad declared degrees": (
+        data(np.radians, *ANGLES),
+        "attitude_unit",
+        "declared as degrees",
+    ),
+    "attitude declared flu": (frame("flu", *ANGLES), "gyro_sign", "pitch"),
+    "roll and pitch exchanged": (exchanged(*ANGLES[:2]), "gyro_axes", "Roll"),
+    "yaw declared enu": (frame("enu", ANGLES[2]), "gyro_sign", "yaw"),
+    "depth turned": (sign("depth_m"), "depth_sign", "Depth"),
+    "depth in cm declared m": (data(lambda z: 100.0 * z, "depth_m"), "velocity_scale", "in cm"),
+    "depth in m declared ft": (unit("ft", "depth_m"), "velocity_scale", "declared as ft"),
+    "depth in m declared cm": (unit("cm", "depth_m"), "velocity_scale", "declared as cm"),
+    "velocity in mm/s declared m/s": (
+        data(lambda u: 1000.0 * u, *SPEED),
+        "stream 'velocity'",
+        "mm/s",
+    ),
+    "velocity in cm/s declared m/s": (data(lambda u: 100.0 * u, *SPEED), "", "cm/s"),
+    "velocity in m/s declared cm/s": (unit("cm/s", *SPEED), "velocity_scale", "declared as cm/s"),
+    "velocity in knots declared m/s": (
+        data(lambda u: u / 0.5144, *SPEED),
+        "velocity_scale",
+        "knots",
+    ),
+    "sway and heave turned": (frame("flu", *SPEED), "velocity_sign", "Heave"),
+    "surge turned": (sign(SPEED[0]), "velocity_sign", "Surge"),
+    "sway turned": (sign(SPEED[1]), "velocity_sign", "Sway"),
+    "heave turned": (sign(SPEED[2]), "velocity_sign", "Heave"),
+    "surge and sway exchanged": (exchanged(*SPEED[:2]), "velocity_", "velocity"),
+    "velocity 1 s late": (late(1.0, *SPEED), "velocity_lag", "velocity comes 1.0"),
+    "commands 1 s late": (late(1.0, *PULSES), "command_late", "before"),
+    "velocity frozen": (frozen, "stuck_sensor", "repeats one value"),
+    "time in s declared ms": (time("ms"), "time_unit", "declared as ms"),
+    "time in s declared us": (time("us"), "repeated", "declared as us"),
+    "time in ms declared s": (
+        data(lambda t: 1e3 * t, "t"),
+        "time_unit",
+        "in ms, declared as s",
+    ),
+    "time in us declared s": (
+        data(lambda t: 1e6 * t, "t"),
+        "time_unit",
+        "in us, declared as s",
+    ),
+    "commands of -1 to 1 as pulses": (
+        data(lambda pulse: (pulse - 1500.0) / 400.0, *PULSES),
+        "actuators",
+        "no pulses",
+    ),
+    "commands of 0 to 1 as pulses": (
+        data(lambda pulse: (pulse - 1100.0) / 800.0, *PULSES),
+        "output_range",
+        "Output 1",
+    ),
+    "pulses around zero": (data(lambda pulse: pulse - 1500.0, *PULSES), "actuators", "no pulses"),
+    "pulses turned": (data(lambda pulse: 3000.0 - pulse, *PULSES), "response_sign", "Surge"),
+    "field misspelt": (misspelt("field", "roll_rad", "phi_rad"), "phi_rad", "Did you mean"),
+    "stream misspelt": (misspelt("stream", "attitud", "phi_rad"), "attitude", "Did you mean"),
+    "unit misspelt": (misspelt("unit", "degre", "phi_rad"), "degre", "unit of rad"),
+    "no such column": (misspelt("column", "roll", "phi_rad"), "roll_deg", "Did you mean"),
+}
+"""Change, the finding that must stop the run (or words of the refusal), words of it."""
+DIVE_CASES: dict[str, tuple[Change, str, str]] = {
+    "accelerometer in g declared m/s^2": (
+        data(lambda a: a / 9.80665, *ACCEL),
+        "accelerometer_unit",
+        "in g",
+    ),
+    "accelerometer declared inertial": (
+        lambda case: case.maps["imu.csv"].update(accelerometer="inertial"),
+        "accelerometer_convention",
+        "inertial",
+    ),
+    "accelerometer declared derivative": (
+        lambda case: case.maps["imu.csv"].update(accelerometer="derivative"),
+        "accelerometer_convention",
+        "derivative",
+    ),
+    "accelerometer of the other sign": (sign(*ACCEL), "accelerometer_direction", "179 degrees"),
+    "accelerometer declared flu": (frame("flu", *ACCEL), "accelerometer_direction", "degrees"),
+    "one file on another clock": (other_clock, "streams_apart", "velocity"),
+    "up of a velocity log taken for down": (
+        frame("frd", *SPEED),
+        "velocity_sign",
+        "Heave",
+    ),
+}
+NOT_STOPPING = ("stuck_sensor",)
+
+
+def judged(case: Case) -> list[dict[str, Any]]:
+    """The findings; a log that is refused counts as one that stops."""
+    try:
+        return case.findings()
+    except PipelineError as fault:
+        return [{"id": "refused", "text": str(fault), "remedy": str(fault), "severity": "error"}]
+
+
+@pytest.mark.parametrize("base", [_example, _dive])
+def test_the_healthy_case_has_no_finding_that_stops(base: Callable[[], Case]) -> None:
+    assert [item["id"] for item in base().findings() if checks()[item["id"]].stops] == []
+
+
+@pytest.mark.parametrize("name", [*EXAMPLE, *DIVE_CASES])
+def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
+    spoil, expected, words = {**EXAMPLE, **DIVE_CASES}[name]
+    case = copy.deepcopy(_example() if name in EXAMPLE else _dive())
+    if name.startswith("time in ") and name.endswith("declared s"):
+        values = case.files["run.csv"]
+        values["time_s"] = values["time_s"] * (1e3 if "ms" in name else 1e6)
+    else:
+        spoil(case)
+    findings = judged(case)
+    stopping = [
+        item
+        for item in findings
+        if item["id"] == "refused" or checks()[item["id"]].stops or item["id"] in NOT_STOPPING
+    ]
+    assert stopping, [item["text"] for item in findings]
+    hit = [
+        item
+        for item in stopping
+        if (item["id"].startswith(expected) or expected in item["text"])
+        and words in f"{item['text']} {item['remedy']}"
+    ]
+    assert hit, [(item["id"], item["text"], item["remedy"]) for item in stopping]
