@@ -72,7 +72,9 @@ def checks() -> Mapping[str, HealthCheck]:
 
 def accepted_findings(manifest: Mapping[str, Any], log: str) -> frozenset[str]:
     """Return the findings of a log that a manifest accepts, for it or all logs."""
-    entry = next((item for item in manifest.get("logs", ()) if item["id"] == log), {})
+    entry: Mapping[str, Any] = next(
+        (item for item in manifest.get("logs", ()) if item["id"] == log), {}
+    )
     return frozenset([*(manifest.get("accept") or ()), *(entry.get("accept") or ())])
 
 

@@ -14,7 +14,7 @@ LONGEST_VALUE = 200
 
 
 class _Short(reprlib.Repr):
-    """Values of at most `LONGEST_VALUE` characters and a few levels; nothing is built whole."""
+    """Values of at most `LONGEST_VALUE` characters and a few levels."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class _Short(reprlib.Repr):
         return super().repr_int(x, level) if short else "an integer too long to show"
 
 
-def shown(value: object) -> str:
+def as_text(value: object) -> str:
     """Return a value as an error message shows it."""
     text = _Short().repr(value)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
@@ -73,7 +73,7 @@ class PipelineError(Exception):
             where.append(f"field '{self.field}'")
         text = ": ".join([", ".join(where), self.message]) if where else self.message
         if self.value is not None:
-            text += f"; found {shown(self.value)}"
+            text += f"; found {as_text(self.value)}"
         if self.allowed is not None:
             allowed = self.allowed
             if not isinstance(allowed, str) and isinstance(allowed, Iterable):
@@ -139,7 +139,7 @@ def raise_faults(faults: Sequence[PipelineError], *, file: object = None) -> Non
         raise ManyFaults(faults, file=file)
 
 
-def nearest(word: object, known: Iterable[str]) -> str | None:
+def nearest(word: object, choices: Iterable[str]) -> str | None:
     """A remedy sentence naming the known word nearest to a misspelt one, or None."""
-    close = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(word), list(choices), n=1, cutoff=0.5)
     return f"Did you mean '{close[0]}'?" if close else None

@@ -154,7 +154,7 @@ def _source(entry: Mapping[str, object]) -> StreamSource:
     name = str(raw.pop("source"))
     linear = {key: _linear(str(text)) for key, text in _mapping(raw.pop("fields", {})).items()}
     columns = _texts(raw.pop("columns", ())) or tuple(item.column for item in linear.values())
-    known = {
+    texts = {
         key: None if key not in raw else str(raw.pop(key))
         for key in ("compute", "choose", "when", "note", "meaning")
     }
@@ -162,7 +162,7 @@ def _source(entry: Mapping[str, object]) -> StreamSource:
     optional, also = _texts(raw.pop("optional", ())), _texts(raw.pop("with", ()))
     if raw:
         raise ValueError(f"formats/streams.yaml: unknown key {sorted(raw)} at source {name}")
-    return StreamSource(name, message, columns, optional, linear, also=also, **known)
+    return StreamSource(name, message, columns, optional, linear, also=also, **texts)
 
 
 def _linear(text: str) -> Linear:

@@ -32,8 +32,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(asks: bool) -> None:
+    if asks:
         print(f"auvid {__version__}")
         raise typer.Exit
 

@@ -27,7 +27,8 @@ MANIFEST_PORTS = (
     "published_tables",
 )
 SIMULATED_LOG = "simulated_log"
-WHOLE = "campaign"
+ONCE = "campaign"
+"""The one item of a stage that maps over the campaign, and of what it gives."""
 SIZE: dict[Item, int] = {"log": 0, "leg": 1, "segment": 2, "campaign": 3}
 
 
@@ -63,7 +64,7 @@ class Port:
         suffix = schema(self.schema).suffix
         if self.stage.yields and self.many:
             return f"{key}/{self.name}{suffix}"
-        folder = "" if self.stage.maps_over == WHOLE else f"{item}/"
+        folder = "" if self.stage.maps_over == ONCE else f"{item}/"
         return (
             f"{folder}{self.name}{suffix}" if key is None else f"{folder}{self.name}/{key}{suffix}"
         )
@@ -108,12 +109,12 @@ class Graph:
         for stage in self.stages:
             if stage.name == name:
                 return stage
-        known = [stage.name for stage in self.stages]
+        names = [stage.name for stage in self.stages]
         raise UsageError(
             "no such stage in this kind of campaign",
             value=name,
-            allowed=known,
-            remedy=nearest(name, known),
+            allowed=names,
+            remedy=nearest(name, names),
         )
 
     def producers(self, schema_name: str) -> tuple[Port, ...]:
@@ -127,42 +128,47 @@ class Graph:
         return tuple(self._feed(stage, name, spec) for name, spec in ports(stage.inputs).items())
 
     def _feed(self, stage: AnyStage, name: str, spec: Mapping[str, Any]) -> Feed:
-        wanted, optional = spec["port"], bool(spec.get("optional"))
+        kind, optional = spec["port"], bool(spec.get("optional"))
         if spec.get("runs"):
-            return Feed(name, wanted, optional, runs=True)
-        if wanted in MANIFEST_PORTS:
+            return Feed(name, kind, optional, runs=True)
+        if kind in MANIFEST_PORTS:
             # The logs of a twin come from the stage that simulates them.
             return Feed(
-                name, wanted, optional, self.producers(SIMULATED_LOG) if wanted == "raw_log" else ()
+                name,
+                kind,
+                optional,
+                self.producers(SIMULATED_LOG) if kind == "raw_log" else (),
             )
-        found = tuple(port for port in self.producers(wanted) if port.stage is not stage)
-        late = [port for port in found if self.stages.index(port.stage) > self.stages.index(stage)]
+        producers = tuple(port for port in self.producers(kind) if port.stage is not stage)
+        late = [
+            port for port in producers if self.stages.index(port.stage) > self.stages.index(stage)
+        ]
         if spec.get("every"):
             return Feed(
                 name,
-                wanted,
+                kind,
                 optional,
-                tuple(port for port in found if port not in late),
+                tuple(port for port in producers if port not in late),
                 every=True,
             )
-        if not found and optional:
-            return Feed(name, wanted, optional)
-        joined = spec["many"] and all(port.keyed and port.level == WHOLE for port in found)
-        if not found or (len(found) > 1 and not joined) or late:
-            givers = ", ".join(port.stage.name for port in found) or "none"
+        if not producers and optional:
+            return Feed(name, kind, optional)
+        joined = spec["many"] and all(port.keyed and port.level == ONCE for port in producers)
+        if not producers or (len(producers) > 1 and not joined) or late:
+            givers = ", ".join(port.stage.name for port in producers) or "none"
             raise WiringError(
-                f"{stage.name}.{name} needs one earlier stage that outputs '{wanted}'; there is:"
+                f"{stage.name}.{name} needs one earlier stage that outputs '{kind}'; there is:"
                 f" {givers}"
             )
         # What belongs to the whole campaign is handed to every item, with keys as a
         # collection.
-        level = found[0].level
-        if SIZE[level] > SIZE[stage.maps_over] and level != WHOLE and not found[0].keyed:
+        level = producers[0].level
+        if SIZE[level] > SIZE[stage.maps_over] and level != ONCE and not producers[0].keyed:
             raise WiringError(
-                f"{stage.name}.{name} maps over a {stage.maps_over}, but '{wanted}' belongs to a"
-                f" {found[0].level}"
+                f"{stage.name}.{name} maps over a {stage.maps_over}, but '{kind}' belongs to a"
+                f" {producers[0].level}"
             )
-        return Feed(name, wanted, optional, found)
+        return Feed(name, kind, optional, producers)
 
     def ancestors(self, stage: AnyStage) -> tuple[AnyStage, ...]:
         """Return the stages that a stage needs, directly or not, in running order."""

@@ -176,19 +176,19 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
 
     Unknown keys, wrong types and values out of bounds are errors.
     """
-    known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
+    declared = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
     types = get_type_hints(kind)
     faults: list[PipelineError] = []
     checked: dict[str, Any] = {}
     for key, value in values.items():
         path = f"stages.{stage}.{key}"
-        if key not in known:
-            remedy = nearest(key, known) or f"Known parameters: {', '.join(known)}."
+        if key not in declared:
+            remedy = nearest(key, declared) or f"Known parameters: {', '.join(declared)}."
             faults.append(CampaignError("unknown parameter", file=file, field=path, remedy=remedy))
             continue
         try:
-            checked[key] = _check_param(known[key], value, path, file)
-            faults += _nested_faults(types[key], value, path, file, known[key].metadata["names"])
+            checked[key] = _check_param(declared[key], value, path, file)
+            faults += _nested_faults(types[key], value, path, file, declared[key].metadata["names"])
         except PipelineError as fault:
             faults.append(fault)
     raise_faults(faults, file=file)

@@ -27,8 +27,8 @@ def significant(value: float | None, digits: int = 3, *, sign: str = "", empty: 
     """
     if value is None:
         return empty
-    whole = 10.0**digits <= abs(value) < 1e6
-    return f"{value:{sign}.0f}" if whole else f"{value:{sign}.{digits}g}"
+    plain = 10.0**digits <= abs(value) < 1e6
+    return f"{value:{sign}.0f}" if plain else f"{value:{sign}.{digits}g}"
 
 
 def fixed(value: float | None, places: int, *, empty: str = "-") -> str:

@@ -36,11 +36,11 @@ def truth_of(truths: Mapping[str, pa.Table], segment: SegmentRecord, at: Array) 
     log = str(segment.log)
     if log not in truths:
         raise DataError(f"there is no truth of log '{log}'", allowed=tuple(truths))
-    known = clock(truths[log])
-    if not len(at) or at[0] < known[0] or at[-1] > known[-1]:
+    clock_s = clock(truths[log])
+    if not len(at) or at[0] < clock_s[0] or at[-1] > clock_s[-1]:
         raise DataError(
             f"the truth of log '{log}' does not cover segment '{segment.id}'",
-            value=(float(known[0]), float(known[-1])),
+            value=(float(clock_s[0]), float(clock_s[-1])),
         )
     return truths[log]
 
@@ -61,11 +61,11 @@ def bias_errors(
     none.
     """
     errors = {}
-    for name, known in BIASES.items():
+    for name, sensor_bias in BIASES.items():
         fused: list[float] | None = getattr(fusion, name)
-        if fused is not None and known in drawn:
+        if fused is not None and sensor_bias in drawn:
             true = np.asarray(rotation, dtype=np.float64) @ np.asarray(
-                drawn[known], dtype=np.float64
+                drawn[sensor_bias], dtype=np.float64
             )
             errors[name] = (np.asarray(fused, dtype=np.float64) - true, true)
     return errors

@@ -53,7 +53,7 @@ class PublishedRowEntry(Model):
 
     @property
     def to_be_found(self) -> float | None:
-        """The truth, else the corrected value, else the printed one: the first given."""
+        """The first in the document of truth, corrected and printed value."""
         names = ("truth", "corrected", "printed")
         value: float | None = getattr(
             self, next(name for name in names if name in self.model_fields_set)

@@ -183,17 +183,17 @@ def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integer
     words = ((size + np.uint16(1)) >> np.uint16(1)).astype(np.uint8)
     order = np.argsort(words, kind="stable")[::-1]
     words = words[order]
-    whole = np.int64(_BLOCK_BYTES) * (
+    in_blocks = np.int64(_BLOCK_BYTES) * (
         (words + np.uint8(_BLOCK_WORDS - 1)) // np.uint8(_BLOCK_WORDS)
     )
-    missing = whole - size[order]
-    at = stop[order] - whole
+    missing = in_blocks - size[order]
+    at = stop[order] - in_blocks
     state, mixed = np.zeros((2, order.size), dtype=np.uint16)
     reached = [
         *np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(),
         *[0] * _BLOCK_WORDS,
     ]  # frames with so many words or more
-    running, most = 0, int(whole[0]) // 2 if words.size else 0
+    running, most = 0, int(in_blocks[0]) // 2 if words.size else 0
     for left in range(most, 0, -_BLOCK_WORDS):
         active = reached[left - _BLOCK_WORDS + 1]
         content = blocks[at[:active]].view(np.uint64).reshape(active, _BLOCK_BYTES // 8)
@@ -250,9 +250,9 @@ def crc_extras() -> npt.NDArray[np.int16]:
 
     Ids beyond the end are not defined either.
     """
-    known = definitions()
-    table = np.full(max(known) + 2, -1, dtype=np.int16)
-    for number, message in known.items():
+    dialect = definitions()
+    table = np.full(max(dialect) + 2, -1, dtype=np.int16)
+    for number, message in dialect.items():
         table[number] = message.crc_extra
     return table
 

@@ -139,9 +139,9 @@ class Formats:
         One that differs from that in force is kept as its rival, as one of the two must
         be damaged.
         """
-        known = self.by_name.setdefault(declared.name, declared)
+        first = self.by_name.setdefault(declared.name, declared)
         rivals = self.rivals.get(declared.name, [])
-        if known != declared and declared not in rivals and len(rivals) < MAX_RIVALS:
+        if first != declared and declared not in rivals and len(rivals) < MAX_RIVALS:
             self.rivals[declared.name] = [*rivals, declared]
 
     def replace(self, chosen: Format) -> None:
@@ -157,9 +157,9 @@ class Formats:
         """
         if name in FIELD_BYTES:
             return FIELD_BYTES[name]
-        known = self._sizes.get(name)
-        if known is not None:
-            return known
+        size_bytes = self._sizes.get(name)
+        if size_bytes is not None:
+            return size_bytes
         if name not in self.by_name or depth > MAX_DEPTH:
             return 0
         total = 0
@@ -176,12 +176,12 @@ class Formats:
 
         None as long as `size` is 0: the formats that it needs may still come.
         """
-        known = self._layouts.get(name)
-        if known is None:
-            known = self._layout(name)
-            if known is not None:
-                self._layouts[name] = known
-        return known
+        cached = self._layouts.get(name)
+        if cached is None:
+            cached = self._layout(name)
+            if cached is not None:
+                self._layouts[name] = cached
+        return cached
 
     def _layout(self, name: str) -> RecordSizes | None:
         padded = self.size(name)

@@ -105,10 +105,10 @@ class StepAutopilot:
         below = z - float(self.depth_m[tick])
         if abs(below) < 0.5:
             self.depth_sum += below * self.tick_s
-        wanted = _cut(g.depth * below + g.depth_integral * self.depth_sum, g.largest_pitch_rad)
-        if abs(wanted - theta) < g.integral_zone_rad:
-            self.pitch_sum += (wanted - theta) * self.tick_s
-        elevator = g.pitch * (wanted - theta) - g.pitch_rate * q + g.pitch_integral * self.pitch_sum
+        pitch = _cut(g.depth * below + g.depth_integral * self.depth_sum, g.largest_pitch_rad)
+        if abs(pitch - theta) < g.integral_zone_rad:
+            self.pitch_sum += (pitch - theta) * self.tick_s
+        elevator = g.pitch * (pitch - theta) - g.pitch_rate * q + g.pitch_integral * self.pitch_sum
         target = self.mixing @ np.array(
             [_cut(elevator, self.limit_rad), _cut(rudder, self.limit_rad)]
         )

@@ -169,8 +169,8 @@ def design(
     )
 
 
-def _words(**given: tuple[str | None, tuple[str | None, ...]]) -> None:
-    for name, (value, allowed) in given.items():
+def _words(**choices: tuple[str | None, tuple[str | None, ...]]) -> None:
+    for name, (value, allowed) in choices.items():
         if value not in allowed:
             raise CampaignError(
                 "unknown method", field=name, value=value, allowed=tuple(map(str, allowed))
@@ -196,13 +196,13 @@ def _observer(
     )
     inner = a_z - L @ C_Z
     m, size = B.shape[-1], N + D
-    whole = np.zeros((len(A), size + m + N, size + m + N))
-    whole[:, :size, :size], whole[:, :size, size : size + m], whole[:, :size, size + m :] = (
+    system = np.zeros((len(A), size + m + N, size + m + N))
+    system[:, :size, :size], system[:, :size, size : size + m], system[:, :size, size + m :] = (
         inner,
         b_z,
         L,
     )
-    flow = exponential(whole * tick_s)[:, :size]
+    flow = exponential(system * tick_s)[:, :size]
     if feed_forward == "target":
         state, inputs = disturbance_target(
             A,
@@ -224,9 +224,9 @@ def _observer(
 
 def _along(t_s: Array, knots_s: Array, values: ArrayLike) -> Array:
     """Interpolate (d, ...) linearly over time; constant beyond the last knot."""
-    known = np.asarray(values)
+    array = np.asarray(values)
     place = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, max(len(knots_s) - 2, 0))
     after = np.minimum(place + 1, len(knots_s) - 1)
     width = np.where(after > place, knots_s[after] - knots_s[place], 1.0)
-    share = np.clip((t_s - knots_s[place]) / width, 0.0, 1.0).reshape(-1, *(1,) * (known.ndim - 1))
-    return np.asarray(known[place] + share * (known[after] - known[place]))
+    share = np.clip((t_s - knots_s[place]) / width, 0.0, 1.0).reshape(-1, *(1,) * (array.ndim - 1))
+    return np.asarray(array[place] + share * (array[after] - array[place]))

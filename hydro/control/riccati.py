@@ -35,11 +35,11 @@ def exponential(matrices: ArrayLike) -> Array:
     For hundreds of small matrices at once; relative error of the order 1e-15 times 2 to
     the number of squarings, `scipy.linalg.expm` to rounding but twenty times faster.
     """
-    given = np.asarray(matrices, dtype=np.float64)
-    size = float(np.abs(given).sum(axis=-2).max(initial=0.0))
+    stack = np.asarray(matrices, dtype=np.float64)
+    size = float(np.abs(stack).sum(axis=-2).max(initial=0.0))
     squarings = max(0, int(np.ceil(np.log2(max(size, 1e-300) / 0.5))))
-    x = given / 2.0**squarings
-    unit = np.eye(given.shape[-1])
+    x = stack / 2.0**squarings
+    unit = np.eye(stack.shape[-1])
     out = unit + x / 16.0
     for order in range(15, 0, -1):
         out = unit + x @ out / order

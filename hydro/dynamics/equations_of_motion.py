@@ -87,12 +87,12 @@ def actuator_force(vehicle: Vehicle, nu: ArrayLike, control: Control) -> dict[st
     """
     forces: dict[str, Array] = {}
     if vehicle.fins is not None:
-        deflection = _given(control.fins_rad, "fin deflections")
+        deflection = _required(control.fins_rad, "fin deflections")
         forces["fins"] = fin_force(
             vehicle.fins, nu, deflection, water_density=vehicle.water_density
         )
     if vehicle.propeller is not None:
-        n = _given(control.propeller_rev_s, "propeller speed")
+        n = _required(control.propeller_rev_s, "propeller speed")
         forces["propeller"] = propeller_force(
             vehicle.propeller, nu, n, water_density=vehicle.water_density
         )
@@ -101,7 +101,7 @@ def actuator_force(vehicle: Vehicle, nu: ArrayLike, control: Control) -> dict[st
         if along_axis is None:
             along_axis = thruster_forces(
                 vehicle.thrusters,
-                _given(control.thruster_pwm_us, "thruster pulses"),
+                _required(control.thruster_pwm_us, "thruster pulses"),
                 control.voltage_v,
             )
         forces["thrusters"] = thruster_force(vehicle.thrusters, along_axis)
@@ -178,7 +178,7 @@ def restoring_of(vehicle: Vehicle, eta: ArrayLike) -> Array:
     )
 
 
-def _given(command: ArrayLike | None, what: str) -> ArrayLike:
+def _required(command: ArrayLike | None, what: str) -> ArrayLike:
     if command is None:
         raise DataError(
             f"the vehicle needs {what}, but the data have none",

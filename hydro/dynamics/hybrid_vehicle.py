@@ -141,7 +141,7 @@ def parameter_coefficients(vehicle: Vehicle, parameter_set: str) -> tuple[Coeffi
     if parameter_set == "corrected":
         return computed
     key = "as_simulated" if parameter_set == "as_simulated" else "published"
-    given = dict(vehicle.published)
+    listed = dict(vehicle.published)
     if not getattr(vehicle, key):
         raise CampaignError(
             "the vehicle file lists no coefficients for this parameter set",
@@ -150,13 +150,13 @@ def parameter_coefficients(vehicle: Vehicle, parameter_set: str) -> tuple[Coeffi
             remedy="Take `corrected`, which needs the geometry alone.",
         )
     if parameter_set == "as_simulated":
-        given |= vehicle.as_simulated
+        listed |= vehicle.as_simulated
     kept = tuple(
         item
         for item in computed
-        if item.name not in given or item.kind in ("body_lift", "surface_lift")
+        if item.name not in listed or item.kind in ("body_lift", "surface_lift")
     )
-    return (*kept, *given.values())
+    return (*kept, *listed.values())
 
 
 def nu_dot(

@@ -89,13 +89,13 @@ class Campaign:
     def _log_file(self, item: Mapping[str, Any], log: str) -> LogFile:
         columns = None
         if item.get("columns"):
-            found = load_yaml(
+            mapping = load_yaml(
                 inside(self.folder, item["columns"], self.file.path),
                 named_in=self.file.path,
                 what=f"column map of log '{log}'",
             )
-            found.check("column_map")
-            columns = found.value
+            mapping.check("column_map")
+            columns = mapping.value
         return LogFile(item["file"], inside(self.folder, item["file"], self.file.path), columns)
 
     def seen_by(self, log: str | None = None, leg: str | None = None) -> Mapping[str, Any]:
@@ -150,15 +150,15 @@ def load_campaign(
 
 def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
     """The documents that the manifest names, read and checked, by schema."""
-    found = {}
+    by_schema = {}
     for name, (key, _) in DOCUMENTS.items():
         if key in file.value:
             document = load_yaml(
                 inside(folder, file.value[key], file.path), named_in=file.path, what=key
             )  # JSON is YAML
             document.check(name)
-            found[name] = document.value
-    return found
+            by_schema[name] = document.value
+    return by_schema
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:
@@ -243,17 +243,17 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
         yield from _id_faults(manifest[part], part, path)
     for index, log in enumerate(manifest["logs"]):
         yield from _log_faults(log, f"logs[{index}]", path)
-    known = [log["id"] for log in manifest["logs"]]
+    log_ids = [log["id"] for log in manifest["logs"]]
     for index, leg in enumerate(manifest["legs"]):
         at = f"legs[{index}]"
-        if leg["log"] not in known:
+        if leg["log"] not in log_ids:
             yield CampaignError(
                 "no such log",
                 file=path,
                 field=f"{at}.log",
                 value=leg["log"],
-                allowed=known,
-                remedy=nearest(leg["log"], known),
+                allowed=log_ids,
+                remedy=nearest(leg["log"], log_ids),
             )
         start, end = leg.get("start_s"), leg.get("end_s")
         if end is not None and (start or 0) >= end:
@@ -283,7 +283,7 @@ def _stage_faults(
 
 
 def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Iterator[PipelineError]:
-    seen: dict[str, int] = {}
+    places: dict[str, int] = {}
     for index, entry in enumerate(entries):
         name = entry["id"]
         if not ID.fullmatch(name):
@@ -294,22 +294,22 @@ def _id_faults(entries: list[Mapping[str, Any]], part: str, path: Path) -> Itera
                 value=name,
                 allowed="at most 100 letters, digits, _ and -, not starting with -",
             )
-        if name.lower() in seen:
+        if name.lower() in places:
             yield CampaignError(
-                f"the same name as {part}[{seen[name.lower()]}]",
+                f"the same name as {part}[{places[name.lower()]}]",
                 file=path,
                 field=f"{part}[{index}].id",
                 value=name,
             )
-        seen.setdefault(name.lower(), index)
+        places.setdefault(name.lower(), index)
 
 
 def _log_faults(log: Mapping[str, Any], at: str, path: Path) -> Iterator[PipelineError]:
     single, several = "file" in log, bool(log.get("files"))
     if single == several:
-        found = "both" if single else "neither"
+        which = "both" if single else "neither"
         yield CampaignError(
-            f"a log needs either file or files, this one has {found}",
+            f"a log needs either file or files, this one has {which}",
             file=path,
             field=f"{at}.id",
             value=log["id"],

@@ -47,12 +47,12 @@ def load_twin(
             value=accelerometer,
             remedy=remedy,
         )
-    found = load_plan(plan, vehicle, file=file)
+    plan_file = load_plan(plan, vehicle, file=file)
     truth = load_truth(
         str(entry.get("truth", PHYSICS)), vehicle_file=vehicle_file, folder=folder, file=file
     )
     return {
-        "plan": found.value,
+        "plan": plan_file.value,
         "truth": truth,
         "seed": int(entry.get("seed", 0)),
         "format": format,
@@ -62,18 +62,18 @@ def load_twin(
 
 def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> YamlFile:
     """A plan that agrees with its schema and that this vehicle can fly."""
-    found = load_yaml(path, named_in=file, what="plan")
-    dives = isinstance(found.value, Mapping) and is_dive_plan(found.value)
-    found.check("dive_plan" if dives else "plan")
+    plan_file = load_yaml(path, named_in=file, what="plan")
+    dives = isinstance(plan_file.value, Mapping) and is_dive_plan(plan_file.value)
+    plan_file.check("dive_plan" if dives else "plan")
     try:
         if dives:
-            dive_plan(found.value, vehicle, file=path)
+            dive_plan(plan_file.value, vehicle, file=path)
         else:
-            check = bench_plan if "bench" in found.value else plan_from_document
-            check(found.value, vehicle, file=path)
+            check = bench_plan if "bench" in plan_file.value else plan_from_document
+            check(plan_file.value, vehicle, file=path)
     except CampaignError as fault:
-        raise found.located(fault) from None
-    return found
+        raise plan_file.located(fault) from None
+    return plan_file
 
 
 def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> dict[str, Any]:

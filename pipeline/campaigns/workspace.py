@@ -37,19 +37,19 @@ class Workspace:
 
     def campaign_folder(self, name: str) -> Path:
         """Return the folder of a campaign, given by name, folder or manifest."""
-        given = Path(name).expanduser()
-        if given.name == "campaign.yaml":
-            return given.resolve().parent
-        if (given / "campaign.yaml").is_file():
-            return given.resolve()
-        known = self.campaign_names()
-        if name in known:
+        path = Path(name).expanduser()
+        if path.name == "campaign.yaml":
+            return path.resolve().parent
+        if (path / "campaign.yaml").is_file():
+            return path.resolve()
+        names = self.campaign_names()
+        if name in names:
             return self.campaigns / name
         raise CampaignError(
             "no such campaign",
             value=name,
-            allowed=known or "none yet",
-            remedy=nearest(name, known)
+            allowed=names or "none yet",
+            remedy=nearest(name, names)
             or f"Campaigns live in {self.campaigns}, one folder with a campaign.yaml each.",
         )
 
@@ -59,10 +59,10 @@ class Workspace:
 
     def vehicle_files(self) -> dict[str, Path]:
         """Vehicles by name: those of the workspace, then those that come with auvid."""
-        found: dict[str, Path] = {}
+        files: dict[str, Path] = {}
         for folder in (SHIPPED_VEHICLES, self.root / "vehicles"):
-            found |= {path.stem: path for path in folder.glob("*.yaml")}
-        return dict(sorted(found.items()))
+            files |= {path.stem: path for path in folder.glob("*.yaml")}
+        return dict(sorted(files.items()))
 
 
 def find_workspace(start: Path) -> Workspace:
@@ -83,13 +83,13 @@ def workspace_of(campaign: str) -> Workspace:
     A campaign folder outside any workspace is its own: every stage parameter has its
     default, and runs/ stands in that folder.
     """
-    given = Path(campaign).expanduser()
+    start = Path(campaign).expanduser()
     try:
         return find_workspace(Path.cwd())
     except PipelineError:
-        if not given.exists():
+        if not start.exists():
             raise
-    folder = given.resolve().parent if given.is_file() else given.resolve()
+    folder = start.resolve().parent if start.is_file() else start.resolve()
     try:
         return find_workspace(folder)
     except PipelineError:
@@ -106,14 +106,14 @@ def vehicle_file_of(name: str) -> Path:
     if name.endswith(".yaml"):
         return Path(name).expanduser()
     try:
-        known = find_workspace(Path.cwd()).vehicle_files()
+        files = find_workspace(Path.cwd()).vehicle_files()
     except PipelineError:
-        known = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
-    if name not in known:
+        files = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
+    if name not in files:
         raise CampaignError(
-            "no such vehicle", value=name, allowed=known, remedy=nearest(name, known)
+            "no such vehicle", value=name, allowed=files, remedy=nearest(name, files)
         )
-    return known[name]
+    return files[name]
 
 
 def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
@@ -126,14 +126,14 @@ def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) 
     file = load_yaml(workspace.root / PARAMS_FILE)
     if not isinstance(file.value, Mapping):
         raise CampaignError("needs one section per stage", file=file.path)
-    known = [stage.name for stage in stages]
+    names = [stage.name for stage in stages]
     for name, section in file.value.items():
         if name == "campaigns":
             continue
-        if name not in known:
+        if name not in names:
             raise file.located(
                 CampaignError(
-                    "unknown stage", file=file.path, field=str(name), remedy=nearest(name, known)
+                    "unknown stage", file=file.path, field=str(name), remedy=nearest(name, names)
                 )
             )
         if not isinstance(section, Mapping):
@@ -151,7 +151,7 @@ def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) 
 
 
 def _located(file: YamlFile, fault: PipelineError) -> PipelineError:
-    """Return a fault of a parameter with its row in params.yaml, which has no `stages`."""
+    """Return a fault of a parameter with its row in params.yaml."""
     if isinstance(fault, ManyFaults):
         return ManyFaults([_located(file, each) for each in fault.faults], file=file.path)
     fault.row = file.line((fault.field or "").removeprefix("stages."))

@@ -98,17 +98,17 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
 
 
 def _walk(
-    node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, seen: set[int]
+    node: yaml.Node | None, path: str, lines: dict[str, int], file: Path, visited: set[int]
 ) -> None:
-    if node is None or id(node) in seen:
+    if node is None or id(node) in visited:
         return
-    seen.add(id(node))
+    visited.add(id(node))
     lines[path] = node.start_mark.line + 1
     if isinstance(node, yaml.ScalarNode):
         _check_scalar(node, path, file)
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
-            _walk(item, f"{path}[{index}]", lines, file, seen)
+            _walk(item, f"{path}[{index}]", lines, file, visited)
     elif isinstance(node, yaml.MappingNode):
         keys: set[Hashable] = set()
         for key, value in node.value:
@@ -124,43 +124,43 @@ def _walk(
             if isinstance(key, yaml.ScalarNode):
                 _check_scalar(key, path, file)
             inner = f"{path}.{name}" if path else name
-            _walk(value, inner, lines, file, seen)
+            _walk(value, inner, lines, file, visited)
             lines[inner] = key.start_mark.line + 1
 
 
 def _check_scalar(node: yaml.ScalarNode, path: str, file: Path) -> None:
-    """Refuse texts that no file name or page can hold, and numbers that no float holds."""
+    """Refuse texts that no page can hold, and numbers that no float holds."""
     faults = {
         "a character that no text may hold": NO_TEXT.search(node.value),
         "a number too long": node.tag.endswith((":int", ":float")) and len(node.value) > LONGEST,
     }
-    for words, found in faults.items():
-        if found:
+    for words, applies in faults.items():
+        if applies:
             row = node.start_mark.line + 1
             raise CampaignError(words, file=file, row=row, field=path or None, value=node.value)
 
 
 def _refuse_bombs(root: yaml.Node | None, file: Path) -> None:
-    """Refuse aliases that hold themselves, or multiply the file beyond `MOST_REPEATED`."""
+    """Refuse aliases within themselves, or beyond `MOST_REPEATED` times the file."""
     sizes: dict[int, int] = {}
     repeated = 0
 
     def size(node: yaml.Node) -> int:
         nonlocal repeated
-        known = sizes.get(id(node))
-        if known == 0:
+        count = sizes.get(id(node))
+        if count == 0:
             raise CampaignError(
                 "an alias stands in what it names", file=file, row=node.start_mark.line + 1
             )
-        if known is None:
+        if count is None:
             sizes[id(node)] = 0
             inner = node.value if isinstance(node, yaml.CollectionNode) else ()
             pairs = isinstance(node, yaml.MappingNode)
             parts = (part for item in inner for part in (item if pairs else (item,)))
-            known = sizes[id(node)] = 1 + sum(map(size, parts))
+            count = sizes[id(node)] = 1 + sum(map(size, parts))
         else:
-            repeated += known
-        if repeated > MOST_REPEATED or known > MOST_REPEATED + len(sizes):
+            repeated += count
+        if repeated > MOST_REPEATED or count > MOST_REPEATED + len(sizes):
             raise CampaignError(
                 "aliases repeat too much",
                 file=file,
@@ -168,7 +168,7 @@ def _refuse_bombs(root: yaml.Node | None, file: Path) -> None:
                 allowed=f"{MOST_REPEATED} values",
                 remedy="Write out what is meant.",
             )
-        return known
+        return count
 
     if root is not None:
         size(root)

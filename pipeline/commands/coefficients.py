@@ -43,12 +43,12 @@ def coefficients_of(
     """
     path = vehicle_file_of(vehicle)
     loaded = load_vehicle(path)
-    known = loaded.vehicle
+    of_file = loaded.vehicle
     try:
-        used = _used(known, parameter_set)
+        used = _used(of_file, parameter_set)
     except PipelineError as fault:
         raise loaded.file.located(fault) from None
-    rows = [_row(item, known.published.get(item.name)) for item in used]
+    rows = [_row(item, of_file.published.get(item.name)) for item in used]
     files = coefficient_files(path)
     if model is not None and model not in files:
         raise CampaignError(
@@ -61,8 +61,8 @@ def coefficients_of(
     terms = viscous_terms(used)
     compared = [] if model is None else _shared_terms(terms, read_coefficients(files[model]))
     return {
-        "vehicle": known.name,
-        "title": known.title,
+        "vehicle": of_file.name,
+        "title": of_file.title,
         "file": str(path),
         "parameter_set": parameter_set,
         "coefficients": rows,

@@ -34,9 +34,9 @@ WRITTEN = "documents."
 
 def print_stages(name: str | None = None) -> None:
     """Print every stage, or one. Raises `PipelineError` for an unknown name."""
-    known = [stage.name for stage in STAGES]
-    if name is not None and name not in known:
-        raise PipelineError("no such stage", value=name, allowed=known, remedy=nearest(name, known))
+    names = [stage.name for stage in STAGES]
+    if name is not None and name not in names:
+        raise PipelineError("no such stage", value=name, allowed=names, remedy=nearest(name, names))
     for stage in STAGES:
         if name in (None, stage.name):
             _print_stage(stage)

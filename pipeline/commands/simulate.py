@@ -59,10 +59,10 @@ def write_campaign(
                 remedy=nearest(value, allowed),
             )
     vehicle_file = vehicle_file_of(vehicle)
-    known = load_vehicle(vehicle_file).vehicle
+    checked = load_vehicle(vehicle_file).vehicle
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
     twin = load_twin(
-        entry, known, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
+        entry, checked, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
     )
     if "bench" in twin["plan"]:
         remedy = (
@@ -74,7 +74,7 @@ def write_campaign(
             field="bench",
             remedy=remedy,
         )
-    results = simulate.run(simulate.Inputs(known, twin), simulate.Params())
+    results = simulate.run(simulate.Inputs(checked, twin), simulate.Params())
     for name, content in results.logs.items():
         write_atomically(folder / "logs" / name, content)
     if format == "csv":

@@ -10,7 +10,7 @@ from typing import Any
 
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import DOCUMENTS
-from auvid.pipeline.graph import MANIFEST_PORTS, WHOLE, AnyStage, Graph, stages_of_kind
+from auvid.pipeline.graph import MANIFEST_PORTS, ONCE, AnyStage, Graph, stages_of_kind
 from auvid.stages.base import ports
 
 COMMENT_AT = 44
@@ -171,13 +171,13 @@ def _outs(stage: AnyStage) -> list[tuple[str, str]]:
     specs = ports(stage.outputs)
     if (
         not any(spec["port"].endswith("_metrics") for spec in specs.values())
-        or stage.maps_over != WHOLE
+        or stage.maps_over != ONCE
     ):
         return [(folder, "")]
-    found = [(f"{folder}/manifest.json", "")]
+    outputs = [(f"{folder}/manifest.json", "")]
     for name, spec in specs.items():
         note = "metrics" if spec["port"].endswith("_metrics") else ""
-        found.append(
+        outputs.append(
             (
                 (
                     f"{folder}/{name}"
@@ -187,7 +187,7 @@ def _outs(stage: AnyStage) -> list[tuple[str, str]]:
                 note,
             )
         )
-    return found
+    return outputs
 
 
 def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:

@@ -34,8 +34,8 @@ from auvid.pipeline.execution.task_inputs import (
 )
 from auvid.pipeline.graph import (
     MANIFEST_PORTS,
+    ONCE,
     SIMULATED_LOG,
-    WHOLE,
     AnyStage,
     Feed,
     Graph,
@@ -166,7 +166,7 @@ class Run:
             f"{self.title}/{stage.name}" if self.title else stage.name,
             todo=len(again),
             total=len(places),
-            level=WHOLE if self.title else stage.maps_over,
+            level=ONCE if self.title else stage.maps_over,
         )
         for outcome in engine.map(stale):
             outcomes[outcome.item] = outcome
@@ -188,8 +188,8 @@ class Run:
         Segments come in the order of their legs.
         """
         legs = self.campaign.legs
-        if level == WHOLE:
-            return [Place(WHOLE)]
+        if level == ONCE:
+            return [Place(ONCE)]
         if level == "log":
             return [Place(log, log) for log in self.campaign.logs]
         if level == "leg":
@@ -312,10 +312,10 @@ class Run:
     def _of_members(self, feed: Feed) -> Source:
         """A document of each member by its name, or their artefacts by `RUN/ITEM`."""
         if feed.schema in MANIFEST_PORTS:
-            whole = Place(WHOLE)
+            campaign = Place(ONCE)
             return Value(
                 {
-                    name: run._manifest_document(feed.schema, whole)
+                    name: run._manifest_document(feed.schema, campaign)
                     for name, run in self.members.items()
                 }
             )
@@ -324,7 +324,7 @@ class Run:
             for port in run.graph.producers(feed.schema):
                 for item in run.manifests[port.stage.name].records:
                     for key, artefact in run.artefacts_of(port, item).items():
-                        last = key if key is not None else "" if port.level == WHOLE else item
+                        last = key if key is not None else "" if port.level == ONCE else item
                         entries[f"{name}/{last}".rstrip("/")] = artefact
         return Many(entries)
 
@@ -375,7 +375,7 @@ class Run:
     def _label(self, feed: Feed, producer: Port, item: str, key: str | None) -> str:
         parts = (
             [producer.stage.name]
-            if producer.level == WHOLE
+            if producer.level == ONCE
             else [producer.stage.name, producer.owner(item, key)]
         )
         if feed.schema == "table" or producer.keyed:
@@ -389,22 +389,25 @@ class Run:
         stage.
         """
         items = self._items(producer.stage)
-        if stage.maps_over == WHOLE and producer.level != WHOLE:
-            found = {
+        if stage.maps_over == ONCE and producer.level != ONCE:
+            artefacts = {
                 f"{item}/{key}" if producer.keyed else producer.owner(item, key): artefact
                 for item in items
                 for key, artefact in self.artefacts_of(producer, item).items()
             }
-            return Many(found)
-        item = {"log": place.log, "leg": place.leg, "segment": place.item, WHOLE: WHOLE}[
-            producer.stage.maps_over
-        ]
+            return Many(artefacts)
+        item = {
+            "log": place.log,
+            "leg": place.leg,
+            "segment": place.item,
+            ONCE: ONCE,
+        }[producer.stage.maps_over]
         if item not in items:
             raise self._not_run(producer.stage)
-        given = self.artefacts_of(producer, item)
+        of_item = self.artefacts_of(producer, item)
         if producer.keyed:
-            return Many({str(key): artefact for key, artefact in given.items()})
-        artefact = given.get(place.item if producer.many else None)
+            return Many({str(key): artefact for key, artefact in of_item.items()})
+        artefact = of_item.get(place.item if producer.many else None)
         if artefact is not None:
             return artefact
         if feed.optional:
@@ -444,7 +447,7 @@ def _raise(stage: AnyStage, outcomes: Sequence[Outcome]) -> None:
 
 
 def _where(stage: AnyStage, item: str) -> str:
-    return stage.name if stage.maps_over == WHOLE else f"{stage.name}, {stage.maps_over} '{item}'"
+    return stage.name if stage.maps_over == ONCE else f"{stage.name}, {stage.maps_over} '{item}'"
 
 
 def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:

@@ -68,7 +68,7 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
     try:
         # one thread: Arrow's readers let go of a Python buffer after they return, and
         # at exit that aborts (apache/arrow#34314)
-        found = (
+        value = (
             pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
             if kind == "table"
             else json.loads(content)
@@ -78,9 +78,9 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
         ) from fault
     if kind == "document":
-        return delivered(found, name, file=path)
-    check_table(found, name, file=path)
-    return found
+        return delivered(value, name, file=path)
+    check_table(value, name, file=path)
+    return value
 
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:

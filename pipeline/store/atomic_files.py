@@ -149,8 +149,8 @@ def remove_temporary_files(folder: Path, *, of: str | None = None, shared: bool 
     With `of` only those of this name, in the folder itself. Where others may be writing
     (`shared`, or `of`), files of live processes stay.
     """
-    found = folder.rglob(f".*{TEMPORARY}") if of is None else folder.glob(f".*{TEMPORARY}")
-    for path in found:
+    leftovers = folder.rglob(f".*{TEMPORARY}") if of is None else folder.glob(f".*{TEMPORARY}")
+    for path in leftovers:
         process = OF_PROCESS.fullmatch(path.name)
         if process is None or (of is not None and not path.name.startswith(f".{of}.")):
             continue

@@ -83,14 +83,14 @@ class FileHashes:
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "no regular file", str(path))
         stamp = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
-        known = self._known.get(str(path))
-        if isinstance(known, list) and known[:-1] == stamp:
-            return str(known[-1])
-        found = hash_file(path)
+        earlier = self._known.get(str(path))
+        if isinstance(earlier, list) and earlier[:-1] == stamp:
+            return str(earlier[-1])
+        digest = hash_file(path)
         if time.time() - max(status.st_mtime, status.st_ctime) > SETTLED_S:
-            self._known[str(path)] = [*stamp, found]
+            self._known[str(path)] = [*stamp, digest]
             self._changed = True
-        return found
+        return digest
 
     def save(self) -> None:
         """Write the hashes if any changed, without those of files that are gone."""
@@ -141,23 +141,23 @@ def import_closure(module: str) -> dict[str, Path]:
     A package's `__init__` counts only where something is imported from it:
     `stages/__init__.py` names all stages, and no stage depends on the others.
     """
-    found: dict[str, Path] = {}
+    closure: dict[str, Path] = {}
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name in found:
+        if name in closure:
             continue
         path = _source(name)
         if path is None:
             continue
-        found[name] = path
+        closure[name] = path
         waiting += sorted(_imports(path, name))
     data = {
         _data_name(path, name): path
-        for name, source in found.items()
+        for name, source in closure.items()
         for path in _data_files(source, name)
     }
-    return dict(sorted((found | data).items()))
+    return dict(sorted((closure | data).items()))
 
 
 def _floor(module: str) -> str:
@@ -225,20 +225,20 @@ def _scan(path: Path) -> _Scan:
 @cache
 def _imports(path: Path, module: str) -> frozenset[str]:
     floors = (*FLOORS, _floor(module))
-    found: set[str] = set()
+    imported: set[str] = set()
     for node in _scan(path).imports:
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            imported |= {alias.name for alias in node.names}
             continue
         base = _absolute(node, module, path)
         if _floor(base) not in floors:
             continue
         parts = [f"{base}.{alias.name}" for alias in node.names]
         modules = [part for part in parts if _source(part) is not None]
-        found |= set(modules)
+        imported |= set(modules)
         if len(modules) < len(parts):
-            found.add(base)
-    return frozenset(name for name in found if _floor(name) in floors)
+            imported.add(base)
+    return frozenset(name for name in imported if _floor(name) in floors)
 
 
 def _absolute(node: ast.ImportFrom, module: str, path: Path) -> str:
@@ -253,11 +253,11 @@ def _data_files(source: Path, module: str) -> list[Path]:
     """Return data files named in a source, or in the folder of a stage."""
     top = _floor_folder(_floor(module))
     named = _scan(source).data_names
-    beside = source.parent != top and module.startswith("auvid.stages.")
+    is_stage = source.parent != top and module.startswith("auvid.stages.")
     return [
         path
         for path in _folder_data(top)
-        if path.name in named or (beside and path.is_relative_to(source.parent))
+        if path.name in named or (is_stage and path.is_relative_to(source.parent))
     ]
 
 

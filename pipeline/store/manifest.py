@@ -47,9 +47,9 @@ class Manifest:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.path = folder / FILE
-        found = _read(self.path) if self.path.is_file() else {}
-        self.damaged = found is None
-        self.records: dict[str, Record] = found or {}
+        document = _read(self.path) if self.path.is_file() else {}
+        self.damaged = document is None
+        self.records: dict[str, Record] = document or {}
 
     def write(self, records: Mapping[str, Record], order: Iterable[str]) -> None:
         """Replace the records; nothing is written if they are the same."""
@@ -65,12 +65,12 @@ class Manifest:
     def keys(self, item: str) -> list[str]:
         """Return keys of an item's artefacts over all ports, in the stage's order."""
         record = self.records.get(item)
-        found = (
+        keyed = (
             [hashes for hashes in record.outputs.values() if isinstance(hashes, dict)]
             if record
             else []
         )
-        return list(dict.fromkeys(key for hashes in found for key in hashes))
+        return list(dict.fromkeys(key for hashes in keyed for key in hashes))
 
 
 def _read(path: Path) -> dict[str, Record] | None:

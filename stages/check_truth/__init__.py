@@ -105,15 +105,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             estimate[:, 10:].reshape(-1, 1),
             true[:, 10:].reshape(-1, 1),
         )
-        for name, (error, known) in bias_errors(
+        for name, (error, true_bias) in bias_errors(
             inputs.fusion[key], drawn[str(segment.log)], rotation
         ).items():
             quantity, unit = BIAS_NAMES[name]
-            errors.add(place, quantity, ("x", "y", "z"), unit, (error + known)[None], known[None])
+            errors.add(
+                place, quantity, ("x", "y", "z"), unit, (error + true_bias)[None], true_bias[None]
+            )
         _add_models(errors, place, inputs.predictions[key], true[:, 10:])
         if segment.use == "validation" or not judged:
             plots += comparison_plots(segment, clock(fused), estimate[:, 4:], true[:, 4:])
-    truth_errors: Errors = errors.found()
+    truth_errors: Errors = errors.errors()
     check_results = checks(
         {name: getattr(params, name) for name in FIGURES},
         params.ratio,

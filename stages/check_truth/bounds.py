@@ -49,7 +49,7 @@ def _errors(limits: Mapping[str, float | None], errors: Errors) -> Iterator[Refe
 def _ratios(
     ratio: Mapping[str, float], rows: Sequence[Mapping[str, Any]]
 ) -> Iterator[ReferenceCheck]:
-    known = {
+    ratios = {
         row["model"]: row["ratio"]
         for row in rows
         if row["use"] == "validation" and row["axis"] == row["leg"] == "all"
@@ -60,11 +60,13 @@ def _ratios(
             raise CampaignError(
                 "a bound of J/J0 must be a positive number", field=field, value=bound
             )
-        if known.get(model) is None:
+        if ratios.get(model) is None:
             raise CampaignError(
                 "no such model was judged on validation legs",
                 field=field,
-                allowed=sorted(known),
-                remedy=nearest(model, known),
+                allowed=sorted(ratios),
+                remedy=nearest(model, ratios),
             )
-        yield ReferenceCheck(f"J/J0 of {model}, validation", float(known[model]), high=float(bound))
+        yield ReferenceCheck(
+            f"J/J0 of {model}, validation", float(ratios[model]), high=float(bound)
+        )

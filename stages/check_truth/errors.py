@@ -34,7 +34,7 @@ class Errors:
 
     by_key: dict[Key, Error]
 
-    def whole(self, quantity: str, *, use: str = ALL) -> dict[str, Error]:
+    def over_legs(self, quantity: str, *, use: str = ALL) -> dict[str, Error]:
         """Return errors of a quantity over all legs of a use, by axis.
 
         Use `all`: of every leg; empty where it was not measured.
@@ -47,7 +47,7 @@ class Errors:
 
     def total(self, quantity: str) -> float | None:
         """Return the RMS over components and legs, None where it was not measured."""
-        parts = self.whole(quantity)
+        parts = self.over_legs(quantity)
         return (
             float(np.sqrt(np.mean([error.rms**2 for error in parts.values()]))) if parts else None
         )
@@ -60,22 +60,22 @@ class Errors:
         """The columns of schema `truth_errors`, totals first."""
         keys = sorted(self.by_key, key=lambda key: (key[0] != ALL, key[1] != ALL))
         heads = ("use", "segment", "quantity", "axis", "unit")
-        made: dict[str, list[object]] = {
+        table: dict[str, list[object]] = {
             name: [key[index] for key in keys] for index, name in enumerate(heads)
         }
         errors = [self.by_key[key] for key in keys]
-        made |= {
+        table |= {
             "samples": [error.n for error in errors],
             "rms_true": [error.rms_true for error in errors],
         }
-        made |= {
+        table |= {
             "rms_error": [error.rms for error in errors],
             "largest_error": [error.largest for error in errors],
         }
-        made["mean_error"] = [
+        table["mean_error"] = [
             None if key[3] == ALL else error.mean for key, error in zip(keys, errors, strict=True)
         ]
-        return made
+        return table
 
 
 @dataclass
@@ -100,8 +100,8 @@ class Sums:
         """Add samples (n, k) of a quantity with k axes; `place` is use and segment."""
         error = estimate - true
         for index, axis in enumerate(axes):
-            part, known = error[:, index], true[:, index]
-            new = np.array([len(part), part.sum(), part @ part, np.abs(part).max(), known @ known])
+            part, truth = error[:, index], true[:, index]
+            new = np.array([len(part), part.sum(), part @ part, np.abs(part).max(), truth @ truth])
             for use, segment in _places(place):
                 key = (use, segment, quantity, axis, unit)
                 old = self.sums.get(key, np.zeros(5))
@@ -109,18 +109,18 @@ class Sums:
                 self.sums[key] = old + new
                 self.sums[key][3] = largest
 
-    def found(self) -> Errors:
+    def errors(self) -> Errors:
         """The errors of all that was added."""
-        made = {}
-        for key, (n, total, square, largest, known) in self.sums.items():
-            made[key] = Error(
+        by_key = {}
+        for key, (n, total, square, largest, true_square) in self.sums.items():
+            by_key[key] = Error(
                 int(n),
-                float(np.sqrt(known / n)),
+                float(np.sqrt(true_square / n)),
                 float(np.sqrt(square / n)),
                 float(total / n),
                 float(largest),
             )
-        return Errors(made)
+        return Errors(by_key)
 
 
 def _places(place: tuple[str, str]) -> Iterator[tuple[str, str]]:

@@ -47,7 +47,7 @@ def _states(errors: Errors) -> Iterable[Block]:
     rows = []
     for (quantity, axis), unit in errors.units().items():
         if not quantity.startswith(MODEL):
-            error = errors.whole(quantity)[axis]
+            error = errors.over_legs(quantity)[axis]
             mean = None if axis == "all" else error.mean
             rows.append([quantity, axis, error.rms_true, error.rms, mean, error.largest, unit])
     note = (
@@ -69,7 +69,7 @@ def _models(errors: Errors, titles: Mapping[str, str]) -> Iterable[Block]:
     rows = []
     for use in ("validation", "training"):
         for quantity in models:
-            by_axis = errors.whole(quantity, use=use)
+            by_axis = errors.over_legs(quantity, use=use)
             if by_axis:
                 ratios = [
                     _ratio(by_axis[axis].rms, by_axis[axis].rms_true) for axis in ("all", *AXES)

@@ -19,8 +19,8 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, Stage, param, port
 from auvid.stages.control.cases import limits_of, trajectories_of, weights_of
 from auvid.stages.control.flying import (
+    DesignModels,
     Flown,
-    Models,
     fly_case,
     models_of,
     monte_carlo,
@@ -130,12 +130,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _words(models: Models) -> str:
+def _words(models: DesignModels) -> str:
     names = ", ".join(models.designs)
     return f"The vehicle that flies: {models.plant.title}. Controllers designed on: {names}."
 
 
-def _unstable(models: Models, flown: list[Flown]) -> list[Block]:
+def _unstable(models: DesignModels, flown: list[Flown]) -> list[Block]:
     if not models.plant.is_identified:
         return []
     return [
@@ -148,7 +148,7 @@ def _spread(
     entry: MonteCarloEntry,
     card: ModelCard | None,
     params: Params,
-    models: Models,
+    models: DesignModels,
     flown: list[Flown],
 ) -> tuple[list[Block], list[dict[str, Any]]]:
     """Return the Monte Carlo of the cases."""
@@ -190,7 +190,7 @@ def _spread(
 
 
 def _hybrid(
-    inputs: Inputs, models: Models, cases: ControlCasesDocument
+    inputs: Inputs, models: DesignModels, cases: ControlCasesDocument
 ) -> tuple[list[Block], list[dict[str, Any]]]:
     """Return the parts that only a hybrid vehicle with such cases has.
 

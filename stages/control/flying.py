@@ -42,7 +42,7 @@ CHUNK = 250
 
 
 @dataclass(frozen=True)
-class Models:
+class DesignModels:
     """The vehicle that flies, and the models of the designs by name.
 
     The first is the vehicle itself or its card.
@@ -72,7 +72,7 @@ class Flown:
 
 def models_of(
     vehicle: Vehicle, card: ModelCard | None, cases: ControlCasesDocument, limits: Limits
-) -> Models:
+) -> DesignModels:
     """The plant and the designs of a campaign.
 
     A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
@@ -98,7 +98,7 @@ def models_of(
             identified = true.hybrid.with_viscous(card_coefficients(card)[0], name=str(card.name))
             designs[f"identified ({card.name})"] = replace(true, hybrid=identified)
         designs |= {name: plant(name) for name in cases.redesign if name != own}
-        return Models(true, designs)
+        return DesignModels(true, designs)
     if card is None:
         raise CampaignError(
             "a controller needs a model of the vehicle",
@@ -110,7 +110,7 @@ def models_of(
     flown = identified_plant(
         vehicle, card, fin_limit_rad=limits.fins_rad, fin_rate_rad_s=limits.fin_rate_rad_s
     )
-    return Models(flown, {str(card.name): flown})
+    return DesignModels(flown, {str(card.name): flown})
 
 
 def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -> list[str]:
@@ -144,7 +144,7 @@ def require_stable(plant: ControlledPlant, schedule: Schedule, *, allow: bool) -
 
 
 def fly_case(
-    models: Models,
+    models: DesignModels,
     case: TrajectoryCase,
     weights: Mapping[str, Weights],
     limits: Limits,
@@ -286,7 +286,7 @@ def _member(batch: Any, index: int) -> Any:
 
 
 def monte_carlo(
-    models: Models,
+    models: DesignModels,
     card: ModelCard | None,
     flown: Flown,
     *,
@@ -362,9 +362,9 @@ def _drawn(
         names = [name for name in covariance.terms if name in terms]
         if not names:
             continue
-        whole = _symmetric(covariance.lower)
+        matrix = _symmetric(covariance.lower)
         kept = [covariance.terms.index(name) for name in names]
-        root = _root(whole[np.ix_(kept, kept)])
+        root = _root(matrix[np.ix_(kept, kept)])
         out[:, row, [terms.index(name) for name in names]] += (
             rng.standard_normal((members, len(names))) @ root.T
         )
@@ -372,10 +372,10 @@ def _drawn(
 
 
 def _symmetric(lower: Sequence[Sequence[float]]) -> Array:
-    whole = np.zeros((len(lower), len(lower)))
+    matrix = np.zeros((len(lower), len(lower)))
     for i, row in enumerate(lower):
-        whole[i, : i + 1] = whole[: i + 1, i] = row
-    return whole
+        matrix[i, : i + 1] = matrix[: i + 1, i] = row
+    return matrix
 
 
 def _root(covariance: Array) -> Array:

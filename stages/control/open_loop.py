@@ -120,10 +120,10 @@ def _by_name(items: Sequence[Coefficient]) -> dict[str, Coefficient]:
 
 
 def _row(item: Finding) -> dict[str, Any]:
-    known = bool(np.isfinite(item.ours))
+    finite = bool(np.isfinite(item.ours))
     return {
         "quantity": f"open loop {item.case}, {item.statement.quantity}, {item.parameter_set}",
-        "value": item.ours if known else None,
+        "value": item.ours if finite else None,
         "unit": item.statement.unit,
         "verdict": "holds" if item.holds else "does not hold",
         "note": (

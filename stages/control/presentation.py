@@ -407,7 +407,7 @@ def monte_carlo_part(
     """Spread of the tracking error over drawn models."""
     rms = errors.cross_track_rms_m
     lost = int((~np.isfinite(rms)).sum())
-    known = rms[np.isfinite(rms)]
+    finite = rms[np.isfinite(rms)]
     words = (
         f"{len(rms)} vehicles with coefficients drawn from {source}, {duration_s:g} s of"
         f" {item.case.title}, {item.flight.title}."
@@ -417,8 +417,8 @@ def monte_carlo_part(
         {"quantity": "Monte Carlo, members", "value": float(len(rms)), "unit": "1", "note": words},
         {"quantity": "Monte Carlo, members lost", "value": float(lost), "unit": "1", "note": words},
     ]
-    if len(known):
-        low, middle, high = (float(value) for value in np.percentile(known, [2.5, 50.0, 97.5]))
+    if len(finite):
+        low, middle, high = (float(value) for value in np.percentile(finite, [2.5, 50.0, 97.5]))
         blocks.append(
             remark(
                 f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its"

@@ -126,16 +126,16 @@ def _history_table(decays: list[DecayResult]) -> pa.Table | None:
                     strict=True,
                 )
             )
-            known = {
-                "linear": item.decay.known[0] * columns["stiffness"],
-                "quadratic": item.decay.known[1] * columns["stiffness"],
+            of_pole = {
+                "linear": item.decay.pole[0] * columns["stiffness"],
+                "quadratic": item.decay.pole[1] * columns["stiffness"],
             }
             block = {
                 "recording": [item.recording.leg] * t.size,
                 "t_s": t,
                 "stiffness": columns["stiffness"],
             }
-            block |= {name: known[name] + columns.get(name, np.zeros(t.size)) for name in known}
+            block |= {name: of_pole[name] + columns.get(name, np.zeros(t.size)) for name in of_pole}
             parts.append(
                 block | {"smallest_eigenvalue": np.interp(t, excited.t_s, excited.smallest)}
             )

@@ -149,14 +149,14 @@ def _decay(
     loaded = entry.role == "vehicle"
     hung = apparatus.hung(loaded=loaded)
     pole = None if empty is None else empty.derivatives[empty.chosen, "output error"]
-    known = (
+    pole_ratios = (
         (0.0, 0.0)
         if pole is None
         else tuple(pole.values[1:] * apparatus.arm ** np.array([2.0, 3.0]) / hung.stiffness)
     )
     recordings = [logs.recording(leg, f"{field}.legs", upright=False) for leg in entry.legs]
     training = [
-        _decay_recording(item, (float(known[0]), float(known[1])))
+        _decay_recording(item, (float(pole_ratios[0]), float(pole_ratios[1])))
         for item in recordings
         if not item.validation
     ]
@@ -167,7 +167,7 @@ def _decay(
             value=", ".join(entry.legs),
         )
     others = [
-        replace(prepared(item)[0], known=(float(known[0]), float(known[1])))
+        replace(prepared(item)[0], pole=(float(pole_ratios[0]), float(pole_ratios[1])))
         for item in recordings
         if item.validation
     ]
@@ -186,7 +186,7 @@ def _decay(
             for name in DAMPING
         }
     chosen = choose_damping(
-        held_out, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.known)
+        held_out, *clear_of_zero(training[0].estimate.output_error[BOTH], training[0].decay.pole)
     )
     results = {}
     for name in DAMPING:
@@ -225,9 +225,9 @@ def _ratios(estimate: DecayEstimate, method: str) -> Mapping[str, Ratios]:
     }[method]
 
 
-def _decay_recording(recording: SwingRecording, known: tuple[float, float]) -> DecayRecording:
+def _decay_recording(recording: SwingRecording, pole_ratios: tuple[float, float]) -> DecayRecording:
     decay, swings = prepared(recording)
-    decay = replace(decay, known=known)
+    decay = replace(decay, pole=pole_ratios)
     with naming(recording.leg):
         return DecayRecording(recording, decay, estimate_decay(decay), swings)
 

@@ -226,10 +226,10 @@ def _judge_axis(
         return
     tilt = float(np.degrees(np.arccos(min(1.0, abs(float(down @ axis.axis)) / length))))
     if (upright and tilt > UPRIGHT_DEG) or (not upright and tilt < 90.0 - UPRIGHT_DEG):
-        wanted = "upright" if upright else "level"
+        expected = "upright" if upright else "level"
         warnings.append(
             f"The axis of the swing stands {tilt:.0f} degrees off the vertical, but should be"
-            f" {wanted}: is this the right leg?"
+            f" {expected}: is this the right leg?"
         )
 
 

@@ -121,15 +121,15 @@ def _leg(
     segments: Mapping[str, SegmentRecord], chosen: Mapping[str, Any], figure: str, use: str
 ) -> str:
     """The first segment of the leg that the document names, else of the use."""
-    wanted = chosen.get(figure)
+    leg_name = chosen.get(figure)
     for name, segment in segments.items():
-        if segment.leg == wanted or (wanted is None and segment.use == use):
+        if segment.leg == leg_name or (leg_name is None and segment.use == use):
             return name
     legs = list(dict.fromkeys(segment.leg for segment in segments.values()))
     raise CampaignError(
         "the first plan has no such leg",
         field=f"figures.{figure}",
-        value=wanted or use,
+        value=leg_name or use,
         allowed=legs,
     )
 
@@ -141,12 +141,12 @@ def _coupling_key(
 
     Another plan is looked at through its first variant.
     """
-    wanted = str((document.get("figures") or {}).get("coupling", ""))
-    if "/" not in wanted:
+    coupling = str((document.get("figures") or {}).get("coupling", ""))
+    if "/" not in coupling:
         return (
             f"{published}/{_leg(segments, document.get('figures') or {}, 'coupling', 'training')}"
         )
-    plan, leg = wanted.split("/", 1)
+    plan, leg = coupling.split("/", 1)
     keys = [
         key
         for key in inputs.segment
@@ -154,7 +154,7 @@ def _coupling_key(
     ]
     if not keys:
         raise CampaignError(
-            "no such leg of a plan was flown", field="figures.coupling", value=wanted
+            "no such leg of a plan was flown", field="figures.coupling", value=coupling
         )
     return keys[0]
 

@@ -311,15 +311,15 @@ def _drive(
 
 def _drive_of(t: Array, values: Array, turns: Array | None, *, normalised: bool, leg: str) -> Drive:
     """Return the drive without missing (nan) and repeated samples."""
-    known = np.isfinite(values) if turns is None else np.isfinite(values) & np.isfinite(turns)
-    if not known.any():
+    finite = np.isfinite(values) if turns is None else np.isfinite(values) & np.isfinite(turns)
+    if not finite.any():
         raise DataError(
             f"the actuators are empty in leg '{leg}'",
             field="actuators",
             remedy="Choose a leg in which commands are logged.",
         )
-    t, values, end = t[known], values[known], float(t[known][-1])
-    turns = None if turns is None else turns[known]
+    t, values, end = t[finite], values[finite], float(t[finite][-1])
+    turns = None if turns is None else turns[finite]
     new = np.append(
         True, (np.diff(values) != 0.0) | (np.diff(turns) != 0.0 if turns is not None else False)
     )
@@ -331,8 +331,8 @@ def _voltage(streams: Streams, t_s: Array) -> Array | None:
     if table is None:
         return None
     voltage, t = column(table, "voltage_v"), (column(table, "time_us") - streams.start_us) / 1e6
-    known = np.isfinite(voltage)
-    return np.interp(t_s, t[known], voltage[known]) if known.any() else None
+    finite = np.isfinite(voltage)
+    return np.interp(t_s, t[finite], voltage[finite]) if finite.any() else None
 
 
 def _velocity(signal: Samples, grid: Array, is_rate: bool) -> Array:

@@ -215,9 +215,9 @@ def record_experiment(
 
     It begins `margin_s` before its leg; clocks tick in whole milliseconds.
     """
-    seen = plan.with_noise(flown.experiment.noise)
+    noisy = plan.with_noise(flown.experiment.noise)
     return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(
-        flown, seen, vehicle, seed, text
+        flown, noisy, vehicle, seed, text
     )
 
 

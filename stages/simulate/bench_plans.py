@@ -258,24 +258,24 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
     mounting = (bench.get("pixhawk") or {}).get("mounting_deg")
     if mounting is not None and len(mounting) != 3:
         yield fault("three numbers are needed", "bench.pixhawk.mounting_deg", mounting)
-    seen: set[str] = set()
+    ids: set[str] = set()
     for at, kind, entry in entries:
-        if not ID.fullmatch(entry["id"]) or entry["id"].lower() in seen:
+        if not ID.fullmatch(entry["id"]) or entry["id"].lower() in ids:
             yield fault(
                 "not a name of its own",
                 f"{at}.id",
                 entry["id"],
                 allowed="letters, digits, _ and -, each name once",
             )
-        seen.add(entry["id"].lower())
+        ids.add(entry["id"].lower())
         if kind != "swings" and entry["truth"] not in bench["truths"]:
-            known = list(bench["truths"])
+            names = list(bench["truths"])
             yield fault(
                 "no such truth",
                 f"{at}.truth",
                 entry["truth"],
-                allowed=known,
-                remedy=nearest(entry["truth"], known),
+                allowed=names,
+                remedy=nearest(entry["truth"], names),
             )
         if kind == "tank":
             yield from _command_faults(at, entry, vehicle, fault)
@@ -286,14 +286,14 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
 def _truth_faults(
     at: str, truth: Mapping[str, float], vehicle: Vehicle, fault: Callable[..., CampaignError]
 ) -> Iterator[PipelineError]:
-    known = (*BODY, *POLE)
-    unknown = [key for key in truth if key not in known]
+    names = (*BODY, *POLE)
+    unknown = [key for key in truth if key not in names]
     for key in unknown:
         yield fault(
             "no number of the simplified model",
             f"{at}.{key}",
             truth[key],
-            remedy=nearest(key, known),
+            remedy=nearest(key, names),
         )
     positive = [
         key

@@ -168,7 +168,7 @@ def _tables(
     recorded: Recorded,
 ) -> list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]:
     """Message type, columns and times of each stream that there is."""
-    made = []
+    tables = []
     for stream, table in (
         ("imu", _imu),
         ("attitude", _attitude),
@@ -180,10 +180,10 @@ def _tables(
     ):
         if stream in recorded.streams:
             columns = recorded.streams[stream]
-            made.append((*table(columns), np.asarray(columns["time_us"])))
+            tables.append((*table(columns), np.asarray(columns["time_us"])))
     if "mode" in recorded.streams:
-        made.append((ARM, {"ArmState": 1}, _start()))
-    return made
+        tables.append((ARM, {"ArmState": 1}, _start()))
+    return tables
 
 
 Columns = Mapping[str, npt.NDArray[Any]]

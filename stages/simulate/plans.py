@@ -273,17 +273,17 @@ def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iter
         )
     yield from _list_faults(document, fault)
     fastest = 60.0 * float(vehicle.propeller.level_speed_rev_s[-1])
-    seen: set[str] = set()
+    ids: set[str] = set()
     for index, leg in enumerate(document["legs"]):
         at = f"legs[{index}]"
-        if not ID.fullmatch(str(leg["id"])) or str(leg["id"]).lower() in seen:
+        if not ID.fullmatch(str(leg["id"])) or str(leg["id"]).lower() in ids:
             yield fault(
                 "not a name of its own",
                 f"{at}.id",
                 leg["id"],
                 allowed="letters, digits, _ and -, each name once",
             )
-        seen.add(str(leg["id"]).lower())
+        ids.add(str(leg["id"]).lower())
         if leg["duration_s"] > LONGEST_LEG_S:
             longest = f"at most {LONGEST_LEG_S:g} s"
             yield fault(

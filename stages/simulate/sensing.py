@@ -65,11 +65,11 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
         "depth": vehicle.depth_sensor.lag_s,
         "actuators": 0.0,
     }
-    seen = {
+    sensed_s = {
         stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s)
         for stream, values in times.items()
     }
-    motion = {stream: flown.motion(values) for stream, values in seen.items()}
+    motion = {stream: flown.motion(values) for stream, values in sensed_s.items()}
     unit = ahrs(
         motion["imu"],
         vehicle.imu,

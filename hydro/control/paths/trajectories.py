@@ -171,15 +171,15 @@ def _nearest(path: Array, flown: Array) -> Array:
     start, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum(np.sum(along**2, axis=-1), 1e-300)
     flat = flown.reshape(-1, 3)
-    known = np.isfinite(flat).all(axis=1)
+    finite = np.isfinite(flat).all(axis=1)
     out = np.full(len(flat), np.nan)
-    corner = cKDTree(path).query(flat[known])[1]
-    best = np.full(int(known.sum()), np.inf)
+    corner = cKDTree(path).query(flat[finite])[1]
+    best = np.full(int(finite.sum()), np.inf)
     for chord in (np.maximum(corner - 1, 0), np.minimum(corner, len(start) - 1)):
-        there = flat[known] - start[chord]
+        there = flat[finite] - start[chord]
         share = np.clip(np.sum(there * along[chord], axis=-1) / square[chord], 0.0, 1.0)
         best = np.minimum(
             best, np.sqrt(np.sum((there - share[:, None] * along[chord]) ** 2, axis=-1))
         )
-    out[known] = best
+    out[finite] = best
     return out.reshape(flown.shape[:-1])

@@ -168,8 +168,8 @@ def integrate_open_loop(
     batch, knots = start.shape[:-1], actuation.propeller_rev_s.shape[-1]
 
     def rows(values: Array, *size: int) -> Array:
-        whole = np.broadcast_to(values, (*batch, *size))
-        return np.ascontiguousarray(whole, dtype=np.float64).reshape(-1, *size)
+        full = np.broadcast_to(values, (*batch, *size))
+        return np.ascontiguousarray(full, dtype=np.float64).reshape(-1, *size)
 
     x0, n = rows(start, start.shape[-1]), rows(actuation.propeller_rev_s, knots)
     fins, force = rows(actuation.fins_rad, knots, 4), rows(actuation.force, knots, 6)

@@ -66,11 +66,11 @@ def term_of(name: str) -> str:
     factors = re.findall(r"\|[uvwpqr]\||[uvwpqr]", rest)
     term = "*".join(factors)
     if axis not in AXES or "".join(factors) != rest or term not in BASIS_TERMS:
-        known = [f"{item}_{speed}|{speed}|" for item in AXES for speed in VELOCITIES]
+        names = [f"{item}_{speed}|{speed}|" for item in AXES for speed in VELOCITIES]
         raise CampaignError(
             "not a hydrodynamic coefficient",
             field=name,
-            remedy=nearest(name, known) or "Write Y_vdot, Y_v|v|, Y_uv.",
+            remedy=nearest(name, names) or "Write Y_vdot, Y_v|v|, Y_uv.",
         )
     return term
 

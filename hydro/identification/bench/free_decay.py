@@ -87,7 +87,7 @@ class Decay:
     run: SingleRun
     start: Array
     frequency: float
-    known: tuple[float, float] = (0.0, 0.0)
+    pole: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
         measured[name] = measured_angle(run, fitted)
         predicted = simulate_run(run, first.coefficients, first.start)[1] - measured[name]
         values, covariance = _totals(
-            fitted.parameters, fitted.covariance, used, decay.known, logarithm=True
+            fitted.parameters, fitted.covariance, used, decay.pole, logarithm=True
         )
         output[name] = Ratios(
             values, covariance, _rms(simulated[name] - measured[name]), _rms(predicted[late])
@@ -218,7 +218,7 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
             )
     chosen = choose_damping(
         {name: item.held_out_rad for name, item in output.items()},
-        *clear_of_zero(output[BOTH], decay.known),
+        *clear_of_zero(output[BOTH], decay.pole),
     )
     return DecayEstimate(
         output,
@@ -232,12 +232,12 @@ def estimate_decay(decay: Decay) -> DecayEstimate:
     )
 
 
-def clear_of_zero(both: Ratios, known: tuple[float, float]) -> tuple[Array, Array]:
+def clear_of_zero(both: Ratios, pole: tuple[float, float]) -> tuple[Array, Array]:
     """Return D_1/I and D_2/I (2,) beyond the known part, and standard errors (2,).
 
     D_1/I and D_2/I of the damping model with both terms.
     """
-    return both.values[1:] - both.values[0] * np.asarray(known), np.sqrt(
+    return both.values[1:] - both.values[0] * np.asarray(pole), np.sqrt(
         np.maximum(np.diag(both.covariance)[1:], 0.0)
     )
 
@@ -249,7 +249,7 @@ def derivatives(
 
     X_udot = -(G/k - I) / L^2, X_u = D_1 / L^2, X_u|u| = D_2 / L^3. empty: those of the
     pendulum without the vehicle, which are taken off, with their covariance (where
-    `Decay.known` was theirs).
+    `Decay.pole` was theirs).
     """
     k, one, two = ratios.values
     inertia = hung.stiffness / k
@@ -326,7 +326,7 @@ def _static(decay: Decay, theta: Array, theta_dot: Array, times: Array) -> Stati
     """
     one, two = theta_dot, theta_dot * np.abs(theta_dot)
     columns = np.column_stack(
-        [decay.known[0] * one + decay.known[1] * two - np.sin(theta), one, two, np.ones_like(theta)]
+        [decay.pole[0] * one + decay.pole[1] * two - np.sin(theta), one, two, np.ones_like(theta)]
     )
     return static_form(times, theta_dot, columns, rate=FILTER_SHARE * decay.frequency)
 
@@ -363,7 +363,7 @@ def _signals(decay: Decay, fitted: OutputErrorFit | None = None) -> tuple[Array,
     return spline.evaluate(time), spline.evaluate(time, 1), time
 
 
-def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
+def _model(used: Sequence[int], pole: tuple[float, float]) -> Model:
     """Return the map from parameters to coefficients and their derivatives.
 
     Parameters are log k, then what the damping model adds to the known ratios.
@@ -372,7 +372,7 @@ def _model(used: Sequence[int], known: tuple[float, float]) -> Model:
     def of(p: Array) -> tuple[Array, Array]:
         coefficients, by = np.zeros(5), np.zeros((5, len(p)))
         k = np.exp(p[0])
-        by[[0, 1, 3], 0] = k * known[0], k * known[1], -k
+        by[[0, 1, 3], 0] = k * pole[0], k * pole[1], -k
         coefficients[:] = by[:, 0]
         for index, term in enumerate(used[1:], start=1):
             coefficients[term - 1] += p[index]
@@ -401,7 +401,7 @@ def _fit(decay: Decay, run: SingleRun, theta: Array, used: Sequence[int]) -> Out
         first = np.concatenate([[np.log(guess[0])], np.minimum(guess[1:], 0.0)])
         tried.append(
             fit_output_error(
-                run, _model(used, decay.known), first, start=decay.start, nuisance=nuisance
+                run, _model(used, decay.pole), first, start=decay.start, nuisance=nuisance
             )
         )
     return min(tried, key=lambda item: _rms(item.rate_error) if gyro else _rms(item.position_error))
@@ -433,7 +433,7 @@ def _totals(
     parameters: Array,
     covariance: Array,
     used: Sequence[int],
-    known: tuple[float, float],
+    pole: tuple[float, float],
     *,
     logarithm: bool,
 ) -> tuple[Array, Array]:
@@ -443,7 +443,7 @@ def _totals(
     """
     values, by = np.zeros(3), np.zeros((3, len(used)))
     k = float(np.exp(parameters[0])) if logarithm else float(parameters[0])
-    values[:] = k, k * known[0], k * known[1]
+    values[:] = k, k * pole[0], k * pole[1]
     by[:, 0] = values if logarithm else values / k
     for index, term in enumerate(used[1:], start=1):
         values[term] += parameters[index]
@@ -486,7 +486,7 @@ def _by_regression(
     spread = (
         gamma[:-1, :-1] * step * float(residual @ residual) / max(residual.size - len(theta), 1)
     )
-    values, covariance = _totals(theta[:-1], spread, used, decay.known, logarithm=False)
+    values, covariance = _totals(theta[:-1], spread, used, decay.pole, logarithm=False)
     angle = simulate_run(decay.run, np.array([values[1], values[2], 0.0, -values[0], 0.0]), start)[
         1
     ]

@@ -57,7 +57,7 @@ def static_form(
     regressor: ArrayLike,
     *,
     rate: float,
-    known: ArrayLike | None = None,
+    forcing: ArrayLike | None = None,
     regressor_after: ArrayLike | None = None,
     samples: ArrayLike | None = None,
 ) -> StaticRegression:
@@ -65,7 +65,7 @@ def static_form(
 
     x_f_dot = a (x - x_f), Phi_f_dot = -a Phi_f + Phi, z = x - x_f - Phi_0 = Phi_f
     Theta: (44), (45), (49), (50). The grid t_s (n,) [s] need not be uniform. x (n,):
-    the state; regressor (n, k): Phi at the nodes; known (n,): f_0. All are taken as
+    the state; regressor (n, k): Phi at the nodes; forcing (n,): f_0. All are taken as
     linear between nodes (first-order hold), for which the filter is exact. A column
     that jumps at the nodes (a force that is held) gets its value after each node, up to
     the next, in `regressor_after` (n-1, k) at both ends of the step; nan there means
@@ -91,7 +91,7 @@ def static_form(
             np.where(np.isnan(after), left, after),
             np.where(np.isnan(after), right, after),
         )
-    f0 = np.zeros_like(state) if known is None else np.asarray(known, dtype=np.float64)
+    f0 = np.zeros_like(state) if forcing is None else np.asarray(forcing, dtype=np.float64)
     extra = np.column_stack([rate * state, f0])
     start = np.concatenate([np.zeros(phi.shape[1]), [state[0], 0.0]])
     filtered = filter_first_order(

@@ -161,9 +161,9 @@ def added_mass_unknown(name: str) -> Unknown:
     >>> added_mass_unknown("N_vdot")
     Unknown(axis='Y', term='rdot')
     """
-    known = [f"{axis}_{speed}" for axis in AXES for speed in ACCELERATIONS]
-    if name not in known:
-        raise PipelineError("not an added mass", value=name, remedy=nearest(name, known))
+    names = [f"{axis}_{speed}" for axis in AXES for speed in ACCELERATIONS]
+    if name not in names:
+        raise PipelineError("not an added mass", value=name, remedy=nearest(name, names))
     axis, _, term = name.partition("_")
     # One name for each of the two equal entries.
     i, j = sorted((AXES.index(axis), ACCELERATIONS.index(term)))

@@ -181,13 +181,13 @@ def force_error(factor: TriangularFactor, equations: ForceEquations, values: Arr
 def _block(factor: TriangularFactor, equations: ForceEquations, axis: str) -> tuple[Array, Array]:
     """Return A (k + 1, p), b (k + 1,) with |A x - b|^2 an axis's sum of squares."""
     columns = equations.columns_of(axis)
-    known = (*factor.terms, CONSTANT)
+    available = (*factor.terms, CONSTANT)
     for column in columns:
-        if column not in known:
+        if column not in available:
             raise PipelineError(
                 "the factor has no column for this term",
                 value=column,
-                remedy=nearest(column, known),
+                remedy=nearest(column, available),
             )
     index = [factor.columns.index(name) for name in (*columns, axis)]
     triangle = qr(factor.R[:, index], mode="r")[0][: len(index)]
@@ -237,9 +237,9 @@ def _data_variances(R: Array) -> Array:
     length = np.linalg.norm(R, axis=0)
     scale = np.where(length > 0.0, length, 1.0)
     _, singular, V = np.linalg.svd(R / scale, full_matrices=False)
-    known = singular > RANK_TOLERANCE * singular[0]
-    missing = np.linalg.norm(V[~known], axis=0) > np.sqrt(RANK_TOLERANCE)
-    variances = np.sum((V[known] / singular[known, None]) ** 2, axis=0) / scale**2
+    determined = singular > RANK_TOLERANCE * singular[0]
+    missing = np.linalg.norm(V[~determined], axis=0) > np.sqrt(RANK_TOLERANCE)
+    variances = np.sum((V[determined] / singular[determined, None]) ** 2, axis=0) / scale**2
     return np.asarray(np.where(missing | (length == 0.0), np.inf, variances))
 
 

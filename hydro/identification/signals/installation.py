@@ -302,6 +302,6 @@ def installation_faults(
     spread = np.diag(inverse - data) + np.diag(inverse @ (scores.T @ scores) @ inverse) * (
         blocks / max(1, blocks - 1)
     )
-    seen = np.diag(A.sum(axis=0)) + prior > 0.0
-    sd = np.where(seen, np.sqrt(np.maximum(plain, spread)), np.inf)
+    observed = np.diag(A.sum(axis=0)) + prior > 0.0
+    sd = np.where(observed, np.sqrt(np.maximum(plain, spread)), np.inf)
     return InstallationFaults(tuple(names), value, sd)

@@ -99,13 +99,13 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
     follows = _together(
         [name for why in (NO_STATE, NO_FORCE) for name in cannot.pop(why, [])], short=True
     )
-    said = [f"{_together(names)}: {why}" for why, names in cannot.items()]
+    sentences = [f"{_together(names)}: {why}" for why, names in cannot.items()]
     if can:
         yield Text.assemble(("can run:    ", "dim"), can)
-    if said:
+    if sentences:
         yield Text.assemble(
             ("cannot run: ", "dim"),
-            plain("; ".join(said) + (f"; and so not {follows}" if follows else "")),
+            plain("; ".join(sentences) + (f"; and so not {follows}" if follows else "")),
         )
     parts: list[Any] = [("motion RMS: ", "dim")]
     for axis, item in health["excitation"].items():

@@ -199,8 +199,8 @@ def _tolerances(one: RunData, two: RunData, old: Tables, new: Tables) -> dict[st
     with resources.as_file(
         resources.files("auvid.pipeline.commands.regress") / "default_tolerances.yaml"
     ) as path:
-        known = golden.read_tolerances(path, (*golden.FIXED[1:], *AXES))
-    return {name: known.get(name, known["ratio"]) for name in golden.columns_of(old, new)}
+        tolerances = golden.read_tolerances(path, (*golden.FIXED[1:], *AXES))
+    return {name: tolerances.get(name, tolerances["ratio"]) for name in golden.columns_of(old, new)}
 
 
 def print_difference(changed: Difference) -> None:

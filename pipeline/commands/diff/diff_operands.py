@@ -143,7 +143,7 @@ def _recorded(name: str, folder: Path) -> dict[str, list[tuple[str, Artefact]]]:
     Raises `PipelineError` for a manifest that is not as it was written: what it does not
     vouch for is not compared.
     """
-    found: dict[str, list[tuple[str, Artefact]]] = {}
+    by_port: dict[str, list[tuple[str, Artefact]]] = {}
     for stage in STAGES:
         manifest = Manifest(folder / stage.name)
         if manifest.damaged:
@@ -154,10 +154,12 @@ def _recorded(name: str, folder: Path) -> dict[str, list[tuple[str, Artefact]]]:
             port = Port(stage, port_name, spec["port"], bool(spec["many"]))
             for item in manifest.records:
                 for key, artefact in artefacts_of(manifest, port, item).items():
-                    found.setdefault(port.schema, []).append(
+                    by_port.setdefault(port.schema, []).append(
                         (item if key is None else key, artefact)
                     )
-    return {schema: sorted(items, key=lambda item: item[1].path) for schema, items in found.items()}
+    return {
+        schema: sorted(items, key=lambda item: item[1].path) for schema, items in by_port.items()
+    }
 
 
 def _viewed(recorded: Mapping[str, list[tuple[str, Artefact]]]) -> dict[tuple[str, str], Signals]:
@@ -189,11 +191,11 @@ def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
     It stands beside the runs; what is up to date there does not run again.
     """
     stage = run.graph.stage(stage_name)
-    given = {
+    options = {
         name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__
     }
     params = make_params(
-        stage.params, {**given, parameter: _scalar(value)}, stage=stage_name, file="command line"
+        stage.params, {**options, parameter: _scalar(value)}, stage=stage_name, file="command line"
     )
     folder = (
         run.folder.parent

@@ -22,7 +22,7 @@ from auvid.pipeline.commands.history.run_history import (
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
-from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.graph import ONCE
 from auvid.pipeline.store.atomic_files import write_atomically, write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages import report
@@ -122,7 +122,7 @@ def write_compared(run: Run, number: int | None) -> Path:
             "there is no earlier run to compare with", value=run.campaign.name, remedy=remedy
         )
     old = entries[-2] if number is None else entry_of(run, number)
-    task = run.task(run.graph.stage("report"), Place(WHOLE))
+    task = run.task(run.graph.stage("report"), Place(ONCE))
     if not run.is_fresh(task):
         print(f"the report is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
     inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})

@@ -168,9 +168,9 @@ def results_of(entry: Entry) -> dict[str, dict[str, Any]]:
 def judged(entry: Entry) -> tuple[int, int]:
     """Count the headline figures that are determined or within bounds, and all."""
     with_verdict = [item for item in entry.figures.values() if item.get("verdict")]
-    shown = [item for item in with_verdict if item.get("headline")] or with_verdict
-    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in shown), len(
-        shown
+    chosen = [item for item in with_verdict if item.get("headline")] or with_verdict
+    return sum(item["verdict"] in DETERMINED and item["value"] is not None for item in chosen), len(
+        chosen
     )
 
 
@@ -178,10 +178,10 @@ def changes(old: Entry | None, new: Entry) -> list[str]:
     """Return what changed since the previous run: parameters, data, code, packages."""
     if old is None:
         return ["first run"]
-    found = []
+    rows = []
     for stage, params in new.parameters.items():
         before = old.parameters.get(stage, {})
-        found += [
+        rows += [
             f"{stage}.{name}: {_word(before.get(name))} -> {_word(value)}"
             for name, value in params.items()
             if before.get(name) != value
@@ -193,8 +193,8 @@ def changes(old: Entry | None, new: Entry) -> list[str]:
     ):
         names = [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
         if names:
-            found.append(f"{words}: {', '.join(names)}")
-    return found or ["nothing that is recorded"]
+            rows.append(f"{words}: {', '.join(names)}")
+    return rows or ["nothing that is recorded"]
 
 
 def _word(value: Any) -> str:

@@ -14,7 +14,7 @@ from auvid.pipeline.commands.check.log_page import LogPage, log_pages, names_cam
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
-from auvid.pipeline.graph import WHOLE
+from auvid.pipeline.graph import ONCE
 from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.terminal import path_from_here, plain
 
@@ -101,10 +101,10 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
         " --log ID."
     )
     producer = run.graph.producers("recording")[0]
-    artefact = run.artefacts_of(producer, WHOLE).get(None)
+    artefact = run.artefacts_of(producer, ONCE).get(None)
     if artefact is None or not artefact.path.is_file():
         raise PipelineError("there is no recording yet", value=run.campaign.name, remedy=remedy)
-    task = run.task(stage, Place(WHOLE))
+    task = run.task(stage, Place(ONCE))
     if not run.is_fresh(task):
         print(f"the recording is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
 

@@ -35,15 +35,15 @@ and more.
 
 def program() -> Path:
     """Return the Rerun viewer. Raises `PipelineError` where it is not installed."""
-    beside = Path(sys.executable).with_name("rerun")
-    found = beside if beside.is_file() else shutil.which("rerun")
-    if found is None:
+    own = Path(sys.executable).with_name("rerun")
+    path = own if own.is_file() else shutil.which("rerun")
+    if path is None:
         remedy = (
             "Install it with: pip install rerun-sdk; or keep the recording with --save FILE.rrd and"
             " open it elsewhere."
         )
         raise PipelineError("the Rerun viewer is not installed", remedy=remedy)
-    return Path(found)
+    return Path(path)
 
 
 def show(recording: Path) -> None:
@@ -57,12 +57,12 @@ def show(recording: Path) -> None:
         raise PipelineError(
             "there is no display to open the viewer on", value=str(recording), remedy=ELSEWHERE
         )
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [str(program()), str(recording)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=output,
             start_new_session=True,
         )
         try:
@@ -70,10 +70,9 @@ def show(recording: Path) -> None:
         except subprocess.TimeoutExpired:
             return
         if status:
-            said.seek(0)
-            words = (said.read().decode(errors="replace").strip().splitlines() or ["nothing said"])[
-                -1
-            ][:300]
+            output.seek(0)
+            lines = output.read().decode(errors="replace").strip().splitlines()
+            words = (lines or ["nothing said"])[-1][:300]
             raise PipelineError("the viewer opened no window", value=words, remedy=ELSEWHERE)
 
 
@@ -144,10 +143,10 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
             env={**os.environ, **QUIET},
         )
         if not target.is_file():
-            said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
+            words = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
             raise PipelineError(
                 "the viewer took no picture",
-                value=said,
+                value=words,
                 remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.",
             )
         drawn = _small(target.read_bytes(), size)
@@ -180,13 +179,13 @@ def verify(recording: Path) -> None:
         check=False,
     )
     if done.returncode or not recording.stat().st_size:
-        said = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
+        words = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
         remedy = (
             "It may be from another version of Rerun, or cut off: make it again with auvid report"
             " CAMPAIGN --rebuild."
         )
         raise PipelineError(
-            "the recording cannot be read", file=recording, value=said, remedy=remedy
+            "the recording cannot be read", file=recording, value=words, remedy=remedy
         )
 
 

@@ -25,11 +25,11 @@ def make_workspace(folder: Path) -> None:
             file=folder,
             remedy="Choose a new folder.",
         )
-    made = {
+    files = {
         "params.yaml": params_yaml(STAGES, [EXAMPLE]),
         "dvc.yaml": dvc_yaml(STAGES, KINDS, {EXAMPLE: "identification"}),
     }
-    for name, text in made.items():
+    for name, text in files.items():
         write_atomically(folder / name, text.encode())
     _copy(resources.files("auvid.pipeline") / "templates", folder)
     vehicle = load_vehicle(folder / "vehicles" / "example_rov.yaml").vehicle

@@ -44,14 +44,14 @@ def _section(lines: Sequence[str], path: Path) -> tuple[int, int]:
         for place, line in enumerate(lines)
         if (match := HEADING.fullmatch(line.rstrip()))
     }
-    wanted = current_version()
-    starts = [place for place, found in headings.items() if found == wanted]
+    number = current_version()
+    starts = [place for place, in_heading in headings.items() if in_heading == number]
     if not starts:
         raise PipelineError(
-            f"no heading for version {wanted}",
+            f"no heading for version {number}",
             file=path,
             allowed=list(headings.values()) or None,
-            remedy=f"Write a line '## {wanted}'.",
+            remedy=f"Write a line '## {number}'.",
         )
     after = (
         place for place in range(starts[0] + 1, len(lines)) if re.match(r"##?\s", lines[place])

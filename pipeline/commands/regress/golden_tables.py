@@ -81,11 +81,11 @@ def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str
 
     All legs together, six significant digits.
     """
-    found: dict[str, dict[str, dict[str, float | None]]] = {}
+    by_use: dict[str, dict[str, dict[str, float | None]]] = {}
     for row in rows:
         if row["leg"] != ALL:
             continue
-        figures = found.setdefault(row["use"], {}).setdefault(
+        figures = by_use.setdefault(row["use"], {}).setdefault(
             row["model"], dict.fromkeys(FIXED[1:])
         )
         if row["axis"] == ALL:
@@ -99,7 +99,7 @@ def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str
             figures |= {name: _six_digits(value) for name, value in total.items()}
         else:
             figures[row["axis"]] = _six_digits(row["ratio"])
-    return found
+    return by_use
 
 
 def _six_digits(value: float | None) -> float | None:
@@ -125,14 +125,14 @@ def read_tables(folder: Path) -> dict[str, dict[str, dict[str, float | None]]]:
     Raises `CampaignError` with file, row and field for what is malformed.
     """
     names = sorted(path.name for path in folder.glob("*.csv"))
-    known = [f"{use}.csv" for use in USES]
+    file_names = [f"{use}.csv" for use in USES]
     for name in names:
-        if name not in known:
+        if name not in file_names:
             raise CampaignError(
                 "no golden table is called this",
                 file=folder / name,
-                allowed=known,
-                remedy=nearest(name, known),
+                allowed=file_names,
+                remedy=nearest(name, file_names),
             )
     return {use: _read_csv(folder / f"{use}.csv") for use in USES if f"{use}.csv" in names}
 
@@ -196,13 +196,13 @@ def _read_csv(path: Path) -> dict[str, dict[str, float | None]]:
 def _check_header(header: list[str], path: Path) -> None:
     for place, name in enumerate(FIXED):
         if header[place : place + 1] != [name]:
-            found = header[place] if place < len(header) else None
+            head = header[place] if place < len(header) else None
             raise CampaignError(
                 "not the heading that stands here",
                 file=path,
                 row=1,
                 field=name,
-                value=found,
+                value=head,
                 allowed=f"{', '.join(FIXED)}, axes",
             )
     for place, name in enumerate(header):

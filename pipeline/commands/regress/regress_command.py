@@ -21,7 +21,7 @@ from auvid.pipeline.commands.regress import changelog
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE, select
+from auvid.pipeline.graph import ONCE, select
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
@@ -86,7 +86,7 @@ def error_tables(run: Run) -> Tables:
                     file=run.folder,
                     remedy=remedy,
                 )
-    artefact = next(iter(run.artefacts_of(producers[0], WHOLE).values()))
+    artefact = next(iter(run.artefacts_of(producers[0], ONCE).values()))
     return golden.tables_of(artefact.load().to_pylist())
 
 
@@ -99,35 +99,35 @@ def check(setting: Setting, *, as_json: bool) -> bool:
     tolerances = golden.read_tolerances(
         setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables)
     )
-    held, departures = golden.compare(old, setting.tables, tolerances)
+    within, departures = golden.compare(old, setting.tables, tolerances)
     if as_json:
-        print(json.dumps(_document(setting, held, departures), indent=1, ensure_ascii=False))
+        print(json.dumps(_document(setting, within, departures), indent=1, ensure_ascii=False))
     else:
-        _print(setting, held, departures)
+        _print(setting, within, departures)
     return not departures
 
 
-def _document(setting: Setting, held: int, departures: Sequence[Departure]) -> dict[str, Any]:
+def _document(setting: Setting, within: int, departures: Sequence[Departure]) -> dict[str, Any]:
     return {
         "campaign": setting.campaign,
         "baseline": str(setting.folder),
         "holds": not departures,
-        "held": held,
+        "held": within,
         "departures": [item.document for item in departures],
     }
 
 
-def _print(setting: Setting, held: int, departures: Sequence[Departure]) -> None:
+def _print(setting: Setting, within: int, departures: Sequence[Departure]) -> None:
     where = path_from_here(setting.folder.resolve())
     if not departures:
-        print(f"{setting.campaign}: all {held} cells hold ({where})")
+        print(f"{setting.campaign}: all {within} cells hold ({where})")
         return
     unmatched = [item for item in departures if item.check is None]
     for item in unmatched:
         print(_without_partner(item))
     heads, rows = golden.departure_rows(departures)
     table(heads, rows)
-    counts = f"{len(rows)} of {len(rows) + held} cells left their tolerance"
+    counts = f"{len(rows)} of {len(rows) + within} cells left their tolerance"
     counts += f", {len(unmatched)} missing or new" if unmatched else ""
     print(f"\n{setting.campaign}: {counts} ({where})")
     print(

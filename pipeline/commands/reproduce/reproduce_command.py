@@ -31,7 +31,7 @@ from auvid.pipeline.execution.engines import Engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress, Silent
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE, Graph, stages_of_kind
+from auvid.pipeline.graph import ONCE, Graph, stages_of_kind
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages import KINDS, STAGES
 from auvid.stages.base import make_params
@@ -80,7 +80,7 @@ def reproduce(
     files = {
         port.name: artefact
         for port in page.graph.outputs
-        for artefact in page.artefacts_of(port, WHOLE).values()
+        for artefact in page.artefacts_of(port, ONCE).values()
     }
     rows = {
         name: artefact.load().to_pylist()
@@ -177,8 +177,8 @@ def print_tables(done: Reproduced) -> None:
         terminal.table(
             ["model", "published", *variants],
             [
-                [model, *(fixed(found[name], 3) for name in ("published", *variants))]
-                for model, found in ratios.items()
+                [model, *(fixed(by_variant[name], 3) for name in ("published", *variants))]
+                for model, by_variant in ratios.items()
             ],
             title=f"J/J0, {use}, plan {plan}",
         )

@@ -44,14 +44,14 @@ def open_reproduction(name: str) -> Reproduction:
     campaign = load_campaign(folder, kinds=KINDS, vehicles=workspace.vehicle_files())
     path = folder / FILE
     if not path.is_file():
-        known = [
+        names = [
             other
             for other in workspace.campaign_names()
             if (workspace.campaigns / other / FILE).is_file()
         ]
         remedy = (
-            f"Campaigns that have one: {', '.join(known)}."
-            if known
+            f"Campaigns that have one: {', '.join(names)}."
+            if names
             else f"It needs a {FILE} beside its campaign.yaml."
         )
         raise CampaignError("this campaign reproduces nothing", value=campaign.name, remedy=remedy)
@@ -90,13 +90,13 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
                     value=name,
                     allowed=allowed,
                 )
-    wanted = [(f"compared.{role}", name) for role, name in document["compared"].items()]
+    references = [(f"compared.{role}", name) for role, name in document["compared"].items()]
     for index, plan in enumerate(document["plans"]):
-        wanted += [
+        references += [
             (f"plans[{index}].variants[{at}]", name)
             for at, name in enumerate(plan.get("variants") or [])
         ]
-    for field, name in wanted:
+    for field, name in references:
         if name not in names["variants"]:
             remedy = nearest(name, names["variants"])
             yield CampaignError(
@@ -124,16 +124,16 @@ def _faults(file: YamlFile, campaign: Campaign) -> Iterator[PipelineError]:
                 remedy=nearest(key, flown),
             )
     for index, variant in enumerate(document["variants"]):
-        known = [stage for stage in KINDS[kind_of(variant)] if stage not in SHARED]
+        stages = [stage for stage in KINDS[kind_of(variant)] if stage not in SHARED]
         for stage in variant.get("stages") or {}:
-            if stage not in known:
+            if stage not in stages:
                 at = f"variants[{index}].stages.{stage}"
                 yield CampaignError(
                     "not a stage of this variant",
                     file=path,
                     field=at,
-                    allowed=known,
-                    remedy=nearest(stage, known),
+                    allowed=stages,
+                    remedy=nearest(stage, stages),
                 )
 
 

@@ -19,7 +19,7 @@ from auvid.pipeline.commands.run.run_summary import (
 )
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE, AnyStage, select
+from auvid.pipeline.graph import ONCE, AnyStage, select
 from auvid.pipeline.terminal import plain
 
 FINE, FAILED, LOSSES = 0, 1, 3
@@ -108,7 +108,7 @@ def report_file(
     pages = [
         artefact
         for port in run.graph.producers("report_html")
-        for artefact in run.artefacts_of(port, WHOLE).values()
+        for artefact in run.artefacts_of(port, ONCE).values()
     ]
     if not pages or not pages[0].path.is_file():
         name = run.campaign.name

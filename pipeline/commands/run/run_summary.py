@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import WHOLE, AnyStage
+from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.check_published import check_of
 from auvid.stages.number_format import fixed, significant
@@ -74,7 +74,7 @@ def result_files(run: Run) -> dict[str, Path]:
     files: dict[str, Path] = {}
     for schema_name, name in RESULTS.items():
         for port in run.graph.producers(schema_name):
-            artefacts = list(run.artefacts_of(port, WHOLE).values())
+            artefacts = list(run.artefacts_of(port, ONCE).values())
             if artefacts:
                 key = name if name not in files else f"{name}, {port.stage.name}"
                 files[key] = artefacts[0].path.parent if port.many else artefacts[0].path
@@ -89,8 +89,8 @@ def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
             if row["axis"] == row["leg"] == "all":
                 rows.setdefault(row["model"], {"rank": row["rank"]})[row["use"]] = row["ratio"]
     return [
-        (model, found["rank"], found.get("training"), found.get("validation"))
-        for model, found in rows.items()
+        (model, by_use["rank"], by_use.get("training"), by_use.get("validation"))
+        for model, by_use in rows.items()
     ]
 
 
@@ -101,14 +101,14 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
 
     Models have their own table.
     """
-    found: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    by_quantity: dict[tuple[str, str], list[tuple[str, float]]] = {}
     for rows in _of_schema(run, "truth_errors"):
         for row in rows.to_pylist():
             if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
-                found.setdefault((row["quantity"], row["unit"]), []).append(
+                by_quantity.setdefault((row["quantity"], row["unit"]), []).append(
                     (row["axis"], row["rms_error"])
                 )
-    return [(quantity, unit, parts) for (quantity, unit), parts in found.items()]
+    return [(quantity, unit, parts) for (quantity, unit), parts in by_quantity.items()]
 
 
 def bounds(run: Run) -> list[ReferenceCheck]:
@@ -132,12 +132,12 @@ def health_of(run: Run) -> dict[str, dict[str, Any]]:
 
 def losses(run: Run) -> list[str]:
     """Return what of the logs did not reach the results: damage, rejected samples."""
-    found = []
+    rows = []
     for log, info in _per_item(run, "log_info"):
         if info.status != "complete":
             skipped = sum(part.bytes for file in info.files for part in file.skipped)
             seconds = sum(file.seconds_lost for file in info.files)
-            found.append(
+            rows.append(
                 f"log '{log}' is {info.status}: {skipped} bytes skipped, {seconds:.1f} s lost"
             )
     for log, dropped in _per_item(run, "dropped"):
@@ -146,38 +146,38 @@ def losses(run: Run) -> list[str]:
             row for row in dropped.to_pylist() if row.get("bytes") is None
         ):  # bytes are in the line above
             counts[f"{row['stream']}: {row['reason']}"] += row["count"]
-        found += [
+        rows += [
             f"log '{log}': {count} rejected ({reason})" for reason, count in counts.items() if count
         ]
-    return found
+    return rows
 
 
 def warnings(run: Run) -> list[str]:
     """Return warnings of sections and Python, notes on segments, legs without any."""
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for document in _of_schema(run, "section"):
-        found.update(
+        counts.update(
             block["text"]
             for block in document["blocks"]
             if block["kind"] == "remark" and block["level"] == "warning"
         )
     segments = {segment.id: segment for segment in _of_schema(run, "segment")}
-    found.update(
+    counts.update(
         f"{name}: {words}" for name, segment in segments.items() for words in segment.notes
     )
-    found.update(shared_data(segments))
+    counts.update(shared_data(segments))
     for stage in run.graph.stages:
         manifest = run.manifests[stage.name]
         for item, record in manifest.records.items():
-            found.update(
+            counts.update(
                 {
                     f"{stage.name}, {item}: {words}": count
                     for words, count in record.warnings.items()
                 }
             )
             if stage.yields and not manifest.keys(item):
-                found[f"{stage.name}: leg '{item}' gave no segment"] += 1
-    return [words if count == 1 else f"{words} ({count} times)" for words, count in found.items()]
+                counts[f"{stage.name}: leg '{item}' gave no segment"] += 1
+    return [words if count == 1 else f"{words} ({count} times)" for words, count in counts.items()]
 
 
 def print_checks(

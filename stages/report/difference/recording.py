@@ -60,16 +60,16 @@ def record_difference(
                     drawn.values[:, place],
                     lanes.get(origin),
                 )
-            apart = f"difference/{origin}"
+            second_less_first = f"difference/{origin}"
             others = sent.setdefault(f"difference/{kind}", {})
-            others[apart] = _send(
+            others[second_less_first] = _send(
                 out,
-                apart,
+                second_less_first,
                 f"{name}: second less first",
                 _difference_ink(name),
                 pair.times + shift,
                 pair.difference[:, place],
-                others.get(apart),
+                others.get(second_less_first),
             )
     units = {
         _origin(first, pair, name): unit
@@ -145,10 +145,12 @@ def _blueprint(
     ]
     for kind, overlaid in kept.items():
         every = _plots(f"difference/{_entity(kind)}", sent, units)
-        apart = {origin: every[origin] for origin in overlaid}
+        differences = {origin: every[origin] for origin in overlaid}
         pages.append(
             rrb.Tabs(
-                in_pages(overlaid, "both", 2), in_pages(apart, "second less first", 2), name=kind
+                in_pages(overlaid, "both", 2),
+                in_pages(differences, "second less first", 2),
+                name=kind,
             )
         )
     return opened(pages), left_out

@@ -225,11 +225,11 @@ def signal_changes(matched: list[Pair], relative: float) -> list[SignalChange]:
     for pair in matched:
         parts = []
         for place, (name, unit) in enumerate(zip(pair.first.names, pair.first.units, strict=True)):
-            apart, whole = pair.difference[:, place], pair.first.values[:, place]
-            good = np.isfinite(apart)
+            change, values = pair.difference[:, place], pair.first.values[:, place]
+            good = np.isfinite(change)
             if good.any():
-                sizes = rms(whole[np.isfinite(whole)]), rms(apart[good])
-                parts.append((name, unit, *sizes, int(np.nanargmax(np.abs(apart))), place))
+                sizes = rms(values[np.isfinite(values)]), rms(change[good])
+                parts.append((name, unit, *sizes, int(np.nanargmax(np.abs(change))), place))
         for name, unit, size, moved, at, place in parts:
             largest = max(max(item[2:4]) for item in parts if item[1] == unit)
             bound = max(relative * size, ROUNDING * largest)

@@ -101,7 +101,7 @@ def _force_table(result: DivesResult) -> Block:
 
 def dive_views(tables: Iterable[str]) -> dict[str, Any]:
     """Return views of the true motion of every leg, its forces and its supply."""
-    shown: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    curves: tuple[tuple[str, tuple[str, ...], str], ...] = (
         ("velocity", VELOCITY[:3], "m/s"),
         ("rates", VELOCITY[3:], "rad/s"),
         ("attitude", ATTITUDE, "rad"),
@@ -121,6 +121,6 @@ def dive_views(tables: Iterable[str]) -> dict[str, Any]:
                 "unit": unit,
             }
             for leg in tables
-            for name, columns, unit in shown
+            for name, columns, unit in curves
         ]
     }

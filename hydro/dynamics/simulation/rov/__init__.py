@@ -1,1 +1,1 @@
-"""A remotely operated vehicle with thrusters: physical truth, autopilot, dive, sensors."""
+"""A remotely operated vehicle: physical truth, autopilot, dive, sensors."""

@@ -33,7 +33,7 @@ RELEASED = 0.02
 
 
 class AutopilotGains(NamedTuple):
-    """AutopilotGains of the loops; defaults are those of ArduSub's parameters, where it has them.
+    """Gains of the loops; defaults are those of ArduSub where it has them.
 
     Outputs per axis are -1 to 1. `lean_rad`, `turn_rad_s`, `climb_m_s`: what a full
     stick asks for.
@@ -100,13 +100,13 @@ def autopilot_step(
         memory[9] = psi + error_psi
     lean_phi = 0.0 if guided else gains.lean_rad * stick[0]
     lean_theta = 0.0 if guided else gains.lean_rad * stick[1]
-    asked = (
+    goal_rates = (
         gains.angle * (lean_phi - phi),
         gains.angle * (lean_theta - theta),
         gains.angle * error_psi + turning,
     )
     for i in range(3):
-        error = min(max(asked[i], -3.0), 3.0) - nu[3 + i]
+        error = min(max(goal_rates[i], -3.0), 3.0) - nu[3 + i]
         p, k, d = (
             (gains.yaw_p, gains.yaw_i, 0.0)
             if i == 2

@@ -131,7 +131,7 @@ class Dive:
         return DiveMotion(t, eta, nu, nu_dot, ground, ground_dot, bollard, forces)
 
     def _push(self, step: ArrayLike) -> Array:
-        """Return the unsteady force (m, 6) at real-valued steps, linear between ticks."""
+        """Return the unsteady force (m, 6) at real steps, linear between ticks."""
         at = np.asarray(step, dtype=np.float64) / self.steps_per_tick
         ticks = np.arange(len(self.push))
         return np.column_stack([np.interp(at, ticks, values) for values in self.push.T])

@@ -72,7 +72,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _loops(sources: str) -> tuple[Any, Any]:
-    """Return the compiled loops of a dive and of rates; numba keys them by `sources`."""
+    """Return the compiled loops of a dive and of rates, kept by `sources`."""
 
     def fly(
         x: Array,
@@ -171,7 +171,7 @@ def _loops(sources: str) -> tuple[Any, Any]:
     def rates(
         states: Array, goals: Array, push: Array, c: RovTables, out: Array, hull: Array
     ) -> None:
-        """Fill d/dt `out` (m, 12 + n) of states (m, 12 + n), and the force `hull` (m, 6)."""
+        """Fill d/dt `out` of states (m, 12 + n), and the force `hull` (m, 6)."""
         assert len(sources) > 0
         for i in range(len(states)):
             x, f = states[i], push[i]

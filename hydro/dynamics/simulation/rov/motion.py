@@ -1,6 +1,6 @@
-"""Equations of motion of an ROV in a current, one text for arrays and the compiled loop.
+"""Equations of motion of an ROV in a current, for arrays and the compiled loop.
 
-State x (12 + n): pose, velocity through the water, and the bollard thrust of each
+State x (12 + n): velocity through the water, pose, and the bollard thrust of each
 thruster after its lag. A steady current carries the vehicle: the equations hold for the
 velocity through the water, the pose moves over ground.
 """
@@ -121,10 +121,11 @@ def thruster_components(c: RovTables, bollard: Array, nu: tuple[Array, ...]) -> 
 
 
 def rov_rate(x: Array, goal: Array, push: tuple[Array, ...], c: RovTables, out: Array) -> None:
-    """Write d/dt of the state x = [nu, eta, f] (12 + n, ...) to `out`: McCarter (2.60)-(2.66).
+    """Write d/dt of the state x (12 + n, ...) to `out`: McCarter (2.60)-(2.66).
 
-    M nu_dot + C(nu) nu = tau_G + hull + tether + thrusters + push, for the velocity
-    through the water; d/dt [x y z] = P_v v + current; d/dt f = (goal - f) / lag.
+    x = [nu, eta, f]: M nu_dot + C(nu) nu = tau_G + hull + tether + thrusters + push, for
+    the velocity through the water; d/dt [x y z] = P_v v + current; d/dt f = (goal - f) /
+    lag.
     `goal` (n, ...): bollard thrust of the pulses; `push` (6): unsteady force. Without
     lag the state holds the goal.
     """

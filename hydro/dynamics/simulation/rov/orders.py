@@ -65,8 +65,8 @@ def _stick(entry: StickEntry, t_s: Array, random: np.random.Generator) -> Array:
     """Return the values of one stick (k,), clipped to -1 to 1."""
     if entry.kind == "steps":
         values = np.concatenate([[0.0], entry.values])
-        held = values[np.searchsorted(entry.times_s, t_s + 1e-9, side="right")]
-        return np.asarray(np.clip(held + entry.mean, -1.0, 1.0))
+        steps = values[np.searchsorted(entry.times_s, t_s + 1e-9, side="right")]
+        return np.asarray(np.clip(steps + entry.mean, -1.0, 1.0))
     if entry.kind == "multisine":
         tones = np.geomspace(entry.lowest_hz, entry.highest_hz, entry.tones)
         phases = random.uniform(0.0, 2.0 * np.pi, entry.tones)
@@ -86,7 +86,7 @@ def _stick(entry: StickEntry, t_s: Array, random: np.random.Generator) -> Array:
 
 
 def _targets(plan: DivePlanDocument, route: RouteEntry | None, t_s: Array, tick_s: float) -> Array:
-    """Return the goals at the ticks (k, 6): the point asked for moves to the next one."""
+    """Return the goals at the ticks (k, 6): a point that moves to the next one."""
     targets = np.zeros((t_s.size, 6))
     targets[:, 4], targets[:, 5] = np.radians(plan.heading_deg), plan.depth_m
     if route is None:

@@ -48,10 +48,11 @@ Columns = Mapping[str, npt.NDArray[Any]]
 
 @dataclass(frozen=True)
 class DiveRecord:
-    """What a log of a dive holds: stream -> column -> values (n,), `time_us` among them.
+    """What a log of a dive holds: stream -> column -> values (n,).
 
-    Columns are those of the schemas of the streams; `mode` has the numbers of ArduSub's
-    modes. `biases` (3,) of gyro and accelerometer, in sensor axes.
+    `time_us` is among the columns, which are those of the schemas of the streams;
+    `mode` has the numbers of ArduSub's modes. `biases` (3,) of gyro and accelerometer,
+    in sensor axes.
     """
 
     streams: Mapping[str, Columns]
@@ -186,9 +187,9 @@ def _velocity(
     )
     random = random_numbers(seed, f"{dive.leg.id} noise", VELOCITY)
     values = velocity_log(motion.sensed(), sensor, random, noise_m_s=entry.sd_m_s)
-    held = random.random(len(values)) < entry.held_share
-    held[0] = False
-    latest = np.maximum.accumulate(np.where(held, 0, np.arange(len(values))))
+    repeats = random.random(len(values)) < entry.held_share
+    repeats[0] = False
+    latest = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(values))))
     return _columns(time_us, ("{}_m_s",), values[latest])
 
 

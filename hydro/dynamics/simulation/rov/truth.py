@@ -186,9 +186,9 @@ def tau_bar_of(vehicle: Vehicle, eta: Array, nu: Array, nu_dot: Array, bollard: 
 
 
 def _positions(allocation: Array) -> Array:
-    """Return where the axes of thrusters pass (n, 3): axis x moment, nearest the origin.
+    """Return where the axes of thrusters pass nearest the origin (n, 3).
 
-    The inflow along an axis is the same at all of its points.
+    Axis x moment. The inflow along an axis is the same at all of its points.
     """
     return np.ascontiguousarray(np.cross(allocation[:3].T, allocation[3:].T))
 

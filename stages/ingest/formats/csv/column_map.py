@@ -81,7 +81,7 @@ class ColumnMap:
     epoch: str
     start: float | str | None
     columns: tuple[MappedColumn, ...]
-    held: frozenset[str]
+    repeating: frozenset[str]
     missing: tuple[str, ...]
     accelerometer: Accelerometer | None
 
@@ -154,7 +154,7 @@ def column_map(raw: Mapping[str, Any], header: Sequence[str], *, file: str) -> C
         epoch=time.get("epoch", "boot"),
         start=time.get("start"),
         columns=columns,
-        held=frozenset(raw.get("held", ())),
+        repeating=frozenset(raw.get("held", ())),
         missing=tuple(dict.fromkeys((*DEFAULT_MISSING, *raw.get("missing", ())))),
         accelerometer=raw.get("accelerometer"),
     )

@@ -334,7 +334,7 @@ def _streams(
         if empty.all():
             notes.append(f"{stream}: the mapped columns are empty, there is no sample")
             continue
-        if stream in mapping.held:
+        if stream in mapping.repeating:
             index = np.flatnonzero(kept)
             same = np.all(
                 [values[index[1:]] == values[index[:-1]] for values in fields.values()], axis=0

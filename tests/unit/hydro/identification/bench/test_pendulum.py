@@ -333,7 +333,7 @@ def test_damping_models_are_those_of_the_vehicle() -> None:
     truth = TRUTH * [1.0, 1.0, 0.0]
     decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
     known = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
-    found = estimate_decay(replace(decay, known=known))
+    found = estimate_decay(replace(decay, pole=known))
     assert found.chosen == "linear"
     for method, tolerance in (("output_error", 1e-6), ("recursive", 0.02), ("batch", 0.02)):
         values = derivatives(getattr(found, method)["linear"], hung, arm=ARM, empty=empty).values
