@@ -69,10 +69,15 @@ typing:
 demo: $(RUN)
 	auvid run bluerov2_dvl
 
+# Whether dvc.yaml has a report of the campaign: a target that matches nothing means all to DVC.
+DECLARED = grep -A1 -E '^  report(-[a-z_]+)?:' dvc.yaml | grep -qE 'foreach: (.\{campaigns|\[(.*, )?$(CAMPAIGN)[],])'
+
 campaign: $(RUN) .dvc/config.local
-	@grep -qE "^ *- +$(CAMPAIGN) *(#|$$)" params.yaml || { echo "campaign $(CAMPAIGN) is not in the list 'campaigns:' of params.yaml: add a line '  - $(CAMPAIGN)' and run make declarations"; exit 1; }
+	@grep -qE "^ *- +$(CAMPAIGN) *(#|$$)" params.yaml || { echo "campaign $(CAMPAIGN) is not in the list 'campaigns:' of params.yaml: add a line '  - $(CAMPAIGN)'"; exit 1; }
+	@$(DECLARED) || python -m auvid.pipeline.execution.generate_dvc dvc.yaml
+	@$(DECLARED) || { echo "no stage 'report' of dvc.yaml has campaign $(CAMPAIGN)"; exit 1; }
 	dvc repro --glob 'report*@$(CAMPAIGN)'
-	@auvid report $(CAMPAIGN)
+	@ls -d "$(CURDIR)/runs/$(CAMPAIGN)/report/report_html.html"
 
 report: $(RUN)
 	@auvid report $(CAMPAIGN) --open

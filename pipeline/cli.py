@@ -533,6 +533,12 @@ def new(
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
     """Write the hash of each stage's code, on which DVC depends, to runs/.code."""
+    from auvid.pipeline.execution.code_stamp import unchanged
+
+    here = Path.cwd()
+    root = next((at for at in (here, *here.parents) if (at / "params.yaml").is_file()), here)
+    if unchanged(root / "runs" / ".code"):
+        return
     from auvid.pipeline.commands.open_run import write_codes
 
     write_codes()

@@ -16,6 +16,7 @@ MODELS = {
     "control_cases": "documents.control_cases.ControlCasesDocument",
     "dive_plan": "documents.plans.dive_plan.DivePlanDocument",
     "error_metrics": "records.models.ErrorMetrics",
+    "ranking": "records.models.RankingRecord",
     "fusion": "records.motion.FusionRecord",
     "health": "records.logs.HealthRecord",
     "installation": "records.motion.InstallationRecord",

@@ -210,12 +210,90 @@ class ModelCard(Model):
     """J/J0 on training with limits less that without."""
     inertia: list[InertiaCard] = Field(default_factory=list)
     """Inertia fitted beside the viscous terms; the predictor goes with it."""
+    held_out: dict[str, dict[str, float | None]] = Field(default_factory=dict)
+    """Training leg -> axis or all -> J/J0 on it, predicted from the other legs; empty
+    with one leg.
+    """
     prior: PriorCard | None = None
     """The prior on coefficients, where one was used; verdicts stay those of the data
     alone.
     """
     likelihood: LikelihoodFit | None = None
     """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
+
+
+class AxisMerit(Model):
+    """How good a model is on one axis, or on all."""
+
+    validation: float | None
+    """J/J0 on the validation legs."""
+    training: float | None
+    """J/J0 on the training legs."""
+    left_out: float | None
+    """Mean J/J0 of training legs, each predicted from the others; null with one leg."""
+    bic: float | None
+    """BIC over independent training samples, less that of the least."""
+    free_run: float | None
+    """RMS error of free runs at the horizon over that of expecting no change."""
+    identified: int
+    """Coefficients that the data identify."""
+    coefficients: int
+    """Coefficients that apply to the vehicle."""
+
+
+class MeritRecord(Model):
+    """How good one model is, and what speaks against it."""
+
+    name: str
+    """Name of the model."""
+    title: str
+    """Name as printed."""
+    published: bool
+    """Whether it is a form of the thesis."""
+    terms: int
+    """Terms fitted."""
+    rank: int
+    """Coefficients that the data determine."""
+    j: float | None
+    """J on the validation legs, else on training; N and N m mixed."""
+    axes: dict[str, AxisMerit]
+    """Axis or all -> merit."""
+    runs: int
+    """Free runs, 0 where none was made."""
+    lost: int
+    """Free runs that left all bounds."""
+    faults: list[str]
+    """What it does that no vehicle does; empty for a model that passes physics."""
+
+
+class UsableFor(Model):
+    """What the chosen model is usable for, by axis."""
+
+    forces: list[str]
+    """Axes whose force it predicts on the validation legs (J/J0 below 1)."""
+    simulation: list[str]
+    """Axes that it simulates better than expecting no change, where no run is lost."""
+    control: list[str]
+    """Of those, axes whose damping is identified and whose force error is below half."""
+    speeds: dict[str, tuple[float, float]]
+    """Velocity -> range of the training legs, in SI."""
+
+
+class RankingRecord(Model):
+    """Models by merit, the one to take, and what for."""
+
+    models: list[MeritRecord]
+    """Best first by J on the validation legs, else on training."""
+    choice: str | None
+    """The model to take; null where none is better than predicting no force."""
+    rule: str
+    """Why this one, or why none."""
+    legs_left_out: int
+    """Training legs left out in turn; 0 with one leg."""
+    horizon_s: float | None
+    """When free runs are compared; null without any."""
+    usable: UsableFor | None
+    """What the chosen model is usable for; null for nothing."""
 
 
 class ErrorMetrics(Model):

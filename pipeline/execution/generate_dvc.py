@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
@@ -200,24 +201,25 @@ def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
     }
 
 
-def main() -> None:
-    """Write params.yaml and dvc.yaml of this folder; the list of campaigns stays."""
+def main(names: Sequence[str] = ("params.yaml", "dvc.yaml")) -> None:
+    """Write these declarations of this folder; the list of campaigns stays."""
     from auvid.pipeline.campaigns.yaml_files import load_yaml
     from auvid.pipeline.store.atomic_files import write_atomically
     from auvid.stages import KINDS, STAGES
 
     params = Path("params.yaml")
-    campaigns = (
+    campaigns = sorted(
         load_yaml(params).value["campaigns"]
         if params.is_file()
         else [path.parent.name for path in Path("campaigns").glob("*/campaign.yaml")]
     )
-    write_atomically(params, params_yaml(STAGES, sorted(campaigns)).encode())
-    write_atomically(
-        Path("dvc.yaml"),
-        dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), sorted(campaigns))).encode(),
-    )
+    texts = {
+        "params.yaml": params_yaml(STAGES, campaigns),
+        "dvc.yaml": dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), campaigns)),
+    }
+    for name in names:
+        write_atomically(Path(name), texts[name].encode())
 
 
 if __name__ == "__main__":
-    main()
+    main(*([sys.argv[1:]] if sys.argv[1:] else []))

@@ -17,6 +17,7 @@ from auvid.data_schemas.documents import delivered
 from auvid.data_schemas.errors import DataError, PipelineError, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.pipeline.execution import code_stamp
 from auvid.pipeline.execution.engines import Engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress, Silent
@@ -453,10 +454,15 @@ def _where(stage: AnyStage, item: str) -> str:
 def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
     """Write the small file per stage on which DVC depends in place of the code.
 
-    Unchanged ones are left as they are.
+    Unchanged ones are left as they are; nothing is read where no source has changed.
     """
+    names = [f"{stage.name}.txt" for stage in stages]
+    if code_stamp.unchanged(folder, names):
+        return
     remove_temporary_files(folder, shared=True)
+    stamp = code_stamp.source_stamp()
     for stage in stages:
         path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()
         if not path.is_file() or path.read_bytes() != line:
             write_atomically(path, line)
+    write_atomically(folder / code_stamp.FILE, code_stamp.stamp_file(folder, stamp, names))

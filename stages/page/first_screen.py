@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from auvid.data_schemas.records.models import MeritRecord
+
+ALL = "all"
 AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
 Level = Literal["good", "fair", "poor"]
 
@@ -19,34 +22,12 @@ class CoefficientLine:
 
 
 @dataclass(frozen=True)
-class Score:
-    """Errors of one model on one axis ("all" for the total).
+class Use:
+    """One use of the recommended model: the axes it is good for, and the reason."""
 
-    J/J0 on validation and on training, None where there is none.
-    """
-
-    axis: str
-    validation: float | None
-    training: float | None
-
-
-@dataclass(frozen=True)
-class ModelScore:
-    """One row of the model table.
-
-    `j` is J on the validation legs, in N and N m mixed, as McCarter (4.25) has it.
-    """
-
-    name: str
-    title: str
-    terms: int
-    rank: int
-    j: float | None
-    scores: tuple[Score, ...]
-
-    @property
-    def total(self) -> Score:
-        return self.scores[0]
+    label: str
+    axes: str
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -83,9 +64,26 @@ class Summary:
     recommended: str | None
     judged_on: str
     facts: tuple[Fact, ...]
-    models: tuple[ModelScore, ...]
+    models: tuple[MeritRecord, ...]
     identified: tuple[CoefficientLine, ...]
     missing: tuple[str, ...]
     warnings: tuple[str, ...]
     figures: tuple[Figure, ...] = ()
     bounds: tuple[str, ...] = ()
+    uses: tuple[Use, ...] = ()
+    horizon_s: float | None = None
+    legs_left_out: int = 0
+
+    @property
+    def leading(self) -> tuple[MeritRecord, ...]:
+        """Return the models that are no forms of the thesis, and the recommended one.
+
+        All of them where there are no others.
+        """
+        own = [m for m in self.models if not m.published or m.name == self.recommended]
+        return tuple(own) if any(not m.published for m in own) else self.models
+
+    @property
+    def folded(self) -> tuple[MeritRecord, ...]:
+        """Return the forms of the thesis beside them."""
+        return tuple(m for m in self.models if m not in self.leading)

@@ -14,15 +14,16 @@ import pyarrow as pa
 
 from auvid.data_schemas.checks import finding_lines
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.html import render
+from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.report.summary.figure_summary import summarise_results
-from auvid.stages.report.summary.model_summary import summarise
+from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
 
 NO_MORE: Mapping[str, Document] = {}
 
@@ -41,8 +42,7 @@ class Inputs:
     segment: Collection[SegmentRecord] | None = port("segment", many=True, optional=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     model_card: Collection[ModelCard] | None = port("model_card", many=True, optional=True)
-    error_table: pa.Table | None = port("error_table", optional=True)
-    free_run: pa.Table | None = port("free_run", optional=True)
+    ranking: RankingRecord | None = port("ranking", optional=True)
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,7 @@ class Params:
 @dataclass(frozen=True)
 class Outputs:
     report_html: bytes = port("report_html")
+    answer: bytes = port("answer")
     recording: bytes = port("recording")
 
 
@@ -72,7 +73,9 @@ class ReportContent:
 def run(inputs: Inputs, params: Params) -> Outputs:
     content = collect(inputs)
     return Outputs(
-        report_html=page(inputs, content), recording=render_recording(inputs, params, content)
+        report_html=page(inputs, content),
+        answer=answer_text(content.summary).encode("utf-8"),
+        recording=render_recording(inputs, params, content),
     )
 
 
@@ -111,12 +114,11 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
     else:
         summary = summarise(
             cards,
-            inputs.error_table,
+            inputs.ranking or NO_RANKING,
             segments,
             logs,
             sections,
             inputs.vehicle.document,
-            inputs.free_run,
         )
     findings = finding_lines(inputs.campaign, dict(inputs.health or {}))
     summary = replace(summary, missing=(*findings, *summary.missing))

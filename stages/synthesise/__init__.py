@@ -34,8 +34,9 @@ from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
+from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.synthesise.model_card import Prior, model_card
+from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
 from auvid.stages.synthesise.training import (
     TrainingData,
@@ -148,15 +149,24 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         own = TrainingData.of(leg, terms)
         parts[name] = parts[name].merge(own) if name in parts else own
     data = reduce(TrainingData.merge, parts.values())
-    others = others_of({name: part.factor for name, part in parts.items()})
+    factors = {name: part.factor for name, part in parts.items()}
+    others = others_of(factors)
     fits, turns = {}, {}
+    held_out: dict[str, HeldOut] = {}
     for model in models:
+        without = {}
         for axis in AXES:
             fit = partial(solve_axis, axis=axis, terms=model.terms.get(axis, ()), trim=params.trim)
             fits[model.name, axis] = fit(data.factor)
-            turns[model.name, axis] = sign_turns(
-                fits[model.name, axis], {name: fit(factor) for name, factor in others.items()}
+            without[axis] = {name: fit(factor) for name, factor in others.items()}
+            turns[model.name, axis] = sign_turns(fits[model.name, axis], without[axis])
+        held_out[model.name] = {
+            name: error_ratios(
+                factors[name],
+                least_squares_error([without[axis][name] for axis in AXES], factors[name]),
             )
+            for name in others
+        }
     covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
     published = {model.name for model in MODELS}
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
@@ -173,20 +183,29 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             vehicle=inputs.vehicle,
             prior=on_published if model.name in published else none,
             trim=params.trim,
+            held_out=held_out[model.name],
         )
         for whole, model in zip(declared, models, strict=True)
     }
     structures = [model for model in models if model.name not in published]
     if structures:
         limits = PhysicalLimits(params.damping, params.inertia, prior)
-        moving = _with_motion(inputs, training, structures) if params.inertia else data.factor
+        moving = data.factor
+        if params.inertia:
+            factors = {}
+            for name, own_factor in zip(
+                names, _with_motion(inputs, training, structures), strict=True
+            ):
+                known = factors.get(name)
+                factors[name] = own_factor if known is None else known.merge(own_factor)
+            moving = reduce(TriangularFactor.merge, factors.values())
         for model in structures:
             per_one = {
                 axis: coloured_over_white(fits[model.name, axis], covariances[model.name, axis])
                 for axis in AXES
             }
             cards[model.name] = within_limits(
-                cards[model.name], model, moving, limits, inputs.vehicle, per_one
+                cards[model.name], model, moving, limits, inputs.vehicle, per_one, factors
             )
     factor = FactorRecord(
         terms=list(data.factor.columns),
@@ -256,8 +275,8 @@ def _prior_means(source: str, vehicle: Vehicle) -> Coefficients:
 
 def _with_motion(
     inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel]
-) -> TriangularFactor:
-    """Return the factor with accelerations and rates of the actuator force.
+) -> list[TriangularFactor]:
+    """Return each segment's factor with accelerations and rates of the actuator force.
 
     Raises `DataError` without the fused state.
     """
@@ -270,8 +289,7 @@ def _with_motion(
     used |= {f"{a}*{b}" for a in VELOCITIES for b in VELOCITIES}
     terms = tuple(term for term in basis_term_names() if term in used)
     fused = inputs.fused
-    factors = (motion_factor(inputs.residual[key], fused[key], terms) for key in training)
-    return reduce(TriangularFactor.merge, factors)
+    return [motion_factor(inputs.residual[key], fused[key], terms) for key in training]
 
 
 STAGE = Stage(

@@ -30,6 +30,8 @@ from auvid.hydro.identification.regression.verdicts import INSEPARABLE, NOT_EXCI
 from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.synthesise.training import TrainingData
 
+HeldOut = Mapping[str, Array]
+"""Training leg left out -> its J/J0 (7,), of `error_ratios`."""
 VELOCITY_OF_AXIS = dict(zip(AXES, "uvwpqr", strict=True))
 
 
@@ -53,11 +55,13 @@ def model_card(
     vehicle: Vehicle,
     prior: Prior,
     trim: bool,
+    held_out: HeldOut,
 ) -> ModelCard:
     """Return the card of a model from its fits and their covariances, by axis.
 
     `declared`: the model before its propeller terms were left out. turns: by axis, of
-    `sign_turns` over the training legs `left_out` in turn.
+    `sign_turns` over the training legs `left_out` in turn. held_out: J/J0 on each of
+    them, as `error_ratios`.
     """
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
@@ -100,12 +104,21 @@ def model_card(
             for name, item in data.motion.items()
         },
         predictor=predictor,
+        held_out=held_out_card(held_out),
         prior=(
             PriorCard(source="strip_theory", relative_sd=prior.relative_sd, means=used)
             if used
             else None
         ),
     )
+
+
+def held_out_card(ratios: HeldOut) -> dict[str, dict[str, float | None]]:
+    """Return leg -> axis or all -> J/J0 of `error_ratios`; null for no force."""
+    return {
+        leg: dict(zip(("all", *AXES), map(_finite, row.tolist()), strict=True))
+        for leg, row in ratios.items()
+    }
 
 
 def _axis_entry(

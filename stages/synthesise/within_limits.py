@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from auvid.hydro.identification.constrained.equations import (
     inertia_equations,
     viscous_equations,
 )
-from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within
+from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within, force_error
 from auvid.hydro.identification.constrained.inertia import inertia_against_lag
 from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
@@ -55,7 +56,9 @@ from auvid.hydro.identification.constrained.statuses import (
 )
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
-from auvid.stages.synthesise.model_card import Prior
+from auvid.hydro.identification.selection.ranking import error_ratios
+from auvid.stages.synthesise.model_card import Prior, held_out_card
+from auvid.stages.synthesise.training import others_of
 
 DAMPING = ("free", "negative", "dissipative")
 CHANGED = 0.1
@@ -82,12 +85,13 @@ def within_limits(
     limits: PhysicalLimits,
     vehicle: Vehicle,
     samples_per_one: Mapping[str, float],
+    legs: Mapping[str, TriangularFactor],
 ) -> ModelCard:
     """Return the card of a structure with the coefficients within limits.
 
     card: of least squares on the same data; its verdicts stay. factor: with the columns
     of `extra_rows` where inertia is fitted. samples_per_one: axis -> how many samples
-    of its residual count as one.
+    of its residual count as one. legs: the factors of the training legs.
     """
     equations = viscous_equations(model, trim=card.trim)
     if limits.inertia:
@@ -95,14 +99,19 @@ def within_limits(
     noise = _noise(factor, equations, samples_per_one)
     prior = _prior(limits.prior, equations.unknowns)
     rows, cuts = _physics(equations.unknowns, card, limits, vehicle)
-    fit = fit_within(
-        factor,
-        equations,
+    solve = partial(
+        fit_within,
+        equations=equations,
         limits=rows,
         cuts=cuts,
         priors=[] if prior is None else [prior],
         noise=noise,
     )
+    fit = solve(factor)
+    held_out = {
+        name: error_ratios(legs[name], force_error(legs[name], equations, solve(others).values))
+        for name, others in others_of(legs).items()
+    }
     values = fit.by_axis()
     return card.model_copy(
         update={
@@ -113,6 +122,7 @@ def within_limits(
                 for item in fit.active
             ],
             "limits_cost": fit.cost,
+            "held_out": held_out_card(held_out),
             "inertia": [
                 _inertia(name, fit, factor, model, noise, vehicle=vehicle, trim=card.trim)
                 for name in limits.inertia

@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
@@ -36,10 +36,11 @@ from auvid.hydro.identification.constrained.equations import (
 )
 from auvid.hydro.identification.regression.error_measures import ErrorSums, MiddleErrors
 from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.selection.information import inflation
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, VELOCITY, clock, force_columns, forces, named
 from auvid.stages.presentation import Block
-from auvid.stages.validate.free_run import free_run_table, run_segment
+from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
     cause_blocks,
@@ -49,6 +50,7 @@ from auvid.stages.validate.presentation import (
     validate_section,
     validate_views,
 )
+from auvid.stages.validate.ranking import rank, reference_model, resting_velocities
 from auvid.stages.validate.tables import ALL, Group, RangeCovered, error_metrics, error_rows
 
 
@@ -91,6 +93,7 @@ class Outputs:
     error_table: pa.Table = port("error_table")
     error_metrics: Document = port("error_metrics")
     free_run: pa.Table = port("free_run")
+    ranking: RankingRecord = port("ranking")
     tables_text: bytes = port("tables_text")
     section: Document = port("section")
     views: Document = port("views")
@@ -173,7 +176,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     sums: dict[Group, ErrorSums] = {}
     covered: dict[str, RangeCovered] = {}
     plots: list[Block] = []
-    free: dict[str, FreeRuns] = {}
+    free: dict[tuple[str, str], FreeRuns] = {}
+    resting = resting_velocities(cards)
     causes: dict[str, Growth] = {}
     for key, use, residual, measured, predicted in judged():
         for name, force in predicted.items():
@@ -185,10 +189,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if use == "validation":
             t = clock(residual) + float(segments[key].leg_start_s)
             plots.append(prediction_plot(segments[key], t, measured, predicted))
-            runs = _free_runs(inputs, params, models, key)
-            if runs is not None and inputs.vehicle is not None:
-                free[key] = runs
-                causes = loss_causes(runs, list(models.values()), inputs.vehicle) | causes
+            for held in dict.fromkeys(("", resting)):
+                runs = _free_runs(inputs, params, models, key, held)
+                if runs is None or inputs.vehicle is None:
+                    continue
+                free[key, held] = runs
+                if not held:
+                    causes = loss_causes(runs, list(models.values()), inputs.vehicle) | causes
     middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
     outside = np.zeros(6)
     for key, use, residual, measured, predicted in judged():
@@ -201,15 +208,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         group: sums[group].measures(middle[group].medians(sums[group].n))
         for group in sorted(sums, key=lambda group: group[1] != ALL)
     }
+    error_table = error_rows(errors_of, cards)
     free_run = free_run_table(free, list(models))
+    ranking = rank(
+        cards,
+        error_table.to_pylist(),
+        free_run.to_pylist(),
+        _samples_per_one(inputs, models[reference_model(cards)], segments),
+    )
     titles = {name: card.title for name, card in cards.items()}
     return Outputs(
         predictions=Collection(
             {key: partial(_predictions, inputs, models, key) for key in segments}
         ),
-        error_table=error_rows(errors_of, cards),
+        error_table=error_table,
         error_metrics=error_metrics(errors_of),
         free_run=free_run,
+        ranking=ranking,
         tables_text=tables_as_text(errors_of, cards, covered).encode("utf-8"),
         section=validate_section(
             errors_of,
@@ -242,8 +257,23 @@ def _forces(
     return {name: model.force(residual, fused) for name, model in models.items()}
 
 
+def _samples_per_one(
+    inputs: Inputs, model: Predictor, segments: Mapping[str, SegmentRecord]
+) -> dict[str, float]:
+    """Return, by axis, how many training samples of a model's residual count as one."""
+    residuals = (
+        forces(inputs.residual[key], "tau_bar")
+        - _forces(inputs, {"model": model}, key, inputs.residual[key])["model"]
+        for key, segment in segments.items()
+        if segment.use == "training"
+    )
+    if not any(segment.use == "training" for segment in segments.values()):
+        return {}
+    return dict(zip(AXES, inflation(residuals).tolist(), strict=True))
+
+
 def _free_runs(
-    inputs: Inputs, params: Params, models: Mapping[str, Predictor], key: str
+    inputs: Inputs, params: Params, models: Mapping[str, Predictor], key: str, as_measured: str
 ) -> FreeRuns | None:
     if not (params.free_run and inputs.fused and inputs.controls and inputs.vehicle is not None):
         return None
@@ -252,11 +282,11 @@ def _free_runs(
         [model.viscous for model in models.values()],
         np.array([model.trim for model in models.values()]),
         np.array([model.added_mass for model in models.values()]),
-        inputs.fused[key],
-        inputs.controls[key],
+        measured_motion(inputs.fused[key], inputs.controls[key]),
         horizons_s=params.free_run_horizons_s,
         every_s=params.free_run_every_s,
         minimum_speed=params.minimum_speed_m_s,
+        as_measured=as_measured.split(),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import has_columns, make_table, matrix
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import STATES, Array, Mask
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns, MeasuredMotion, free_runs
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -22,6 +22,7 @@ exact to 1e-7.
 """
 PERSISTENCE = "persistence"
 """The reference row: the state stays as it was at the start."""
+ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}
 COMPARED = [0, 1, 2, 3, 4, 5, 9, 10, 11]
 """Places of `NAMES` in the state [nu, eta]: all but the position."""
 NAMES = tuple(
@@ -46,49 +47,67 @@ def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
     return control, None if level is None else level[:, 0]
 
 
+def measured_motion(fused: pa.Table, controls: pa.Table) -> MeasuredMotion:
+    """Return what free runs over a segment start from and follow, at `FASTEST_HZ` at most."""
+    t_s = clock(fused)
+    rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
+    control, level = control_of(controls, rows)
+    state = matrix(fused, (*VELOCITY, *POSE))[rows]
+    return MeasuredMotion(t_s[rows], state, control, level)
+
+
 def run_segment(
     vehicle: Vehicle,
     models: Sequence[IdentifiedModel],
     trims: Array,
     added_mass: Array,
-    fused: pa.Table,
-    controls: pa.Table,
+    motion: MeasuredMotion,
     *,
     horizons_s: Sequence[float],
     every_s: float,
     minimum_speed: float,
+    as_measured: Sequence[str] = (),
 ) -> FreeRuns | None:
     """Return free runs over one segment, None if shorter than the shortest horizon.
 
     added_mass (m, 6, 6): what the inertia of each model adds to the vehicle's.
+    as_measured: velocities put in as measured, with their angles.
     """
-    t_s = clock(fused)
-    if t_s[-1] - t_s[0] < horizons_s[0]:
+    length = motion.t_s[-1] - motion.t_s[0]
+    if length < horizons_s[0]:
         return None
-    rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
-    control, level = control_of(controls, rows)
-    state = matrix(fused, (*VELOCITY, *POSE))[rows]
     return free_runs(
         vehicle,
         models,
         trims,
-        MeasuredMotion(t_s[rows], state, control, level),
-        starts_s=np.arange(0.0, t_s[-1] - t_s[0], every_s),
+        motion,
+        starts_s=np.arange(0.0, length, every_s),
         horizons_s=np.asarray(horizons_s),
         minimum_speed=minimum_speed,
         added_mass=added_mass,
+        imposed=imposed_states(as_measured),
     )
 
 
-def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.Table:
+def imposed_states(velocities: Sequence[str]) -> Mask:
+    """Return which states (12,) are put in: velocities, and angles of rotations."""
+    names = {*velocities, *(ANGLE_OF[name] for name in velocities if name in ANGLE_OF)}
+    return np.array([name in names for name in STATES])
+
+
+def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[str]) -> pa.Table:
     """Return a row per segment, model and horizon that the segment reaches.
 
-    A run counts for a horizon that its data reach. The last row of each horizon is
-    `PERSISTENCE`, the error of expecting no change.
+    runs_of: (segment, velocities put in as measured) -> runs. A run counts for a horizon
+    that its data reach. The last row of each horizon is `PERSISTENCE`, the error of
+    expecting no change.
     """
-    heads = ("segment", "model", "horizon_s", "starts", "diverged", "first_divergence_s", *NAMES)
+    heads = (
+        "segment", "model", "as_measured", "horizon_s", "starts", "diverged",
+        "first_divergence_s", *NAMES,
+    )  # fmt: skip
     rows: list[tuple[Any, ...]] = []
-    for segment, runs in runs_of.items():
+    for (segment, held), runs in runs_of.items():
         error = runs.rms()[:, :, COMPARED]
         for place, horizon in enumerate(runs.horizons_s):
             reached = runs.reached[:, place]
@@ -99,11 +118,11 @@ def free_run_table(runs_of: Mapping[str, FreeRuns], names: Sequence[str]) -> pa.
                 lost = lost[np.isfinite(lost) & (lost <= horizon)]
                 first = float(lost.min()) if lost.size else np.nan
                 counts = (int(reached.sum()), int(lost.size), first)
-                rows.append((segment, name, float(horizon), *counts, *error[index, place].tolist()))
+                found = error[index, place].tolist()
+                rows.append((segment, name, held, float(horizon), *counts, *found))
             change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[COMPARED]
-            rows.append(
-                (segment, PERSISTENCE, float(horizon), int(reached.sum()), 0, np.nan, *change)
-            )
+            count = int(reached.sum())
+            rows.append((segment, PERSISTENCE, held, float(horizon), count, 0, np.nan, *change))
     return make_table(
         "free_run", {head: [row[place] for row in rows] for place, head in enumerate(heads)}
     )

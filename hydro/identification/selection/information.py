@@ -8,33 +8,42 @@ counted as one would admit nearly every term.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.regression.standard_errors import (
     automatic_lags,
     long_run_moment,
 )
 
 
-def inflation(residuals: Sequence[ArrayLike], *, lags: int | None = None) -> float:
+def inflation(residuals: Iterable[ArrayLike], *, lags: int | None = None) -> Array:
     """Return how many samples count as one: long-run over sample variance, at least 1.
 
-    residuals: one series (n,) per unbroken segment; lags None: `automatic_lags` of
-    each. A first-order autoregression with coefficient rho has (1 + rho) / (1 - rho).
-    Raises `DataError` for no sample.
+    residuals: one series (n,) or (n, k) per unbroken segment, gone through once; lags
+    None: `automatic_lags` of each. Returned are (k,), () for (n,). A first-order
+    autoregression with coefficient rho has (1 + rho) / (1 - rho). Raises `DataError` for
+    no sample.
     """
-    moment, square = 0.0, 0.0
+    sums: list[Array] = []
     for part in residuals:
-        e = np.asarray(part, dtype=np.float64)[:, None]
-        moment += float(long_run_moment(e, lags=automatic_lags(e) if lags is None else lags)[0, 0])
-        square += float(np.sum(e**2))
-    if not sum(len(np.asarray(part)) for part in residuals):
+        e = np.asarray(part, dtype=np.float64)
+        columns = e.reshape(len(e), -1).T[..., None]
+        moment = [
+            long_run_moment(c, lags=automatic_lags(c) if lags is None else lags)[0, 0]
+            for c in columns
+        ]
+        if len(e):
+            sums.append(np.array([np.reshape(moment, e.shape[1:]), np.sum(e**2, axis=0)]))
+    if not sums:
         raise DataError("no residual to count independent samples in")
-    return max(1.0, moment / square) if square > 0.0 else 1.0
+    long_run, square = np.sum(sums, axis=0)
+    ratio = np.divide(long_run, square, out=np.ones_like(square), where=square > 0.0)
+    return np.maximum(1.0, ratio)
 
 
 def bic(sse: float, terms: int, *, n_samples: int, samples_per_one: float = 1.0) -> float:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import AXES, Array
-from auvid.hydro.identification.constrained.equations import ForceEquations
-from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within, force_error
-from auvid.hydro.identification.regression.least_squares import TriangularFactor
-from auvid.hydro.identification.selection.folds import without_each
-from auvid.hydro.identification.selection.information import bic
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import AxisFit, TriangularFactor
 
 CLEAR_DIFFERENCE = 2.0
 """A BIC counts as worse from this difference on (Kass & Raftery 1995: below, it is not
@@ -22,114 +17,89 @@ worth more than a bare mention).
 
 
 @dataclass(frozen=True)
-class RankedModel:
-    """One model as it stands among others.
+class Candidate:
+    """What is known of one model among others.
 
-    terms: unknowns fitted. held_out (L,): J / J0 on each leg, predicted from the
-    others; nan with one leg. information: BIC of the six axes together. fit: of all
-    legs.
+    terms: unknowns fitted. left_out (L,): J / J0 on each leg, predicted from the others;
+    empty where that is not known. information: BIC of the six axes together, nan where
+    it is not known. is_sound: whether it passes physics.
     """
 
     name: str
     terms: int
-    held_out: Array
+    left_out: Array
     information: float
-    fit: ConstrainedFit
-    physical: bool
+    is_sound: bool
 
 
 @dataclass(frozen=True)
-class Ranking:
-    """Models by merit, the choice first by name, and the rule in words."""
+class Choice:
+    """The model to take, the best by merit, and the rule in words."""
 
-    models: tuple[RankedModel, ...]
-    choice: str
+    name: str
+    best: str
     rule: str
 
 
-Fit = Callable[[TriangularFactor, ForceEquations], ConstrainedFit]
-"""How a model is fitted: `fit_within` with its limits and priors."""
+def error_ratios(leg: TriangularFactor, error: Array) -> Array:
+    """Return J / J0 (7,) on a leg, all axes together and each: RMS error (6,) [N, N m].
 
-
-def rank_models(
-    legs: Sequence[TriangularFactor],
-    models: Mapping[str, ForceEquations],
-    *,
-    fit: Fit = fit_within,
-    physical: Callable[[ConstrainedFit], bool] = lambda _: True,
-    samples_per_one: Mapping[str, float] | None = None,
-) -> Ranking:
-    """Return the models by held-out error, and the one to take.
-
-    The simplest within one standard error of the best (Breiman et al. 1984) that passes
-    `physical`. The standard error is that of the difference to the best, leg by leg.
-    With one leg nothing can be held out: the simplest within a clear difference of the
-    least BIC, with `samples_per_one` by axis. Raises `DataError` where none passes.
+    nan for an axis without a force.
     """
-    if not (legs and models):
-        raise DataError("ranking needs a leg and a model")
-    whole = legs[0]
-    for leg in legs[1:]:
-        whole = whole.merge(leg)
-    folds = without_each(legs) if len(legs) > 1 else []
-    per_one = np.array([(samples_per_one or {}).get(axis, 1.0) for axis in AXES])
-    ranked = []
-    for name, equations in models.items():
-        result = fit(whole, equations)
-        leg_errors = [
-            _total(force_error(leg, equations, fit(fold, equations).values))
-            / _total(leg.column_rms[-6:])
-            for leg, fold in zip(legs[: len(folds)], folds, strict=True)
-        ]
-        ranked.append(
-            RankedModel(
-                name,
-                len(equations.unknowns) - len({u for a in result.active for u in a.unknowns}),
-                np.array(leg_errors) if leg_errors else np.full(1, np.nan),
-                _information(result, equations, per_one),
-                result,
-                physical(result),
-            )
-        )
-    sound = [model for model in ranked if model.physical]
-    if not sound:
-        raise DataError("no model passes the physical checks", value=list(models))
-    merit = (lambda m: float(np.mean(m.held_out))) if folds else (lambda m: m.information)
-    best = min(sound, key=merit)
-    near = [model for model in sound if _as_good(model, best, legs=bool(folds))]
-    choice = min(near, key=lambda model: (model.terms, merit(model)))
-    rule = (
-        f"the simplest within one standard error of {best.name} over {len(legs)} held-out legs"
-        if folds
-        else f"the simplest with a BIC within {CLEAR_DIFFERENCE:g} of that of {best.name}: one leg"
-        " leaves nothing to hold out"
+    force = leg.column_rms[-6:]
+    top, bottom = (
+        np.append(np.sqrt(np.mean(error**2)), error),
+        np.append(np.sqrt(np.mean(force**2)), force),
     )
-    return Ranking(tuple(sorted(ranked, key=merit)), choice.name, rule)
+    return np.divide(top, bottom, out=np.full(7, np.nan), where=bottom > 0.0)
 
 
-def _as_good(model: RankedModel, best: RankedModel, *, legs: bool) -> bool:
-    if not legs:
-        return model.information - best.information <= CLEAR_DIFFERENCE
-    difference = model.held_out - best.held_out
-    return float(np.mean(difference)) <= float(
-        np.std(difference, ddof=1) / np.sqrt(len(difference))
+def least_squares_error(fits: Sequence[AxisFit], leg: TriangularFactor) -> Array:
+    """Return the RMS force error (6,) [N, N m] of fits, one per axis, on another leg."""
+    place = {name: i for i, name in enumerate(leg.columns)}
+    errors = [
+        leg.R[:, place[fit.axis]] - leg.R[:, [place[term] for term in fit.terms]] @ fit.solution
+        for fit in fits
+    ]
+    return np.linalg.norm(errors, axis=1) / np.sqrt(leg.n_samples)
+
+
+def choose(candidates: Sequence[Candidate]) -> Choice | None:
+    """Return the simplest model within one standard error of the best that is sound.
+
+    The standard error is that of the difference to the best over the left-out legs
+    (Breiman et al. 1984). Where no leg is left out: the simplest within a clear
+    difference of the least BIC. Where no model is sound, the rest compete. None without
+    a model that either tells something of.
+    """
+    sound = [item for item in candidates if item.is_sound] or list(candidates)
+    legs = max((len(item.left_out) for item in sound), default=0)
+    if legs >= 2:
+        known = [item for item in sound if len(item.left_out) == legs]
+        best = min(known, key=_mean)
+        near = [item for item in known if _within_one_error(item, best)]
+        chosen = min(near, key=lambda item: (item.terms, _mean(item)))
+        words = f"within one standard error of the best over {legs} legs, each left out in turn"
+        return Choice(chosen.name, best.name, f"the simplest {words}")
+    known = [item for item in sound if np.isfinite(item.information)]
+    if not known:
+        return None
+    best = min(known, key=lambda item: item.information)
+    near = [item for item in known if item.information - best.information <= CLEAR_DIFFERENCE]
+    chosen = min(near, key=lambda item: (item.terms, item.information))
+    return Choice(
+        chosen.name,
+        best.name,
+        f"the simplest with a BIC within {CLEAR_DIFFERENCE:g} of the least: one training leg"
+        " leaves none to leave out",
     )
 
 
-def _information(result: ConstrainedFit, equations: ForceEquations, per_one: Array) -> float:
-    n = result.n_samples
-    total = 0.0
-    for i, axis in enumerate(AXES):
-        here = sum(
-            1 / len({where for where, _, _ in parts})
-            for parts in equations.shares.values()
-            if any(where == axis for where, _, _ in parts)
-        )
-        m = n / per_one[i]
-        sse = float(result.rms[i] ** 2) * n
-        total += bic(sse, 0, n_samples=n, samples_per_one=per_one[i]) + here * float(np.log(m))
-    return total
+def _mean(item: Candidate) -> float:
+    return float(np.mean(item.left_out))
 
 
-def _total(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+def _within_one_error(item: Candidate, best: Candidate) -> bool:
+    difference = item.left_out - best.left_out
+    error = float(np.std(difference, ddof=1) / np.sqrt(len(difference)))
+    return float(np.mean(difference)) <= error

@@ -82,8 +82,8 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
             file.check("column_map")
             mapping = file.value
         # bytes of a name that are no text are shown as a replacement character
-        name = Path(os.fsencode(path).decode(errors="replace"))
-        return [_page(str(name), name.stem, (LogFile(name.name, path, mapping),))]
+        shown = Path(os.fsencode(path).decode(errors="replace"))
+        return [_page(str(shown), shown.stem, (LogFile(shown.name, path, mapping),))]
     workspace = workspace_of(target)
     campaign = load_campaign(
         workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()

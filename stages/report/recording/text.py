@@ -20,6 +20,7 @@ def markdown(
 ) -> str:
     """The first screen; `starts`: where each segment begins on the timeline, in s."""
     lines = [f"# {title}", f"**{summary.headline}.** {summary.explanation}", ""]
+    lines += [f"- {use.label}: {use.axes or use.reason}" for use in summary.uses]
     if summary.identified:
         lines += [
             "## What was identified",
@@ -50,8 +51,8 @@ def markdown(
         rows = []
         for model in summary.models:
             ratios = [
-                score.validation if summary.judged_on == "validation" else score.training
-                for score in model.scores
+                merit.validation if summary.judged_on == "validation" else merit.training
+                for merit in model.axes.values()
             ]
             cells = [
                 "–" if ratio is None else f"**{ratio:.2f}**" if ratio > 1 else f"{ratio:.2f}"

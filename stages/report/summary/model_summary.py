@@ -1,10 +1,7 @@
-"""First screen of the report: recommended model, quality, findings, what is missing.
+"""First screen of the report: the model to take and what for, findings, what is missing.
 
-Everything here is computed from model cards, the error table and the documents of
-segments and logs. The rule for the recommended model: of
-the models whose J on the validation legs is within `CLOSE` of the smallest, the one
-with the fewest terms; none, if the smallest J/J0 is 1 or more. Models of which a free
-run is lost stand back where another one holds.
+The ranking and the choice are those of `validate`; model cards and the documents of
+segments and logs give the rest.
 """
 
 from __future__ import annotations
@@ -13,147 +10,73 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
-
-import pyarrow as pa
 
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, UsableFor
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
-from auvid.stages.number_format import fixed
-from auvid.stages.page.first_screen import AXIS_WORDS, Fact, Level, ModelScore, Score, Summary
+from auvid.stages.number_format import fixed, true_minus
+from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Fact, Level, Summary, Use
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
-from auvid.stages.report.summary.simulation import Simulation, simulation
 
 _decimals = partial(fixed, places=2, empty="unknown")
-CLOSE = 1.05
 OVERFIT = 2.0
+NO_RANKING = RankingRecord(
+    models=[], choice=None, rule="", legs_left_out=0, horizon_s=None, usable=None
+)
 
 
 def summarise(
     cards: Mapping[str, ModelCard],
-    error_table: pa.Table | None,
+    ranking: RankingRecord,
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
     sections: Mapping[str, Document],
     vehicle: VehicleDocument,
-    free_run: pa.Table | None = None,
 ) -> Summary:
     """The summary of one campaign."""
-    rows = error_table.to_pylist() if error_table is not None else []
-    judged = any(row["use"] == "validation" for row in rows)
-    models = _scores(rows, cards, "validation" if judged else "training")
-    flown = simulation(free_run)
-    recommended = choose(models, flown)
-    card = next(
-        (
-            card
-            for card in cards.values()
-            if recommended is not None and card.name == recommended.name
-        ),
-        None,
-    )
+    models = tuple(ranking.models)
+    judged = any(model.axes[ALL].validation is not None for model in models)
+    chosen = next((model for model in models if model.name == ranking.choice), None)
+    card = next((card for card in cards.values() if card.name == ranking.choice), None)
+    level, headline, explanation = _verdict(ranking, chosen, judged)
     missing = [
-        *_missing(models, recommended, card, cards, segments, logs, judged),
-        *_said_of(recommended, sections),
-        *_unbounded(recommended, free_run),
+        *_missing(models, chosen, card, cards, segments, logs, judged),
+        *_notes_on(chosen, sections),
     ]
-    level, headline, explanation = _verdict(models, recommended, judged, flown)
     return Summary(
         level=level,
         headline=headline,
         explanation=explanation,
-        recommended=recommended.name if recommended else None,
+        recommended=ranking.choice,
         judged_on="validation" if judged else "training",
-        facts=_facts(segments, logs, models, recommended, card),
+        facts=_facts(segments, logs, models, chosen, card),
         models=models,
         identified=findings(card) if card is not None else (),
         missing=(*missing, *assumed_figures(vehicle)),
         warnings=_warnings(sections),
+        uses=_uses(ranking, chosen) if judged else (),
+        horizon_s=ranking.horizon_s,
+        legs_left_out=ranking.legs_left_out,
     )
-
-
-def choose(models: Sequence[ModelScore], flown: Simulation | None = None) -> ModelScore | None:
-    """Return the recommended model by the rule of this module, or None.
-
-    None if no model is better than no model at all.
-    """
-    known = [
-        model
-        for model in models
-        if model.j is not None and ((ratio := _judged(model.total)) is None or ratio < 1)
-    ]
-    if not known:
-        return None
-    if flown is not None and (stable := [model for model in known if flown.holds(model.name)]):
-        known = stable
-    smallest = known[0].j or 0.0
-    return min(
-        (model for model in known if (model.j or 0.0) <= CLOSE * smallest),
-        key=lambda model: (model.terms, model.j),
-    )
-
-
-def _judged(score: Score) -> float | None:
-    return score.validation if score.validation is not None else score.training
-
-
-def _scores(
-    rows: Sequence[Mapping[str, Any]], cards: Mapping[str, ModelCard], judge: str
-) -> tuple[ModelScore, ...]:
-    titles = {card.name: card.title for card in cards.values()}
-    whole = {(row["use"], row["model"], row["axis"]): row for row in rows if row["leg"] == "all"}
-    models = []
-    for name in dict.fromkeys(row["model"] for row in rows):
-        scores = tuple(
-            Score(
-                axis,
-                _ratio(whole.get(("validation", name, axis))),
-                _ratio(whole.get(("training", name, axis))),
-            )
-            for axis in ("all", *AXES)
-        )
-        total = whole.get((judge, name, "all"), {})
-        j = total.get("rms")
-        models.append(
-            ModelScore(
-                name=name,
-                title=titles.get(name, name),
-                terms=int(total.get("n_bar", 0)),
-                rank=int(total.get("rank", 0)),
-                j=j if j is not None and math.isfinite(j) else None,
-                scores=scores,
-            )
-        )
-    return tuple(
-        sorted(models, key=lambda model: (math.inf if model.j is None else model.j, model.terms))
-    )
-
-
-def _ratio(row: Mapping[str, Any] | None) -> float | None:
-    value = row["ratio"] if row else None
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _verdict(
-    models: Sequence[ModelScore],
-    recommended: ModelScore | None,
-    judged: bool,
-    flown: Simulation | None,
+    ranking: RankingRecord, chosen: MeritRecord | None, judged: bool
 ) -> tuple[Level, str, str]:
-    if not models:
+    if not ranking.models:
         return (
             "poor",
             "No model was identified",
             "There is no error table: the chain did not reach validation.",
         )
-    best = models[0]
-    if recommended is None:
-        ratio = _judged(best.total)
+    best = ranking.models[0]
+    if chosen is None or ranking.usable is None:
+        merit = best.axes[ALL]
+        ratio = merit.validation if judged else merit.training
         where = "on the validation legs" if judged else "on the training legs"
         return (
             "poor",
@@ -163,81 +86,105 @@ def _verdict(
                 " no force at all does as well."
             ),
         )
+    validation, training = chosen.axes[ALL].validation, chosen.axes[ALL].training
     if not judged:
         return (
             "poor",
-            f"{recommended.title} fits best, but nothing judges it",
+            f"{chosen.title} fits best, but nothing judges it",
             (
                 "The campaign has no validation leg."
-                f" J/J0 = {_decimals(recommended.total.training)} is on the training legs alone"
+                f" J/J0 = {_decimals(training)} is on the training legs alone"
                 " and says nothing about prediction."
             ),
         )
-    validation, training = recommended.total.validation, recommended.total.training
-    failing = _failing(recommended)
     words = f"On the validation legs J/J0 = {_decimals(validation)}"
     words += f" (training {_decimals(training)})" if training is not None else ""
-    words += (
-        f": the error is {100 * (validation or 0):.0f} % of the force itself,"
-        f" with {recommended.terms} terms"
-    )
-    words += (
-        f", {recommended.rank} of which the data determine."
-        if recommended.rank < recommended.terms
-        else "."
-    )
-    if recommended is not best:
-        words += (
-            f" {best.title} has a smaller error ({_decimals(best.total.validation)}) with"
-            f" {best.terms} terms"
-        )
-        lost = flown is not None and best.name in flown.lost
-        words += ", but its free runs are lost." if lost else "."
-    use, reason = _usable_for(recommended, flown)
-    words += reason
-    if failing:
-        words += (
-            f" It does not hold in {_listed(failing)}: there its error is larger than the force."
-        )
+    words += f": the error is {100 * (validation or 0):.0f} % of the force itself."
+    words += f" Chosen as {ranking.rule}."
+    if best is not chosen and (best.axes[ALL].validation or 0) < 1:
+        words += f" {best.title} has a smaller error ({_decimals(best.axes[ALL].validation)})"
+        words += f" with {best.terms} terms"
+        words += f", but {best.faults[-1]}." if best.faults else "."
+    failing = _failing(chosen)
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    return level, f"{recommended.title}: {use}" + (", with care" if level == "fair" else ""), words
+    use = _use_words(ranking.usable)
+    return level, f"{chosen.title}: {use}" + (", with care" if level == "fair" else ""), words
 
 
-def _usable_for(model: ModelScore, flown: Simulation | None) -> tuple[str, str]:
-    """Return what a model can be used for, and why in a sentence."""
-    forces = "use it to predict forces"
-    if flown is None or model.name not in flown.useful:
-        return forces, " No free run says whether it can be simulated."
-    if not flown.holds(model.name):
-        return f"{forces}, not to simulate", ""
-    axes = flown.useful[model.name]
-    if not axes:
-        return (
-            f"{forces}, not to simulate",
-            f" Its free runs hold, but after {flown.horizon_s:g} s they are no better than"
-            " expecting no change.",
+def _use_words(usable: UsableFor) -> str:
+    """Return what a model is for, in one line: forces, simulation, control."""
+    if not usable.forces:
+        return "use it for nothing"
+    words = "use it to predict forces"
+    if not usable.simulation:
+        return f"{words}, not to simulate"
+    named = "all axes" if len(usable.simulation) == len(AXES) else _axes_listed(usable.simulation)
+    return f"{words} and to simulate {named}"
+
+
+def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]:
+    """Return a line per use with the axes and the limits of it; empty for no model."""
+    usable = ranking.usable
+    if chosen is None or usable is None:
+        return ()
+    uses = [Use("Forces", _some(usable.forces), _except(chosen, usable.forces))]
+    horizon = f" after {ranking.horizon_s:g} s" if ranking.horizon_s is not None else ""
+    if not chosen.runs:
+        reason = "no free run says whether it can be simulated"
+    elif chosen.lost:
+        reason = f"{chosen.lost} of {chosen.runs} free runs leave all bounds"
+    elif chosen.faults:
+        reason = "; ".join(chosen.faults)
+    elif not usable.simulation:
+        reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than no change"
+    else:
+        reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
+        rest = [axis for axis in AXES if axis not in usable.simulation]
+        reason += f", {_axes_listed(rest)} not" if rest else ""
+    uses.append(Use("Simulation", _some(usable.simulation), reason))
+    words = (
+        "damping identified, force error below half, simulated"
+        if usable.control
+        else (
+            "no axis has an identified damping, less than half of the force as error, and a simulation"
         )
-    named = _listed([AXIS_WORDS[axis] for axis in axes])
-    rest = [AXIS_WORDS[axis] for axis in AXES if axis not in axes]
-    reason = f" All its free runs hold; after {flown.horizon_s:g} s they predict {named} better"
-    reason += " than expecting no change"
-    reason += f", {_listed(rest)} not." if rest else "."
-    return f"{forces} and to simulate {named}", reason
+    )
+    uses.append(Use("Control design", _some(usable.control), words))
+    speeds = ", ".join(
+        f"{name} {low:.2g} to {high:.2g}" for name, (low, high) in usable.speeds.items()
+    )
+    uses.append(
+        Use("Within", "", true_minus(f"{speeds} (m/s, rad/s): where the training legs went"))
+    )
+    return tuple(uses)
 
 
-def _failing(model: ModelScore) -> list[str]:
+def _some(axes: Sequence[str]) -> str:
+    return "no axis" if not axes else "all axes" if len(axes) == len(AXES) else _axes_listed(axes)
+
+
+def _axes_listed(axes: Sequence[str]) -> str:
+    return _listed([AXIS_WORDS[axis] for axis in axes])
+
+
+def _except(chosen: MeritRecord, forces: Sequence[str]) -> str:
+    failing = _failing(chosen)
+    if failing:
+        return f"it does not hold in {_listed(failing)}: there its error is larger than the force"
+    return "the error is below the force on the validation legs"
+
+
+def _failing(model: MeritRecord) -> list[str]:
     return [
-        f"{AXIS_WORDS[score.axis]} ({score.axis})"
-        for score in model.scores[1:]
-        if score.validation is not None and score.validation > 1
+        f"{AXIS_WORDS[axis]} ({axis})" for axis in AXES if (model.axes[axis].validation or 0.0) > 1
     ]
 
 
 def _facts(
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
-    models: Sequence[ModelScore],
-    recommended: ModelScore | None,
+    models: Sequence[MeritRecord],
+    chosen: MeritRecord | None,
     card: ModelCard | None,
 ) -> tuple[Fact, ...]:
     facts = []
@@ -259,7 +206,7 @@ def _facts(
         Fact(
             "models fitted",
             str(len(models)),
-            f"{recommended.title} taken" if recommended else "none taken",
+            f"{chosen.title} taken" if chosen else "none taken",
         )
     )
     if card is not None:
@@ -283,8 +230,8 @@ def _verdicts(card: ModelCard) -> Counter[str]:
 
 
 def _missing(
-    models: Sequence[ModelScore],
-    recommended: ModelScore | None,
+    models: Sequence[MeritRecord],
+    chosen: MeritRecord | None,
     card: ModelCard | None,
     cards: Mapping[str, ModelCard],
     segments: Mapping[str, SegmentRecord],
@@ -297,9 +244,9 @@ def _missing(
             "There is no validation leg: give one leg `use: validation`, so that the models are"
             " judged on data they have not seen."
         )
-    best = recommended or (models[0] if models else None)
+    best = chosen or (models[0] if models else None)
     if best is not None and judged:
-        ratio = (best.total.validation or 0) / (best.total.training or math.inf)
+        ratio = (best.axes[ALL].validation or 0) / (best.axes[ALL].training or math.inf)
         if ratio > OVERFIT:
             missing.append(
                 f"{best.title} fits the training legs {ratio:.1f} times better than it predicts"
@@ -307,8 +254,8 @@ def _missing(
             )
         never = [
             f"{AXIS_WORDS[axis]} ({axis})"
-            for index, axis in enumerate(AXES, start=1)
-            if models and all((model.scores[index].validation or 0) > 1 for model in models)
+            for axis in AXES
+            if models and all((model.axes[axis].validation or 0) > 1 for model in models)
         ]
         if never:
             missing.append(
@@ -328,43 +275,12 @@ def _missing(
     return missing
 
 
-def _said_of(recommended: ModelScore | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
-    """What stages note about the model to take, by its title."""
-    return (
-        ()
-        if recommended is None
-        else tuple(
-            words
-            for words in remarks(sections, "note")
-            if words.startswith(f"{recommended.title} ")
-        )
-    )
-
-
-def _unbounded(recommended: ModelScore | None, free_run: pa.Table | None) -> list[str]:
-    """Return a note if the recommended model diverges in simulation.
-
-    A small force error does not promise that a model holds when it is simulated by
-    itself.
-    """
-    rows = [
-        row
-        for row in (free_run.to_pylist() if free_run is not None else [])
-        if recommended is not None and row["model"] == recommended.name
-    ]
-    gone = [row for row in rows if row["diverged"]]
-    if recommended is None or not gone:
-        return []
-    worst = max(gone, key=lambda row: row["diverged"] / row["starts"])
-    first = min(row["first_divergence_s"] for row in gone)
-    words = (
-        f"Simulated by itself from measured states, {recommended.title} leaves all bounds in"
-        f" {worst['diverged']} of {worst['starts']} runs"
-    )
-    return [
-        f"{words} of {worst['horizon_s']:g} s, the first after {first:.1f} s: predict forces with"
-        " it, do not put it into a simulator."
-    ]
+def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
+    """Return what stages note about the model to take, by its title."""
+    if chosen is None:
+        return ()
+    notes = remarks(sections, "note")
+    return tuple(words for words in notes if words.startswith(f"{chosen.title} "))
 
 
 def assumed_figures(vehicle: VehicleDocument) -> tuple[str, ...]:

@@ -1,0 +1,62 @@
+"""Whether auvid's own files are those of the last look: found without reading them.
+
+Nothing heavy is imported here: `auvid code` runs at each call of DVC.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+FILE = ".stamp"
+FOLDERS = ("data_schemas", "hydro", "stages")
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def source_stamp() -> str:
+    """Return the hash of names, sizes and times of all files that a stage may depend on."""
+    lines = []
+    for floor in FOLDERS:
+        for folder, inner, names in os.walk(ROOT / floor):
+            inner[:] = [name for name in inner if name != "__pycache__"]
+            for name in names:
+                path = os.path.join(folder, name)
+                status = os.stat(path)
+                times = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+                lines.append(f"{path} {times}")
+    return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
+
+
+def hashes_of(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Return the hash of each file of these names in a folder, without those that lack."""
+    paths = {name: folder / name for name in names}
+    return {
+        name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for name, path in paths.items()
+        if path.is_file()
+    }
+
+
+def unchanged(folder: Path, names: Iterable[str] | None = None) -> bool:
+    """Return whether the files of code hashes in a folder are those of these sources.
+
+    `names`: those that must be among them.
+    """
+    try:
+        document = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        files = document["files"]
+        return bool(
+            document["stamp"] == source_stamp()
+            and files == hashes_of(folder, files)
+            and set(names or ()) <= set(files)
+        )
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
+def stamp_file(folder: Path, stamp: str, names: Iterable[str]) -> bytes:
+    """Return the content of `FILE`: the stamp of the sources, and the files made of them."""
+    return json.dumps({"stamp": stamp, "files": hashes_of(folder, names)}).encode()

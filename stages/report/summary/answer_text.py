@@ -1,0 +1,43 @@
+"""The first screen as text for the terminal."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+
+from auvid.stages.page.first_screen import Summary
+
+WIDTH = 96
+MARGIN = "  "
+
+
+def answer_text(summary: Summary) -> str:
+    """Return verdict, uses, what was identified and what is unknown, wrapped.
+
+    Warnings and figures of bench and control stages are printed by their own tables.
+    """
+    lines = [summary.headline, *_wrapped(summary.explanation)]
+    lines += [
+        line
+        for use in summary.uses
+        for line in _item(f"{use.label}: {use.axes}" if use.axes else use.label, use.reason)
+    ]
+    if summary.identified:
+        lines += ["", "identified (95 %; assumed figures of the vehicle as exact):"]
+        for entry in summary.identified:
+            lines += _item(entry.label, "; ".join(entry.figures))
+    if summary.missing:
+        lines += ["", "missing or uncertain:"]
+        lines += [line for words in summary.missing for line in _bullet(words)]
+    return "\n".join(lines) + "\n"
+
+
+def _wrapped(words: str, indent: str = MARGIN) -> list[str]:
+    return wrap(words, WIDTH, initial_indent=indent, subsequent_indent=indent)
+
+
+def _item(label: str, words: str) -> list[str]:
+    return wrap(f"{label}: {words}", WIDTH, initial_indent=MARGIN, subsequent_indent=2 * MARGIN)
+
+
+def _bullet(words: str) -> list[str]:
+    return wrap(words, WIDTH, initial_indent="- ", subsequent_indent=MARGIN)

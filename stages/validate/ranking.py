@@ -1,0 +1,298 @@
+"""Models by merit, the one to take by the rule of `selection.ranking`, and what for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    AxisMerit,
+    MeritRecord,
+    ModelCard,
+    RankingRecord,
+    UsableFor,
+)
+from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.dynamics.viscous.basis import basis
+from auvid.hydro.dynamics.viscous.models import MODELS
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.selection.information import bic
+from auvid.hydro.identification.selection.ranking import Candidate, choose
+from auvid.stages.validate.free_run import ANGLE_OF, PERSISTENCE
+from auvid.stages.validate.tables import ALL
+
+PUBLISHED = frozenset(model.name for model in MODELS)
+LONG_S = 10.0
+"""Horizon at which a simulation is judged, the longest below it where legs are short."""
+RESTS = (AT_BOUND, FROM_PRIOR)
+HALF = 0.5
+"""J/J0 of an axis from which on a controller is not to be designed on the model."""
+Row = Mapping[str, Any]
+
+
+def rank(
+    cards: Mapping[str, ModelCard],
+    errors: Iterable[Row],
+    free_run: Iterable[Row],
+    samples_per_one: Mapping[str, float],
+) -> RankingRecord:
+    """Return the models by merit, from rows of the error table and of free runs.
+
+    samples_per_one: axis -> how many training samples count as one.
+    """
+    of = {(row["use"], row["model"], row["axis"]): row for row in errors if row["leg"] == ALL}
+    runs = [row for row in free_run if not row["as_measured"]]
+    judge = "validation" if any(use == "validation" for use, *_ in of) else "training"
+    horizon, ratios = free_run_ratios(runs)
+    information = {name: _information(card, of, samples_per_one) for name, card in cards.items()}
+    least = {
+        axis: min((found[axis] for found in information.values()), default=math.nan)
+        for axis in (ALL, *AXES)
+    }
+    models = []
+    for name, card in cards.items():
+        count, lost = _losses(runs, name)
+        total = of.get((judge, name, ALL), {})
+        models.append(
+            MeritRecord(
+                name=name,
+                title=card.title,
+                published=name in PUBLISHED,
+                terms=int(total.get("n_bar", card.n_bar)),
+                rank=int(total.get("rank", card.rank)),
+                j=_number(total.get("rms")),
+                axes={
+                    axis: AxisMerit(
+                        validation=_number(of.get(("validation", name, axis), {}).get("ratio")),
+                        training=_number(of.get(("training", name, axis), {}).get("ratio")),
+                        left_out=_mean(part.get(axis) for part in card.held_out.values()),
+                        bic=_number(information[name][axis] - least[axis]),
+                        free_run=_number(ratios.get(name, {}).get(axis)),
+                        **_counts(card, axis),
+                    )
+                    for axis in (ALL, *AXES)
+                },
+                runs=count,
+                lost=lost,
+                faults=_faults(card, count, lost),
+            )
+        )
+    models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))
+    legs = max((len(card.held_out) for card in cards.values()), default=0)
+    choice, rule = _choice(models, cards, information, judge)
+    chosen = next((item for item in models if item.name == choice), None)
+    return RankingRecord(
+        models=models,
+        choice=choice,
+        rule=rule,
+        legs_left_out=legs,
+        horizon_s=horizon,
+        usable=None if chosen is None else usable_for(chosen, cards[chosen.name]),
+    )
+
+
+def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
+    """Return what a model is usable for: forces, simulation and control, by axis."""
+
+    def below(value: float | None, limit: float) -> bool:
+        return value is not None and value < limit
+
+    merits = {axis: model.axes[axis] for axis in AXES}
+    forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
+    holds = model.runs > 0 and not model.faults
+    simulation = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
+    return UsableFor(
+        forces=forces,
+        simulation=simulation,
+        control=[
+            axis
+            for axis in simulation
+            if below(merits[axis].validation, HALF) and _damping_is_known(axis, card.axes[axis])
+        ],
+        speeds={
+            name: (card.conditions[name].low, card.conditions[name].high) for name in VELOCITIES
+        },
+    )
+
+
+def free_run_ratios(rows: Iterable[Row]) -> tuple[float | None, dict[str, dict[str, float]]]:
+    """Return the horizon, and model -> axis or all -> error over that of no change.
+
+    Of a rotation the larger of rate and angle. nan where no run stayed bounded.
+    """
+    rows = list(rows)
+    horizons = sorted({row["horizon_s"] for row in rows})
+    if not horizons:
+        return None, {}
+    horizon = max([h for h in horizons if h <= LONG_S], default=horizons[0])
+    names = [f"{v}_rms_{'m_s' if v in 'uvw' else 'rad_s'}" for v in VELOCITIES]
+    names += [f"{angle}_rms_rad" for angle in ANGLE_OF.values()]
+    squares: dict[str, np.ndarray] = {}
+    for row in rows:
+        if row["horizon_s"] == horizon:
+            kept = row["starts"] - row["diverged"]
+            values = [np.nan if row[name] is None else row[name] for name in names]
+            sums = squares.setdefault(row["model"], np.zeros(len(names) + 1))
+            sums += [*(kept * np.square(values)), kept]
+    still = squares.pop(PERSISTENCE)
+    ratios = {}
+    for model, sums in squares.items():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            each = np.sqrt((sums[:-1] / sums[-1]) / (still[:-1] / still[-1]))
+        each[3:6] = np.maximum(each[3:6], each[6:])
+        total = float(np.sqrt(np.mean(each[:6] ** 2)))
+        ratios[model] = {ALL: total, **dict(zip(AXES, each[:6].tolist(), strict=True))}
+    return horizon, ratios
+
+
+def pushing_axes(card: ModelCard) -> list[str]:
+    """Return axes that motion along themselves alone pushes on, in the flown range.
+
+    nu_a tau_a(nu_a e_a) > 0 at the lowest or highest velocity of training: damping that
+    gives energy.
+    """
+    pushing = []
+    for i, axis in enumerate(AXES):
+        terms = {t: k for t, k in card.predictor.get(axis, {}).items() if t != CONSTANT}
+        reach = card.conditions[OWN_VELOCITY[axis]]
+        for speed in (reach.low, reach.high):
+            nu = np.zeros(6)
+            nu[i] = speed
+            force = float(basis(nu, np.ones(()), tuple(terms)) @ list(terms.values()))
+            if force * speed > 0.0 and axis not in pushing:
+                pushing.append(axis)
+    return pushing
+
+
+def reference_model(cards: Mapping[str, ModelCard]) -> str:
+    """Return the model whose residual says how many samples are independent.
+
+    That within limits of most terms, else the one of most terms.
+    """
+    within = [card for card in cards.values() if card.method == "within limits"]
+    return max(within or list(cards.values()), key=lambda card: card.n_bar).name
+
+
+def resting_velocities(cards: Mapping[str, ModelCard]) -> str:
+    """Return the velocities whose damping no model within limits has from the data.
+
+    In all of them it rests on the prior or on its bound: `p q`, empty for none.
+    """
+    within = [card for card in cards.values() if card.method == "within limits"]
+    resting = [
+        own
+        for axis, own in OWN_VELOCITY.items()
+        if within
+        and all(
+            any(item.term == own and item.verdict in RESTS for item in card.axes[axis].terms)
+            for card in within
+        )
+    ]
+    return " ".join(resting) if len(resting) < len(AXES) else ""
+
+
+def _choice(
+    models: list[MeritRecord],
+    cards: Mapping[str, ModelCard],
+    information: Mapping[str, Mapping[str, float]],
+    judge: str,
+) -> tuple[str | None, str]:
+    """Return the model to take and the rule, of those better than no force at all."""
+
+    def ratio(item: MeritRecord) -> float | None:
+        return item.axes[ALL].validation if judge == "validation" else item.axes[ALL].training
+
+    better = [item for item in models if (value := ratio(item)) is not None and value < 1.0]
+    candidates = [
+        Candidate(
+            item.name,
+            item.terms,
+            np.array(
+                [v for part in cards[item.name].held_out.values() if (v := part[ALL]) is not None]
+            ),
+            information[item.name][ALL],
+            not item.faults,
+        )
+        for item in better
+    ]
+    chosen = choose(candidates)
+    if chosen is None:
+        return None, "no model predicts the force better than no force at all"
+    words = chosen.rule
+    if chosen.name != chosen.best:
+        words = words.replace("the best", cards[chosen.best].title, 1)
+    passing = sum(item.is_sound for item in candidates)
+    if 0 < passing < len(models):
+        words += f"; of {len(models)} models {passing} pass physics"
+    elif not passing:
+        words += "; none of the models passes physics"
+    return chosen.name, words
+
+
+def _information(
+    card: ModelCard, of: Mapping[tuple[str, str, str], Row], samples_per_one: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the BIC of training, axis by axis, and of all."""
+    found = {}
+    for axis in AXES:
+        row, part = of.get(("training", card.name, axis)), card.axes.get(axis)
+        if row is None or part is None:
+            found[axis] = math.nan
+            continue
+        terms = part.rank - sum(item.verdict == AT_BOUND for item in part.terms)
+        terms += sum(item.name.startswith(axis) for item in card.inertia)
+        found[axis] = bic(
+            row["sse"],
+            terms,
+            n_samples=row["samples"],
+            samples_per_one=samples_per_one.get(axis, 1.0),
+        )
+    return {ALL: sum(found.values()), **found}
+
+
+def _counts(card: ModelCard, axis: str) -> dict[str, int]:
+    parts = card.axes.values() if axis == ALL else [card.axes[axis]] if axis in card.axes else []
+    terms = [item for part in parts for item in part.terms if item.term != CONSTANT]
+    return {
+        "identified": sum(item.verdict == IDENTIFIED for item in terms),
+        "coefficients": sum(item.verdict != "not applicable" for item in terms),
+    }
+
+
+def _faults(card: ModelCard, runs: int, lost: int) -> list[str]:
+    faults = [f"damping of {axis} gives energy" for axis in pushing_axes(card)]
+    return faults + ([f"{lost} of {runs} free runs are lost"] if lost else [])
+
+
+def _losses(rows: Iterable[Row], model: str) -> tuple[int, int]:
+    """Return how many free runs of a model there were, and how many were lost."""
+    starts: dict[str, tuple[int, int]] = {}
+    for row in rows:
+        if row["model"] == model:
+            count, lost = starts.get(row["segment"], (0, 0))
+            starts[row["segment"]] = (max(count, row["starts"]), max(lost, row["diverged"]))
+    return sum(count for count, _ in starts.values()), sum(lost for _, lost in starts.values())
+
+
+def _damping_is_known(axis: str, part: AxisCard) -> bool:
+    own = OWN_VELOCITY[axis]
+    return any(
+        item.verdict == IDENTIFIED and item.term.replace("|", "").replace("*", "") in (own, own * 2)
+        for item in part.terms
+    )
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _number(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
