@@ -16,7 +16,6 @@ MODELS = {
     "control_cases": "documents.control_cases.ControlCasesDocument",
     "dive_plan": "documents.plans.dive_plan.DivePlanDocument",
     "error_metrics": "records.models.ErrorMetrics",
-    "ranking": "records.models.RankingRecord",
     "fusion": "records.motion.FusionRecord",
     "health": "records.logs.HealthRecord",
     "installation": "records.motion.InstallationRecord",
@@ -28,6 +27,7 @@ MODELS = {
     "provenance": "records.report.Provenance",
     "published_tables": "records.report.PublishedTables",
     "published_values": "documents.published_values.PublishedValuesDocument",
+    "ranking": "records.models.RankingRecord",
     "reproduction": "documents.reproduction.ReproductionDocument",
     "results": "records.results.ResultsRecord",
     "section": "records.report.SectionRecord",
@@ -59,6 +59,7 @@ DELIVERED = frozenset(
         "log_info",
         "model_card",
         "published_values",
+        "ranking",
         "segment",
         "triangular_factor",
     }

@@ -275,7 +275,7 @@ class UsableFor(Model):
     """Axes that it simulates better than expecting no change, where no run is lost."""
     control: list[str]
     """Of those, axes whose damping is identified and whose force error is below half."""
-    speeds: dict[str, tuple[float, float]]
+    speeds: dict[str, VelocityRange]
     """Velocity -> range of the training legs, in SI."""
 
 

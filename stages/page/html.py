@@ -368,9 +368,7 @@ def _text(name: str) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
-    templates = {
-        name: _text(name) for name in ("page.html.j2", "blocks.html.j2", "ranking.html.j2")
-    }
+    templates = {"page.html.j2": _text("page.html.j2"), "blocks.html.j2": _text("blocks.html.j2")}
     return jinja2.Environment(
         loader=jinja2.DictLoader(templates),
         autoescape=True,

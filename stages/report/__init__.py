@@ -121,7 +121,7 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             inputs.vehicle.document,
         )
     findings = finding_lines(inputs.campaign, dict(inputs.health or {}))
-    summary = replace(summary, missing=(*findings, *summary.missing))
+    summary = replace(summary, log_findings=tuple(findings))
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
 
 

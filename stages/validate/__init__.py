@@ -231,7 +231,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             cards,
             covered,
             outside,
-            [*free_run_blocks(free_run, titles), *cause_blocks(causes, titles), *plots],
+            [*free_run_blocks(free_run, titles), *cause_blocks(causes, free_run, titles), *plots],
             failed_ratio=params.failed_ratio,
         ),
         views=validate_views(segments, cards),

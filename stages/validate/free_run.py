@@ -20,6 +20,8 @@ FASTEST_HZ = 50.0
 """A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is
 exact to 1e-7.
 """
+LONG_S = 10.0
+"""Horizon at which a simulation is judged, the longest below it where legs are short."""
 PERSISTENCE = "persistence"
 """The reference row: the state stays as it was at the start."""
 ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}

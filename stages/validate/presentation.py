@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -25,13 +26,14 @@ from auvid.stages.presentation import (
     unit_of,
     view,
 )
-from auvid.stages.validate.free_run import NAMES
+from auvid.stages.validate.free_run import LONG_S, NAMES
 from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 CONSTANT_TITLE = "constant alone"
 PERSISTENCE_TITLE = "no change (persistence)"
 """The reference row: the mean force of the training legs and no model."""
+MOTIONS = dict(zip(VELOCITIES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 FAILED_RATIO = 1.0
 OUTSIDE_SHARE = 0.05
 """Share of validation samples outside the training range from which on a warning is given."""
@@ -90,9 +92,9 @@ def _verdicts(
     judged = _of_all_legs(errors, "validation")
     for model, measures in judged.items():
         title, ratios = cards[model].title, {axis: measures[axis].normalised for axis in AXES}
-        bad = [f"{axis} {ratio:.2f}" for axis, ratio in ratios.items() if ratio > failed]
+        bad = [axis for axis, ratio in ratios.items() if ratio > failed]
         if bad:
-            failing.append(f"{title} ({', '.join(bad)})")
+            failing.append(f"{title} ({' '.join(bad)})")
         idle = [
             f"{axis} ({ratio:.2f} against {reference[axis][1]:.2f})"
             for axis, ratio in ratios.items()
@@ -115,7 +117,7 @@ def _verdicts(
     reason = f"J/J0 exceeds {failed:g}"
     if failed == FAILED_RATIO:
         reason = "the error exceeds the force itself"
-    words = f"{count} fail in some axes on validation, where {reason} (J/J0): {'; '.join(failing)}."
+    words = f"{count} fail in some axes on validation, where {reason}: {', '.join(failing)}."
     return [remark(words, "warning"), *notes]
 
 
@@ -212,13 +214,21 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
     units = [(symbol(name), unit_of("free_run", name)) for name in NAMES]
     heads: list[str | tuple[str, str]] = ["model", ("after", "s"), "starts", "diverged", *units]
     blocks: list[Block] = []
-    for segment in dict.fromkeys(row["segment"] for row in rows):
-        own = [row for row in rows if row["segment"] == segment]
+    for segment, held in dict.fromkeys((row["segment"], row["as_measured"]) for row in rows):
+        own = [row for row in rows if (row["segment"], row["as_measured"]) == (segment, held)]
+        if held:  # one horizon is enough to see what the other axes owe to these
+            horizon = max([h for row in own if (h := row["horizon_s"]) <= LONG_S], default=None)
+            own = [row for row in own if row["horizon_s"] == (horizon or own[0]["horizon_s"])]
         bounded = [row for row in own if row["diverged"] < row["starts"]]
         note = (
             "RMS of simulated minus measured state at that time after a measured start, over the"
             " runs that stayed bounded."
         )
+        title = f"Free run on {segment}: error of the state"
+        if held:
+            title = f"Free run on {segment}, as measured: {_put_in(held)}"
+            note = "These axes are put in as measured, the others simulated: no model within"
+            note += " limits has the damping of these axes from the data."
         if len(bounded) < len(own):
             note += f" {len(own) - len(bounded)} rows without a bounded run are left out."
         cells = [
@@ -229,58 +239,47 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             for row in bounded
         ]
         if cells:
-            blocks.append(
-                table(f"Free run on {segment}: error of the state", heads, cells, note=note)
-            )
-    lost = [
-        item
-        for item in (_divergence(model, title, rows) for model, title in titles.items())
-        if item
-    ]
+            blocks.append(table(title, heads, cells, note=note))
+    free = [row for row in rows if not row["as_measured"]]
+    lost = [title for model, title in titles.items() if _is_lost(model, free)]
     if lost:
-        words = (
-            f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
-            " rad/s), first after: "
-        )
-        words += ", ".join(f"{title} {first_s:.1f} s" for title, first_s, _ in lost) + "."
-        for horizon in sorted({never for *_, never in lost if never is not None}):
-            names = [title for title, _, never in lost if never == horizon]
-            everyone = len(names) == len(titles) > 1
-            words += (
-                f" No run of {horizon:g} s held: {'all models' if everyone else ', '.join(names)}."
-            )
+        words = f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
+        words += f" rad/s): {', '.join(lost)}."
         blocks.insert(0, remark(words, "warning"))
     return blocks
 
 
-def cause_blocks(causes: Mapping[str, Growth], titles: Mapping[str, str]) -> list[Block]:
+def cause_blocks(
+    causes: Mapping[str, Growth], results: pa.Table, titles: Mapping[str, str]
+) -> list[Block]:
     """Return a table of what makes each lost free run grow; none where none is lost."""
+    first: dict[str, float] = {}
+    for row in results.to_pylist():
+        if row["diverged"] and not row["as_measured"]:
+            name = row["model"]
+            first[name] = min(first.get(name, math.inf), row["first_divergence_s"])
     rows = [
-        [titles[name], cause.axis, cause.rate, f"{cause.axis} {cause.term}" if cause.term else ""]
+        [titles[name], first.get(name), cause.axis, cause.rate, cause.cause, cause.adds]
         for name, cause in causes.items()
     ]
     if not rows:
         return []
     note = (
         "About the measured state from which the first lost run starts, without restoring force."
-        " Fed by: the term in the axis's own velocity that adds most; empty where couplings do."
+        " Cause: the coefficient that adds most to the growth, and what it adds."
     )
-    heads: list[str | tuple[str, str]] = ["model", "axis", ("growth", "1/s"), "fed by"]
+    heads: list[str | tuple[str, str]] = [
+        "model", ("first lost", "s"), "axis", ("growth", "1/s"), "cause", ("adds", "1/s"),
+    ]  # fmt: skip
     return [table("Why free runs are lost", heads, rows, note=note)]
 
 
-def _divergence(
-    model: str, title: str, rows: Sequence[Mapping[str, Any]]
-) -> tuple[str, float, float | None] | None:
-    """Return title, first time out of bounds, and the shortest horizon without a run.
+def _put_in(velocities: str) -> str:
+    return ", ".join(MOTIONS[name] for name in velocities.split())
 
-    None for a model that stayed within the bounds.
-    """
-    own = [row for row in rows if row["model"] == model]
-    diverged = [float(row["first_divergence_s"]) for row in own if row["diverged"]]
-    reached = {float(row["horizon_s"]) for row in own if row["diverged"] < row["starts"]}
-    never = {float(row["horizon_s"]) for row in own} - reached
-    return (title, min(diverged), min(never, default=None)) if diverged else None
+
+def _is_lost(model: str, rows: Sequence[Mapping[str, Any]]) -> bool:
+    return any(row["model"] == model and row["diverged"] for row in rows)
 
 
 def prediction_plot(

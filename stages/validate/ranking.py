@@ -25,12 +25,10 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import Candidate, choose
-from auvid.stages.validate.free_run import ANGLE_OF, PERSISTENCE
+from auvid.stages.validate.free_run import ANGLE_OF, LONG_S, PERSISTENCE
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)
-LONG_S = 10.0
-"""Horizon at which a simulation is judged, the longest below it where legs are short."""
 RESTS = (AT_BOUND, FROM_PRIOR)
 HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
@@ -116,9 +114,7 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
             for axis in simulation
             if below(merits[axis].validation, HALF) and _damping_is_known(axis, card.axes[axis])
         ],
-        speeds={
-            name: (card.conditions[name].low, card.conditions[name].high) for name in VELOCITIES
-        },
+        speeds=card.conditions,
     )
 
 
@@ -267,7 +263,7 @@ def _counts(card: ModelCard, axis: str) -> dict[str, int]:
 
 
 def _faults(card: ModelCard, runs: int, lost: int) -> list[str]:
-    faults = [f"damping of {axis} gives energy" for axis in pushing_axes(card)]
+    faults = [f"{axis} damping gives energy" for axis in pushing_axes(card)]
     return faults + ([f"{lost} of {runs} free runs are lost"] if lost else [])
 
 

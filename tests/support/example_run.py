@@ -16,7 +16,7 @@ import pyarrow as pa
 from auvid.data_schemas.documents.model import assumed_quantities, parse
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
@@ -25,6 +25,7 @@ from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.base import collection
 from auvid.stages.presentation import equation, panel, plot, remark, section, series, table, text
 from auvid.stages.report import Inputs
+from auvid.stages.validate.ranking import rank, usable_for
 from tests.support.motions import vehicle_document
 
 Array = npt.NDArray[np.float64]
@@ -57,6 +58,7 @@ class ExampleRun:
     fused: dict[str, pa.Table] = field(default_factory=dict)
     cards: dict[str, ModelCard] = field(default_factory=dict)
     errors: list[dict[str, Any]] = field(default_factory=list)
+    free_run: list[dict[str, Any]] = field(default_factory=list)
     sections: dict[str, dict[str, Any]] = field(default_factory=dict)
     views: dict[str, dict[str, Any]] = field(default_factory=dict)
     tables: dict[str, pa.Table] = field(default_factory=dict)
@@ -83,6 +85,16 @@ class ExampleRun:
             "error_table", {name: [row[name] for row in self.errors] for name in names}
         )
 
+    def ranking(self, choice: str | None = "") -> RankingRecord:
+        """What validate makes of cards and errors, or with another model chosen."""
+        record = rank(self.cards, self.errors, self.free_run, {})
+        if choice == "":
+            return record
+        usable = next(
+            (usable_for(m, self.cards[m.name]) for m in record.models if m.name == choice), None
+        )
+        return record.model_copy(update={"choice": choice, "usable": usable})
+
     def inputs(self) -> Inputs:
         """What the runner would hand to the stage."""
         return Inputs(
@@ -107,7 +119,7 @@ class ExampleRun:
             segment=collection(self.segments),
             fused=collection(self.fused),
             model_card=collection(self.cards),
-            error_table=self.error_table(),
+            ranking=self.ranking(),
             sections=collection(self.sections),
             views=collection(self.views),
             tables=collection(self.tables),

@@ -18,12 +18,14 @@ class Growth:
     """The fastest growing motion about a state.
 
     rate [1/s]: of exp(rate t), not above 0 where nothing grows. axis: on which it shows
-    most. term: the viscous term that feeds it most there, empty for none.
+    most. cause: the viscous coefficient that adds most to the rate, as `K_v`, and what
+    it adds [1/s]; empty where none adds.
     """
 
     rate: float
     axis: str
-    term: str
+    cause: str
+    adds: float
 
 
 def growth(vehicle: Vehicle, model: IdentifiedModel, nu: ArrayLike) -> Growth:
@@ -31,18 +33,23 @@ def growth(vehicle: Vehicle, model: IdentifiedModel, nu: ArrayLike) -> Growth:
 
     Of d(delta nu)/dt = M^-1 (K dxi/dnu - d(C nu)/dnu) delta nu, McCarter (2.60) without
     restoring force and actuators. The axis is that of the largest part of its kinetic
-    energy. Terms with eta count at eta = 1.
+    energy. With eigenvectors x, and y of the transpose, the rate is the sum over
+    coefficients k_it of Re (y' M^-1)_i k_it (dxi/dnu x)_t / y'x, and of what the
+    Coriolis force adds. Terms with eta count at eta = 1.
     """
     state = np.asarray(nu, dtype=np.float64)
     slope = basis_jacobian(state, model.terms, ratio=np.ones(()))
-    matrix = vehicle.mass_matrix_inverse @ (
-        model.matrix @ slope - coriolis_jacobian(vehicle.mass_matrix, state)
-    )
+    inverse = vehicle.mass_matrix_inverse
+    matrix = inverse @ (model.matrix @ slope - coriolis_jacobian(vehicle.mass_matrix, state))
     values, vectors = np.linalg.eig(matrix)
     fastest = int(np.argmax(values.real))
-    energy = np.abs(vectors[:, fastest]) ** 2 * np.diag(vehicle.mass_matrix)
-    axis = int(np.argmax(energy))
-    feeds = model.matrix[axis] * slope[:, axis]
-    place = int(np.argmax(feeds)) if len(feeds) else -1
-    term = model.terms[place] if place >= 0 and feeds[place] > 0.0 else ""
-    return Growth(float(values.real[fastest]), AXES[axis], term)
+    x = vectors[:, fastest]
+    energy = np.abs(x) ** 2 * np.diag(vehicle.mass_matrix)
+    turned, left = np.linalg.eig(matrix.T)
+    y = left[:, int(np.argmin(np.abs(turned - values[fastest])))]
+    shares = (((y @ inverse)[:, None] * model.matrix * (slope @ x)) / (y @ x)).real
+    cause, adds = "", 0.0
+    if shares.size and shares.max() > 0.0:
+        i, t = np.unravel_index(int(np.argmax(shares)), shares.shape)
+        cause, adds = f"{AXES[i]}_{model.terms[t].replace('*', '')}", float(shares[i, t])
+    return Growth(float(values.real[fastest]), AXES[int(np.argmax(energy))], cause, adds)

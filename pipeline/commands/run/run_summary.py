@@ -26,7 +26,7 @@ MAX_LINES = 20
 
 
 def print_summary(run: Run) -> None:
-    """Print warnings, losses, the errors in short, and where the results are."""
+    """Print losses, warnings, errors in short, the answer, and where the results are."""
     for title, lines in (("lost", losses(run)), ("warnings", warnings(run))):
         if lines:
             print(f"\n{title} ({len(lines)}):")
@@ -55,6 +55,8 @@ def print_summary(run: Run) -> None:
             f"\nprinted values: {count_met(printed)} bounds met (auvid reproduce"
             f" {run.campaign.name} prints them)"
         )
+    for answer in _of_schema(run, "answer"):
+        print(f"\n{plain(answer.decode('utf-8'))}", end="")
     files = result_files(run)
     if files:
         print()

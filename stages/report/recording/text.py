@@ -65,10 +65,11 @@ def markdown(
             "Bold: above 1, no better than predicting no force.",
             "",
         ]
-    if summary.missing:
+    missing = (*summary.log_findings, *summary.missing)
+    if missing:
         lines += [
             "## What is missing or uncertain",
-            *(f"- {words}" for words in summary.missing),
+            *(f"- {words}" for words in missing),
             "",
         ]
     if summary.warnings:

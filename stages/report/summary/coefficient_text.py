@@ -82,11 +82,11 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
                     f"{INERTIA[item.name[0]]} - {item.name}",
                     item.value,
                     item.standard_error,
-                    item.unit,
+                    printed_unit(item.unit),
                 ),
             ),
-            f"{item.in_vehicle_file:.3g} {item.unit} in the vehicle file. It scales with the"
-            " thrust.",
+            f"{item.in_vehicle_file:.3g} {printed_unit(item.unit)} in the vehicle file. It scales"
+            " with the thrust.",
         )
         for item in card.inertia
         if item.verdict == IDENTIFIED

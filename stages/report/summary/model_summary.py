@@ -107,17 +107,17 @@ def _verdict(
         words += f", but {best.faults[-1]}." if best.faults else "."
     failing = _failing(chosen)
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    use = _use_words(ranking.usable)
+    use = _use_words(ranking.usable, flown=chosen.runs > 0)
     return level, f"{chosen.title}: {use}" + (", with care" if level == "fair" else ""), words
 
 
-def _use_words(usable: UsableFor) -> str:
-    """Return what a model is for, in one line: forces, simulation, control."""
+def _use_words(usable: UsableFor, *, flown: bool) -> str:
+    """Return what a model is for, in one line: forces and simulation."""
     if not usable.forces:
         return "use it for nothing"
     words = "use it to predict forces"
     if not usable.simulation:
-        return f"{words}, not to simulate"
+        return f"{words}, not to simulate" if flown else words
     named = "all axes" if len(usable.simulation) == len(AXES) else _axes_listed(usable.simulation)
     return f"{words} and to simulate {named}"
 
@@ -142,16 +142,11 @@ def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]
         rest = [axis for axis in AXES if axis not in usable.simulation]
         reason += f", {_axes_listed(rest)} not" if rest else ""
     uses.append(Use("Simulation", _some(usable.simulation), reason))
-    words = (
-        "damping identified, force error below half, simulated"
-        if usable.control
-        else (
-            "no axis has an identified damping, less than half of the force as error, and a simulation"
-        )
-    )
+    words = "simulated, damping identified, error below half of the force"
+    words = words if usable.control else f"needed are: {words}"
     uses.append(Use("Control design", _some(usable.control), words))
     speeds = ", ".join(
-        f"{name} {low:.2g} to {high:.2g}" for name, (low, high) in usable.speeds.items()
+        f"{name} {speed.low:.2g} to {speed.high:.2g}" for name, speed in usable.speeds.items()
     )
     uses.append(
         Use("Within", "", true_minus(f"{speeds} (m/s, rad/s): where the training legs went"))
@@ -189,11 +184,11 @@ def _facts(
 ) -> tuple[Fact, ...]:
     facts = []
     for use in ("training", "validation"):
-        chosen = [item for item in segments.values() if item.use == use]
-        legs = len({item.leg for item in chosen})
+        parts = [item for item in segments.values() if item.use == use]
+        legs = len({item.leg for item in parts})
         note = f"{legs} leg{'s' * (legs != 1)}"
-        note += f" in {len(chosen)} segments" if len(chosen) != legs else ""
-        facts.append(Fact(use, f"{sum(item.duration_s for item in chosen):.0f} s", note))
+        note += f" in {len(parts)} segments" if len(parts) != legs else ""
+        facts.append(Fact(use, f"{sum(item.duration_s for item in parts):.0f} s", note))
     complete = [item for item in logs.values() if item.status == "complete"]
     facts.append(
         Fact(

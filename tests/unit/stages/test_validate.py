@@ -219,8 +219,7 @@ def test_model_that_fails_is_shown_to_fail() -> None:
     (failing,) = (
         words
         for words in told
-        if "fail in some axes on validation, where the error exceeds the force itself (J/J0): "
-        in words
+        if "fail in some axes on validation, where the error exceeds the force itself: " in words
     )
     assert "Fossen (X " in failing
     assert rows(found)[("validation", "all", "fossen", "X")]["ratio"] > 1.0

@@ -128,7 +128,7 @@ def test_quaternions_turn_as_the_euler_angles_do() -> None:
 def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
     summary = summarise(
         made.cards,
-        made.error_table(),
+        made.ranking(),
         made.segments,
         made.logs,
         made.sections,

@@ -4,13 +4,11 @@ validation does not bear out.
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from auvid.data_schemas.tables import make_table
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.presentation import remark
-from auvid.stages.report.summary.model_summary import summarise
+from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
 from tests.support.example_run import AXES, MODELS, ExampleRun, example_run, example_vehicle
 
 
@@ -19,10 +17,11 @@ def run() -> ExampleRun:
     return example_run({"train": 4.0, "check": 2.0})
 
 
-def summary_of(run: ExampleRun) -> Summary:
+def summary_of(run: ExampleRun, choice: str | None = "coe") -> Summary:
+    """The first screen where validate has chosen this model."""
     return summarise(
         run.cards,
-        run.error_table() if run.errors else None,
+        run.ranking(choice) if run.errors else NO_RANKING,
         run.segments,
         run.logs,
         run.sections,
@@ -37,23 +36,32 @@ def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "
             row["rms"] = 4.0 * row["ratio"]
 
 
-def test_smallest_error_wins_when_it_is_alone(run: ExampleRun) -> None:
+def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    assert summary_of(run).recommended == "coe"
-    assert summary_of(run).headline.startswith("Coe: use it to predict forces")
-
-
-def test_fewest_terms_win_among_equals(run: ExampleRun) -> None:
-    set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
     found = summary_of(run)
-    assert found.recommended == "fossen"
-    assert "McFarland & Whitcomb has a smaller error (0.40) with 216 terms" in found.explanation
+    assert found.recommended == "coe"
+    assert found.headline.startswith("Coe: use it to predict forces")
+    assert "Chosen as " in found.explanation
+    assert [use.label for use in found.uses] == ["Forces", "Simulation", "Control design", "Within"]
+    assert "no free run" in found.uses[1].reason
+
+
+def test_a_model_of_smaller_error_is_named_with_what_speaks_against_it(run: ExampleRun) -> None:
+    set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
+    run.free_run = free_runs("mcfarland", lost=3)
+    found = summary_of(run, "fossen")
+    assert (
+        "McFarland & Whitcomb has a smaller error (0.40) with 216 terms, but 3 of 6 free runs are"
+        " lost." in found.explanation
+    )
 
 
 def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
-    set_ratio(run, "validation", dict.fromkeys(MODELS, 1.3))
-    found = summary_of(run)
+    for use in ("training", "validation"):
+        set_ratio(run, use, dict.fromkeys(MODELS, 1.3))
+    found = summary_of(run, run.ranking().choice)
     assert found.recommended is None
+    assert found.uses == ()
     assert found.level == "poor"
     assert found.headline == "Use none of these models"
 
@@ -64,7 +72,8 @@ def test_axis_that_fails_is_named_beside_the_model_to_take(run: ExampleRun) -> N
         set_ratio(run, "validation", {"coe": 1.7 if axis == "N" else 0.2}, axis)
     found = summary_of(run)
     assert found.level == "fair"
-    assert "It does not hold in yaw (N)" in found.explanation
+    assert "it does not hold in yaw (N)" in found.uses[0].reason
+    assert found.uses[0].axes == "surge, sway, heave, roll and pitch"
 
 
 def test_good_only_when_small_everywhere(run: ExampleRun) -> None:
@@ -133,43 +142,35 @@ def test_assumed_lag_of_the_velocity_log_is_named(run: ExampleRun) -> None:
     assert "dvl: lag 0.15 s" in text
 
 
-@pytest.mark.parametrize(("diverged", "said"), [(0, False), (3, True)])
-def test_model_that_cannot_be_simulated_is_said(run: ExampleRun, diverged: int, said: bool) -> None:
+@pytest.mark.parametrize(
+    ("lost", "error", "axes", "words"),
+    [
+        (0, 0.1, "surge, sway, heave, yaw, roll and pitch", "all 6 free runs hold"),
+        (3, 0.1, "no axis", "3 of 6 free runs leave all bounds"),
+        (0, 0.9, "no axis", "they are no better than no change"),
+    ],
+)
+def test_simulation_is_promised_only_where_free_runs_hold_and_help(
+    run: ExampleRun, lost: int, error: float, axes: str, words: str
+) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    rows = {
-        "segment": ["check"] * 2,
-        "model": ["coe"] * 2,
-        "horizon_s": [5.0, 10.0],
-        "starts": [7, 6],
-        "diverged": [diverged, diverged],
-    }
-    rows["first_divergence_s"] = [0.54 if diverged else np.nan] * 2
-    names = [
-        f"{axis}_rms_{unit}" for axes, unit in (("uvw", "m_s"), ("pqr", "rad_s")) for axis in axes
+    run.free_run = free_runs("coe", lost=lost, error=error)
+    found = summary_of(run)
+    (use,) = (use for use in found.uses if use.label == "Simulation")
+    assert use.axes == ("all axes" if "surge" in axes else axes)
+    assert words in use.reason
+    assert ("not to simulate" in found.headline) is (axes == "no axis")
+
+
+def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, object]]:
+    """Rows of free runs of a model, and of no change with an error of .5."""
+    names = [f"{v}_rms_{'m_s' if v in 'uvw' else 'rad_s'}" for v in "uvwpqr"]
+    names += [f"{angle}_rms_rad" for angle in ("phi", "theta", "psi")]
+    head = {"segment": "check", "as_measured": "", "horizon_s": 10.0, "starts": 6}
+    return [
+        {**head, "model": model, "diverged": lost, **dict.fromkeys(names, error)},
+        {**head, "model": "persistence", "diverged": 0, **dict.fromkeys(names, 0.5)},
     ]
-    table = make_table(
-        "free_run",
-        {
-            **rows,
-            **{
-                name: [0.1, 0.2] for name in (*names, "phi_rms_rad", "theta_rms_rad", "psi_rms_rad")
-            },
-        },
-    )
-    missing = summarise(
-        run.cards,
-        run.error_table(),
-        run.segments,
-        run.logs,
-        run.sections,
-        run.vehicle.document,
-        table,
-    ).missing
-    words = (
-        "Simulated by itself from measured states, Coe leaves all bounds in 3 of 6 runs of 10 s,"
-        " the first after 0.5 s"
-    )
-    assert any(item.startswith(words) for item in missing) is said
 
 
 def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> None:
@@ -199,5 +200,5 @@ def test_note_on_the_model_to_take_is_on_the_first_screen(run: ExampleRun) -> No
 
 
 def test_models_stand_best_first(run: ExampleRun) -> None:
-    totals = [model.total.validation for model in summary_of(run).models]
+    totals = [model.axes["all"].validation for model in summary_of(run).models]
     assert totals == sorted(total for total in totals if total is not None)

@@ -1,0 +1,143 @@
+"""The ranking of models: merits axis by axis, the model to take, and what for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from auvid.data_schemas.records.models import RankingRecord
+from auvid.stages.validate.ranking import (
+    free_run_ratios,
+    pushing_axes,
+    rank,
+    reference_model,
+    resting_velocities,
+)
+from tests.support.example_run import AXES, ExampleRun, example_run
+
+NAMES = (
+    *(f"{name}_rms_m_s" for name in "uvw"),
+    *(f"{name}_rms_rad_s" for name in "pqr"),
+    *(f"{name}_rms_rad" for name in ("phi", "theta", "psi")),
+)
+ALWAYS = (0.1,) * 9
+
+
+@pytest.fixture
+def run() -> ExampleRun:
+    return example_run({"train": 4.0, "check": 2.0})
+
+
+def rows(model: str, errors: tuple[float, ...], lost: int = 0) -> list[dict[str, Any]]:
+    head = {"segment": "check", "as_measured": "", "horizon_s": 10.0, "starts": 4}
+    return [
+        {**head, "model": model, "diverged": lost, **dict(zip(NAMES, errors, strict=True))},
+        {**head, "model": "persistence", "diverged": 0, **dict.fromkeys(NAMES, 0.2)},
+    ]
+
+
+def ranked(run: ExampleRun, free_run: list[dict[str, Any]] | None = None) -> RankingRecord:
+    return rank(run.cards, run.errors, free_run or [], {})
+
+
+def set_sse(run: ExampleRun, errors: dict[str, float]) -> None:
+    for row in run.errors:
+        if row["use"] == "training" and row["model"] in errors:
+            row["sse"] = errors[row["model"]]
+
+
+def test_a_rotation_is_of_use_only_with_its_angle() -> None:
+    """Roll rate is better than no change, but roll angle is worse."""
+    horizon, ratios = free_run_ratios(rows("good", (0.1, 0.1, 0.3, 0.1, 0.1, 0.1, 0.3, 0.1, 0.1)))
+    assert horizon == 10.0
+    assert ratios["good"]["K"] == pytest.approx(1.5)
+    better = [axis for axis in AXES if ratios["good"][axis] < 1.0]
+    assert better == ["X", "Y", "M", "N"]
+
+
+def test_with_one_leg_the_bic_chooses_and_the_record_says_so(run: ExampleRun) -> None:
+    set_sse(run, dict.fromkeys(run.cards, 900.0) | {"prestero": 100.0})
+    found = ranked(run)
+    assert found.choice == "prestero"
+    assert found.legs_left_out == 0
+    assert "one training leg leaves none to leave out" in found.rule
+    merit = {model.name: model.axes["all"] for model in found.models}
+    assert merit["prestero"].bic == 0.0
+    assert merit["coe"].bic > 100.0
+    assert merit["coe"].left_out is None
+
+
+def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
+    for name, card in run.cards.items():
+        error = 0.2 if name == "coe" else 0.4
+        held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two", "three")}
+        run.cards[name] = card.model_copy(update={"held_out": held_out})
+    set_sse(run, {"prestero": 1.0})
+    found = ranked(run)
+    assert found.choice == "coe"
+    assert found.legs_left_out == 3
+    assert next(m for m in found.models if m.name == "coe").axes["X"].left_out == pytest.approx(0.2)
+
+
+def test_a_model_of_which_runs_are_lost_stands_back(run: ExampleRun) -> None:
+    set_sse(run, {"prestero": 1.0, "coe": 2.0})
+    lost = ranked(run, [*rows("prestero", ALWAYS, lost=2), *rows("coe", ALWAYS)[:1]])
+    assert lost.choice == "coe"
+    by_name = {model.name: model for model in lost.models}
+    assert by_name["prestero"].faults == ["2 of 4 free runs are lost"]
+    assert lost.usable is not None
+    assert lost.usable.simulation == list(AXES)
+
+
+def test_nothing_is_chosen_where_no_model_beats_no_force(run: ExampleRun) -> None:
+    for row in run.errors:
+        if row["axis"] == "all":
+            row["ratio"] = 1.2
+    found = ranked(run)
+    assert found.choice is None
+    assert found.usable is None
+
+
+def test_damping_that_gives_energy_is_a_fault(run: ExampleRun) -> None:
+    coe = run.cards["coe"]
+    pushing = {"K": {"p": 2.9, "constant": -5.0}, "N": {"r": -4.0, "r*|r|": 3.0}}
+    card = coe.model_copy(update={"predictor": pushing})
+    assert pushing_axes(card) == ["K"], "at .5 rad/s yaw still loses energy"
+    run.cards["coe"] = card
+    by_name = {model.name: model for model in ranked(run).models}
+    assert by_name["coe"].faults == ["K damping gives energy"]
+
+
+def test_control_needs_damping_from_the_data_and_a_small_error(run: ExampleRun) -> None:
+    for row in run.errors:
+        if row["model"] == "coe" and row["use"] == "validation":
+            row["ratio"] = 0.7 if row["axis"] == "Y" else 0.3
+    set_sse(run, {"coe": 1.0})
+    found = ranked(run, rows("coe", ALWAYS))
+    assert found.choice == "coe"
+    assert found.usable is not None
+    # Of the made-up coefficients u alone is identified, and it is damping in surge alone.
+    assert found.usable.control == ["X"]
+    assert found.usable.forces == list(AXES)
+
+
+def test_velocities_whose_damping_rests_on_prior_or_bound_are_named(run: ExampleRun) -> None:
+    assert resting_velocities(run.cards) == "", "no model within limits"
+    card = run.cards["coe"]
+    axes = {
+        axis: part.model_copy(
+            update={
+                "terms": [
+                    item.model_copy(update={"verdict": "from the prior"})
+                    if (axis, item.term) in (("Y", "v"), ("Z", "v"))
+                    else item
+                    for item in part.terms
+                ]
+            }
+        )
+        for axis, part in card.axes.items()
+    }
+    run.cards["coe"] = card.model_copy(update={"method": "within limits", "axes": axes})
+    assert resting_velocities(run.cards) == "v"
+    assert reference_model(run.cards) == "coe"
