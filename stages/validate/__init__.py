@@ -189,12 +189,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if use == "validation":
             t = clock(residual) + float(segments[key].leg_start_s)
             plots.append(prediction_plot(segments[key], t, measured, predicted))
-            for held in dict.fromkeys(("", resting)):
-                runs = _free_runs(inputs, params, models, key, held)
+            for put_in in dict.fromkeys(("", resting)):
+                runs = _free_runs(inputs, params, models, key, put_in)
                 if runs is None or inputs.vehicle is None:
                     continue
-                free[key, held] = runs
-                if not held:
+                free[key, put_in] = runs
+                if not put_in:
                     causes = loss_causes(runs, list(models.values()), inputs.vehicle) | causes
     middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
     outside = np.zeros(6)

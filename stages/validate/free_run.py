@@ -109,7 +109,7 @@ def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[
         "first_divergence_s", *NAMES,
     )  # fmt: skip
     rows: list[tuple[Any, ...]] = []
-    for (segment, held), runs in runs_of.items():
+    for (segment, put_in), runs in runs_of.items():
         error = runs.rms()[:, :, COMPARED]
         for place, horizon in enumerate(runs.horizons_s):
             reached = runs.reached[:, place]
@@ -120,11 +120,11 @@ def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[
                 lost = lost[np.isfinite(lost) & (lost <= horizon)]
                 first = float(lost.min()) if lost.size else np.nan
                 counts = (int(reached.sum()), int(lost.size), first)
-                found = error[index, place].tolist()
-                rows.append((segment, name, held, float(horizon), *counts, *found))
+                own = error[index, place].tolist()
+                rows.append((segment, name, put_in, float(horizon), *counts, *own))
             change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[COMPARED]
             count = int(reached.sum())
-            rows.append((segment, PERSISTENCE, held, float(horizon), count, 0, np.nan, *change))
+            rows.append((segment, PERSISTENCE, put_in, float(horizon), count, 0, np.nan, *change))
     return make_table(
         "free_run", {head: [row[place] for row in rows] for place, head in enumerate(heads)}
     )

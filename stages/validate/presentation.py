@@ -214,9 +214,9 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
     units = [(symbol(name), unit_of("free_run", name)) for name in NAMES]
     heads: list[str | tuple[str, str]] = ["model", ("after", "s"), "starts", "diverged", *units]
     blocks: list[Block] = []
-    for segment, held in dict.fromkeys((row["segment"], row["as_measured"]) for row in rows):
-        own = [row for row in rows if (row["segment"], row["as_measured"]) == (segment, held)]
-        if held:  # one horizon is enough to see what the other axes owe to these
+    for segment, put_in in dict.fromkeys((row["segment"], row["as_measured"]) for row in rows):
+        own = [row for row in rows if (row["segment"], row["as_measured"]) == (segment, put_in)]
+        if put_in:  # one horizon is enough to see what the other axes owe to these
             horizon = max([h for row in own if (h := row["horizon_s"]) <= LONG_S], default=None)
             own = [row for row in own if row["horizon_s"] == (horizon or own[0]["horizon_s"])]
         bounded = [row for row in own if row["diverged"] < row["starts"]]
@@ -225,8 +225,8 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             " runs that stayed bounded."
         )
         title = f"Free run on {segment}: error of the state"
-        if held:
-            title = f"Free run on {segment}, as measured: {_put_in(held)}"
+        if put_in:
+            title = f"Free run on {segment}, as measured: {_put_in(put_in)}"
             note = "These axes are put in as measured, the others simulated: no model within"
             note += " limits has the damping of these axes from the data."
         if len(bounded) < len(own):

@@ -24,7 +24,7 @@ from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
-from auvid.hydro.identification.selection.ranking import Candidate, choose
+from auvid.hydro.identification.selection.ranking import RankedModel, choose
 from auvid.stages.validate.free_run import ANGLE_OF, LONG_S, PERSISTENCE
 from auvid.stages.validate.tables import ALL
 
@@ -51,7 +51,7 @@ def rank(
     horizon, ratios = free_run_ratios(runs)
     information = {name: _information(card, of, samples_per_one) for name, card in cards.items()}
     least = {
-        axis: min((found[axis] for found in information.values()), default=math.nan)
+        axis: min((values[axis] for values in information.values()), default=math.nan)
         for axis in (ALL, *AXES)
     }
     models = []
@@ -207,7 +207,7 @@ def _choice(
 
     better = [item for item in models if (value := ratio(item)) is not None and value < 1.0]
     candidates = [
-        Candidate(
+        RankedModel(
             item.name,
             item.terms,
             np.array(
@@ -236,21 +236,21 @@ def _information(
     card: ModelCard, of: Mapping[tuple[str, str, str], Row], samples_per_one: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the BIC of training, axis by axis, and of all."""
-    found = {}
+    values = {}
     for axis in AXES:
         row, part = of.get(("training", card.name, axis)), card.axes.get(axis)
         if row is None or part is None:
-            found[axis] = math.nan
+            values[axis] = math.nan
             continue
         terms = part.rank - sum(item.verdict == AT_BOUND for item in part.terms)
         terms += sum(item.name.startswith(axis) for item in card.inertia)
-        found[axis] = bic(
+        values[axis] = bic(
             row["sse"],
             terms,
             n_samples=row["samples"],
             samples_per_one=samples_per_one.get(axis, 1.0),
         )
-    return {ALL: sum(found.values()), **found}
+    return {ALL: sum(values.values()), **values}
 
 
 def _counts(card: ModelCard, axis: str) -> dict[str, int]:

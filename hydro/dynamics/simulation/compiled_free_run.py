@@ -45,7 +45,7 @@ class Course(NamedTuple):
     step_s: float
 
 
-class Models(NamedTuple):
+class ModelRows(NamedTuple):
     """What tells the runs apart, a row per model.
 
     mass and inverse (m, 36), coefficients (m, 6 terms), trims (m, 6); deviation (m, 6)
@@ -66,7 +66,7 @@ def _flyer(sources: str) -> Any:
     """Return the compiled loop over models; numba keys what it keeps by `sources`."""
 
     def fly(
-        course: Course, models: Models, c: Tables, start: int, stop: int, scratch: Array,
+        course: Course, models: ModelRows, c: Tables, start: int, stop: int, scratch: Array,
         factors: Array, out: Array, lost: Array,
     ) -> None:  # fmt: skip
         """Fill `out` (m, w, k, 12) and `lost` (m, w) [s] for models `start` to `stop`.

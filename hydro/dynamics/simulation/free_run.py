@@ -135,7 +135,7 @@ def fly_freely(
     """
     # Imported here, since numba takes a second.
     from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, THREADS
-    from auvid.hydro.dynamics.simulation.compiled_free_run import Course, Models, fly
+    from auvid.hydro.dynamics.simulation.compiled_free_run import Course, ModelRows, fly
 
     if motion.level_speed is None and any(
         needs_propeller_speed(term) for model in coefficients for term in model.terms
@@ -169,7 +169,7 @@ def fly_freely(
         ]
         wander = np.zeros((len(members), 6)) if disturbance is None else disturbance.deviation
         rho = np.zeros(6) if disturbance is None else np.exp(-motion.step_s / disturbance.time_s)
-        models = Models(
+        models = ModelRows(
             masses[members].reshape(-1, 36),
             np.linalg.inv(masses[members]).reshape(-1, 36),
             np.stack([item.coefficients for item in tables]),
@@ -183,7 +183,7 @@ def fly_freely(
 
         def run(
             start: int,
-            models: Models = models,
+            models: ModelRows = models,
             tables: Tables = tables[0],
             out: Array = out,
             gone: Array = gone,

@@ -17,7 +17,7 @@ worth more than a bare mention).
 
 
 @dataclass(frozen=True)
-class Candidate:
+class RankedModel:
     """What is known of one model among others.
 
     terms: unknowns fitted. left_out (L,): J / J0 on each leg, predicted from the others;
@@ -64,7 +64,7 @@ def least_squares_error(fits: Sequence[AxisFit], leg: TriangularFactor) -> Array
     return np.linalg.norm(errors, axis=1) / np.sqrt(leg.n_samples)
 
 
-def choose(candidates: Sequence[Candidate]) -> Choice | None:
+def choose(candidates: Sequence[RankedModel]) -> Choice | None:
     """Return the simplest model within one standard error of the best that is sound.
 
     The standard error is that of the difference to the best over the left-out legs
@@ -95,11 +95,11 @@ def choose(candidates: Sequence[Candidate]) -> Choice | None:
     )
 
 
-def _mean(item: Candidate) -> float:
+def _mean(item: RankedModel) -> float:
     return float(np.mean(item.left_out))
 
 
-def _within_one_error(item: Candidate, best: Candidate) -> bool:
+def _within_one_error(item: RankedModel, best: RankedModel) -> bool:
     difference = item.left_out - best.left_out
     error = float(np.std(difference, ddof=1) / np.sqrt(len(difference)))
     return float(np.mean(difference)) <= error

@@ -56,7 +56,8 @@ def print_summary(run: Run) -> None:
             f" {run.campaign.name} prints them)"
         )
     for answer in _of_schema(run, "answer"):
-        print(f"\n{plain(answer.decode('utf-8'))}", end="")
+        print()
+        print("\n".join(map(plain, answer.decode("utf-8").splitlines())))
     files = result_files(run)
     if files:
         print()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 
 from auvid.stages.page.first_screen import Summary
+from auvid.stages.page.html import lead
 
 WIDTH = 96
 MARGIN = "  "
@@ -13,7 +14,8 @@ MARGIN = "  "
 def answer_text(summary: Summary) -> str:
     """Return verdict, uses, what was identified and what is unknown, wrapped.
 
-    Warnings and figures of bench and control stages are printed by their own tables.
+    Of a long remark the first sentence. Warnings, findings of logs, and figures of
+    bench and control stages are printed by their own tables.
     """
     lines = [summary.headline, *_wrapped(summary.explanation)]
     lines += [
@@ -27,7 +29,7 @@ def answer_text(summary: Summary) -> str:
             lines += _item(entry.label, "; ".join(entry.figures))
     if summary.missing:
         lines += ["", "missing or uncertain:"]
-        lines += [line for words in summary.missing for line in _bullet(words)]
+        lines += [line for words in summary.missing for line in _bullet(lead(words)[0])]
     return "\n".join(lines) + "\n"
 
 

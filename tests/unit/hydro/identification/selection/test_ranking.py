@@ -12,7 +12,7 @@ from auvid.hydro.identification.regression.least_squares import TriangularFactor
 from auvid.hydro.identification.selection.folds import without_each
 from auvid.hydro.identification.selection.information import bic, inflation
 from auvid.hydro.identification.selection.ranking import (
-    Candidate,
+    RankedModel,
     choose,
     error_ratios,
     least_squares_error,
@@ -39,7 +39,7 @@ def left_out(legs, error_on):
 
 
 def candidate(name, left_out, *, terms=10, information=np.nan, is_sound=True):
-    return Candidate(name, terms, np.asarray(left_out, dtype=float), information, is_sound)
+    return RankedModel(name, terms, np.asarray(left_out, dtype=float), information, is_sound)
 
 
 @pytest.mark.parametrize(("rho", "expected"), [(0.0, 1.0), (0.8, 9.0), (0.95, 39.0)])

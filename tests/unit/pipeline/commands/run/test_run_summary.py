@@ -143,5 +143,16 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
     assert f"error table:    {run.folder}/validate/error_table.parquet" in out
 
 
+def test_the_answer_stands_last_before_the_paths(
+    run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(run, "report", "campaign", answer=b"Coe: use it\n  not \x1b[31m red\n", report_html=b"")
+    print_summary(run)
+    out = capsys.readouterr().out
+    assert "\nCoe: use it\n  not " in out
+    assert "\x1b" not in out
+    assert out.index("Coe: use it") < out.index("report:  ")
+
+
 def test_long_lists_are_cut_with_the_count() -> None:
     assert shortened([str(number) for number in range(25)])[-2:] == ["19", "... and 5 more"]
