@@ -274,7 +274,7 @@ class UsableFor(Model):
     simulation: list[str]
     """Axes that it simulates better than expecting no change, where no run is lost."""
     control: list[str]
-    """Of those, axes whose damping is identified and whose force error is below half."""
+    """Of those, axes with identified damping and a force error below half."""
     speeds: dict[str, VelocityRange]
     """Velocity -> range of the training legs, in SI."""
 

@@ -21,7 +21,7 @@ FASTEST_HZ = 50.0
 exact to 1e-7.
 """
 LONG_S = 10.0
-"""Horizon at which a simulation is judged, the longest below it where legs are short."""
+"""Horizon at which a simulation is judged, or the longest below it."""
 PERSISTENCE = "persistence"
 """The reference row: the state stays as it was at the start."""
 ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}
@@ -50,7 +50,7 @@ def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
 
 
 def measured_motion(fused: pa.Table, controls: pa.Table) -> MeasuredMotion:
-    """Return what free runs over a segment start from and follow, at `FASTEST_HZ` at most."""
+    """Return what free runs over a segment start from, at `FASTEST_HZ` at most."""
     t_s = clock(fused)
     rows = slice(None, None, max(1, round(1.0 / (FASTEST_HZ * float(np.mean(np.diff(t_s)))))))
     control, level = control_of(controls, rows)

@@ -26,10 +26,12 @@ from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, addresses, de
 from auvid.hydro.dynamics.simulation.plant_constants import Tables
 from auvid.hydro.identification.maximum_likelihood.records import SensorGeometry
 
-MOTION, FORCE, MEASURED = 10, 6, 13
+MOTION, FORCE, MEASURED, BIASES = 10, 6, 13, 6
 STEP, WIDE = 1e-6, 1e-4
 """Width of one-sided differences of the state [rad, m/s, rad/s], whose error is some
 1e-6 of a derivative; of central ones along the lag [s]."""
+TINY = np.float32(1e-28)
+"""Where sums of single precision start, since numbers that fade to nothing are slow."""
 VISCOUS, INERTIA, LAG = 0, 1, 2
 """Kinds of parameters: a coefficient of a viscous term or constant (axis, column of the
 tables), an entry of the mass matrix (row, column), the lag of the actuators."""
@@ -133,12 +135,14 @@ def _cross(a: Any, b: Any) -> Any:
 
 @_compiled
 def _jacobians(
-    x: Any, rate: Any, y: Any, inputs: Any, c: Any, decay: Any, g: Any, A: Any, H: Any, moved: Any,
-    there: Any, y_there: Any, work: Any,
+    x: Any, rate: Any, y: Any, inputs: Any, c: Any, decay: Any, g: Any, A: Any, H: Any,
+    kinds: Any, terms: Any, pull: Any, moved: Any, there: Any, y_there: Any, force: Any, work: Any,
 ) -> None:  # fmt: skip
     """Write d(rate)/dx of the motion (10, n) and d(outputs)/dx (13, n).
 
-    `rate` and `y`: rate and outputs at x. The columns of the force are M^-1.
+    `rate` and `y`: rate and outputs at x. The columns of the force are M^-1. `pull`
+    (parameters, 6, n), where it has rows: derivative by x of the force that a parameter
+    adds per unit; `terms`: the terms at x. A lag's own is left out.
     """
     n = len(x)
     for i in range(n):
@@ -149,15 +153,57 @@ def _jacobians(
         moved[j] = x[j] + STEP
         _rates(moved, inputs, c, decay, there, work)
         _outputs(moved, there, g, y_there)
-        moved[j] = x[j]
         for i in range(MOTION):
             A[i, j] = (there[i] - rate[i]) / STEP
         for i in range(MEASURED):
             H[i, j] = (y_there[i] - y[i]) / STEP
+        for p in range(len(pull)):
+            kind, row, column = kinds[p, 0], kinds[p, 1], kinds[p, 2]
+            if kind == VISCOUS:
+                pull[p, row, j] = (work[3][FACTOR_COUNT + column] - terms[column]) / STEP
+            elif kind == INERTIA:
+                _inertia_force(x, rate, row, column, force)
+                for i in range(6):
+                    pull[p, i, j] = -force[i] / STEP
+                _inertia_force(moved, there, row, column, force)
+                for i in range(6):
+                    pull[p, i, j] += force[i] / STEP
+        moved[j] = x[j]
     for k in range(n - MOTION):
         for i in range(6):
             A[4 + i, MOTION + k] = c.inverse[6 * i + k]
         _accelerometer(g, A[4:, MOTION + k], H[6:, MOTION + k])
+        for p in range(len(pull)):
+            kind, row, column = kinds[p, 0], kinds[p, 1], kinds[p, 2]
+            if kind == INERTIA:
+                pull[p, row, MOTION + k] = -c.inverse[6 * column + k]
+                pull[p, column, MOTION + k] = -c.inverse[6 * row + k]
+
+
+@_compiled
+def _inertia_force(x: Any, rate: Any, row: int, column: int, force: Any) -> None:
+    """Write -(E nu_dot + C_E(nu) nu) (6,), E with 1 at the entry and its mirror."""
+    first, second = x[4 + column], x[4 + row]
+    turning = rigid_body.coriolis_components(
+        (x[4], x[5], x[6], x[7], x[8], x[9]),
+        (
+            _at(0, row, column, first, second), _at(1, row, column, first, second),
+            _at(2, row, column, first, second), _at(3, row, column, first, second),
+            _at(4, row, column, first, second), _at(5, row, column, first, second),
+        ),
+    )  # fmt: skip
+    for i in range(6):
+        force[i] = -turning[i]
+    force[row] -= rate[4 + column]
+    if row != column:
+        force[column] -= rate[4 + row]
+
+
+@_compiled
+def _at(i: int, row: int, column: int, first: float, second: float) -> float:
+    if i == row:
+        return first
+    return second if i == column else 0.0
 
 
 @_compiled
@@ -187,17 +233,7 @@ def _parameter_accelerations(
             for i in range(6):
                 a[i, p] = c.inverse[6 * i + row] * factors[FACTOR_COUNT + column]
         elif kind == INERTIA:
-            # -(E nu_dot + C_E(nu) nu), E with 1 at the entry and its mirror.
-            for i in range(6):
-                force[i] = down[i] = 0.0
-            force[row], down[row] = -rate[4 + column], x[4 + column]
-            force[column], down[column] = -rate[4 + row], x[4 + row]
-            turning = rigid_body.coriolis_components(
-                (x[4], x[5], x[6], x[7], x[8], x[9]),
-                (down[0], down[1], down[2], down[3], down[4], down[5]),
-            )
-            for i in range(6):
-                force[i] -= turning[i]
+            _inertia_force(x, rate, row, column, force)
             for i in range(6):
                 a[i, p] = 0.0
                 for k in range(6):
@@ -290,7 +326,10 @@ def _transition(
 def _carry_covariance(
     P: Any, Phi: Any, fade: Any, h: float, variance: Any, inverse: Any, T: Any
 ) -> None:
-    """Replace P by Phi P Phi' + Q of the force that is new within the step."""
+    """Replace P by Phi P Phi' + Q of the force that is new within the step.
+
+    Phi P stays in T.
+    """
     n = len(P)
     for i in range(n):
         for j in range(n):
@@ -348,6 +387,227 @@ def _carry_sensitivities(S: Any, Phi: Any, fade: Any, push: Any, a0: Any, a1: An
             S[i, j] = T[i, j] if i < MOTION else fade[i] * S[i, j]
 
 
+@_compiled
+def _carry_tangents(
+    D: Any, Phi: Any, fade: Any, push: Any, product: Any, h: float, noise: Any, inverse: Any,
+    kinds: Any, places: Any, pull0: Any, pull1: Any, T: Any, b: Any, w: Any, mean: Any,
+) -> None:  # fmt: skip
+    """Replace the derivatives D (n, n, q) of P by those after a step; lower half.
+
+    D <- Phi D Phi' + B w' + w B' + dQ with dPhi = B m', w = Phi P m: every parameter adds
+    to A a product of a force on one axis and the gradient of a term, every time constant
+    one entry. B = int exp(A s) ds b and m = (1 + Phi') gradient / 2 are good to second
+    order. `product`: Phi P.
+    """
+    n, q, size = MOTION + FORCE, D.shape[2], len(kinds)
+    times, forces = places[1], places[2]
+    # Phi D, its upper rows; below them the force only fades.
+    for i in range(MOTION):
+        for j in range(n):
+            for d in range(q):
+                T[i, j, d] = TINY
+            for k in range(0, n, 4):
+                e0, e1 = np.float32(Phi[i, k]), np.float32(Phi[i, k + 1])
+                e2, e3 = np.float32(Phi[i, k + 2]), np.float32(Phi[i, k + 3])
+                if e0 == 0.0 and e1 == 0.0 and e2 == 0.0 and e3 == 0.0:
+                    continue
+                high0, low0 = max(k, j), min(k, j)
+                high1, low1 = max(k + 1, j), min(k + 1, j)
+                high2, low2 = max(k + 2, j), min(k + 2, j)
+                high3, low3 = max(k + 3, j), min(k + 3, j)
+                for d in range(q):
+                    T[i, j, d] += (
+                        e0 * D[high0, low0, d] + e1 * D[high1, low1, d]
+                        + e2 * D[high2, low2, d] + e3 * D[high3, low3, d]
+                    )  # fmt: skip
+    for i in range(n):
+        for j in range(i + 1):
+            if i < MOTION:
+                for d in range(q):
+                    D[i, j, d] = TINY
+                for k in range(0, n, 4):
+                    e0, e1 = np.float32(Phi[j, k]), np.float32(Phi[j, k + 1])
+                    e2, e3 = np.float32(Phi[j, k + 2]), np.float32(Phi[j, k + 3])
+                    for d in range(q):
+                        D[i, j, d] += (
+                            e0 * T[i, k, d] + e1 * T[i, k + 1, d]
+                            + e2 * T[i, k + 2, d] + e3 * T[i, k + 3, d]
+                        )  # fmt: skip
+            elif j < MOTION:
+                single = np.float32(fade[i])
+                for d in range(q):
+                    D[i, j, d] = single * T[j, i, d]
+            else:
+                single = np.float32(fade[i] * fade[j])
+                for d in range(q):
+                    D[i, j, d] = single * D[i, j, d] + TINY
+    # What the parameters change of Phi, axis by axis of their force.
+    for p in range(size):
+        for row in range(6):
+            if kinds[p, 0] == LAG or (kinds[p, 0] == VISCOUS and row != kinds[p, 1]):
+                continue
+            for i in range(MOTION):
+                b[i] = 0.0
+                for k in range(6):
+                    b[i] += (push[0, i, k] + push[1, i, k]) * inverse[6 * k + row]
+            for j in range(n):
+                mean[j] = 0.5 * pull0[p, row, j]
+                if j >= MOTION:
+                    mean[j] += 0.5 * fade[j] * pull1[p, row, j]
+            for k in range(MOTION):
+                a = 0.5 * pull1[p, row, k]
+                if a != 0.0:
+                    for j in range(n):
+                        mean[j] += a * Phi[k, j]
+            for i in range(n):
+                w[i] = 0.0
+                for j in range(n):
+                    w[i] += product[i, j] * mean[j]
+            for i in range(MOTION, n):
+                b[i] = 0.0
+            _add_pair(D, p, b, w)
+    # What the time constants change of Phi and, with the sizes, of the news of a step.
+    for k in range(n - MOTION):
+        f = MOTION + k
+        z = noise.decay[k] * h
+        for i in range(MOTION):
+            b[i] = 0.5 * z * Phi[i, f]
+        for i in range(MOTION, n):
+            b[i] = 0.0
+        b[f] = z * fade[f]
+        for i in range(n):
+            w[i] = product[i, f]
+        if q > size:
+            _add_pair(D, times + k, b, w)
+        new = noise.force[k] * (1.0 - fade[f] ** 2)
+        if q > size:
+            _add_news(D, times + k, k, h, -2.0 * noise.force[k] * fade[f] ** 2 * z, inverse)
+            _add_news(D, forces + k, k, h, 2.0 * new, inverse)
+        for p in range(size):
+            if kinds[p, 0] == INERTIA:
+                # The news act through M^-1, whose derivative is -M^-1 E M^-1.
+                row, column = kinds[p, 1], kinds[p, 2]
+                for i in range(6):
+                    b[4 + i] = -inverse[6 * i + row] * inverse[6 * column + k]
+                    if row != column:
+                        b[4 + i] -= inverse[6 * i + column] * inverse[6 * row + k]
+                    b[4 + i] *= 0.5 * h
+                    w[4 + i] = 0.5 * h * inverse[6 * i + k] * new
+                for i in range(4):
+                    b[i] = w[i] = 0.0
+                for i in range(MOTION, n):
+                    b[i] = w[i] = 0.0
+                w[f] = new
+                _add_pair(D, p, b, w)
+
+
+@_compiled
+def _add_pair(D: Any, d: int, b: Any, w: Any) -> None:
+    """Add b w' + w b' to one derivative, lower half."""
+    for i in range(len(b)):
+        for j in range(i + 1):
+            D[i, j, d] += b[i] * w[j] + w[i] * b[j]
+
+
+@_compiled
+def _add_news(D: Any, d: int, k: int, h: float, variance: float, inverse: Any) -> None:
+    """Add what news of the k-th force of a variance add to P, lower half."""
+    f = MOTION + k
+    for i in range(6):
+        a = 0.5 * h * inverse[6 * i + k] * variance
+        D[f, 4 + i, d] += a
+        for j in range(i + 1):
+            D[4 + i, 4 + j, d] += a * 0.5 * h * inverse[6 * j + k]
+    D[f, f, d] += variance
+
+
+@_compiled
+def _sample_tangents(
+    D: Any, P: Any, h_row: Any, gain: Any, variance: float, own: float, place: int, kinds: Any,
+    lever: Any, pull: Any, dg: Any, ds: Any,
+) -> None:  # fmt: skip
+    """Update D by one scalar sample; write `dg` (n, q) and d(variance) `ds` (q,).
+
+    dg = variance d(gain / variance). `own`, `place`: variance of the sample and its place
+    among directions, -1 for none.
+    `lever` (parameters, 6), where it has rows: what a unit of force on an axis adds to the
+    sample, so that parameters turn h by lever . pull.
+    """
+    n, q = MOTION + FORCE, len(ds)
+    for i in range(n):
+        for d in range(q):
+            dg[i, d] = TINY
+        for k in range(0, n, 4):
+            e0, e1 = np.float32(h_row[k]), np.float32(h_row[k + 1])
+            e2, e3 = np.float32(h_row[k + 2]), np.float32(h_row[k + 3])
+            if e0 == 0.0 and e1 == 0.0 and e2 == 0.0 and e3 == 0.0:
+                continue
+            high0, low0 = max(k, i), min(k, i)
+            high1, low1 = max(k + 1, i), min(k + 1, i)
+            high2, low2 = max(k + 2, i), min(k + 2, i)
+            high3, low3 = max(k + 3, i), min(k + 3, i)
+            for d in range(q):
+                dg[i, d] += (
+                    e0 * D[high0, low0, d] + e1 * D[high1, low1, d]
+                    + e2 * D[high2, low2, d] + e3 * D[high3, low3, d]
+                )  # fmt: skip
+    for d in range(q):
+        ds[d] = 0.0
+    for p in range(len(kinds) if len(lever) > 0 else 0):
+        for row in range(6):
+            if kinds[p, 0] == LAG or (kinds[p, 0] == VISCOUS and row != kinds[p, 1]):
+                continue
+            for j in range(n):
+                a = lever[row] * pull[p, row, j]
+                if a != 0.0:
+                    ds[p] += a * gain[j]
+                    for i in range(n):
+                        dg[i, p] += a * P[i, j]
+    for i in range(n):
+        if h_row[i] != 0.0:
+            single = np.float32(h_row[i])
+            for d in range(q):
+                ds[d] += single * dg[i, d]
+    if place >= 0:
+        ds[place] += 2.0 * own
+    # P - g g' / s and its derivative, with dg - K ds / 2 in the place of dg.
+    for i in range(n):
+        single = np.float32(0.5 * gain[i] / variance)
+        for d in range(q):
+            dg[i, d] -= single * ds[d]
+    for i in range(n):
+        first = np.float32(gain[i] / variance)
+        for j in range(i + 1):
+            second = np.float32(gain[j] / variance)
+            for d in range(q):
+                D[i, j, d] -= second * dg[i, d] + first * dg[j, d]
+    for i in range(n):
+        single = np.float32(0.5 * gain[i] / variance)
+        for d in range(q):
+            dg[i, d] -= single * ds[d]
+
+
+@_compiled
+def _turn(lever: Any, pull: Any, shift: Any, out: Any) -> None:
+    """Add what parameters change of an accelerometer's slopes times a shift of state."""
+    for p in range(len(pull)):
+        for row in range(6):
+            for j in range(len(shift)):
+                out[p] += lever[row] * pull[p, row, j] * shift[j]
+
+
+@_compiled
+def _times_rows(row: Any, matrix: Any, out: Any) -> None:
+    """Write row . matrix, zeros of the row left out."""
+    for j in range(len(out)):
+        out[j] = 0.0
+    for i in range(len(row)):
+        part = row[i]
+        if part != 0.0:
+            for j in range(len(out)):
+                out[j] += part * matrix[i, j]
+
+
 def _loop(sources: str) -> Any:
     """Return the compiled window; numba keys what it keeps by `sources`."""
 
@@ -362,6 +622,7 @@ def _loop(sources: str) -> Any:
         kinds: Ints,
         free_start: bool,
         filtering: bool,
+        channel_places: Ints,
         tables: Tables,
         g: SensorPlaces,
         noise: Noise,
@@ -369,6 +630,7 @@ def _loop(sources: str) -> Any:
         errors: Array,
         variances: Array,
         jacobian: Array,
+        variance_slopes: Array,
     ) -> int:
         """Run a window; return the number of its scalar samples, or -1 if it diverges.
 
@@ -377,13 +639,17 @@ def _loop(sources: str) -> Any:
         1, 12), at both ends and the middle of each step. `bias` (6,): accelerometer,
         gyro. Written: `states` (N + 1, n) after the samples, and sample by sample
         `errors` (measured minus predicted), their `variances` and `jacobian`
-        (d(predicted) by parameters, biases, start); a jacobian without rows is not made.
+        (d(predicted) by parameters, biases, start or noise); a jacobian without rows is
+        not made. `variance_slopes` (samples, q): d(variances) by parameters and noise;
+        where it has no rows, gains count as constants in the jacobian. The noise, where
+        q is more than the parameters: channels at their `channel_places`, -1 for those
+        without, six time constants, six sizes of the force.
         """
         assert len(sources) > 0
         c = addresses(tables)
         decay, inverse = noise.decay, tables.inverse
         n, m, parameters = len(x0), jacobian.shape[1], len(kinds)
-        sensitive = jacobian.shape[0] > 0
+        sensitive, tangent = jacobian.shape[0] > 0, variance_slopes.shape[0] > 0
         x, P, S = x0.copy(), P0.copy(), np.zeros((n, m))
         if free_start:
             for i in range(MOTION):
@@ -395,6 +661,7 @@ def _loop(sources: str) -> Any:
         )  # fmt: skip
         a0, a1 = np.zeros((6, parameters)), np.zeros((6, parameters))
         push, direct = np.zeros((2, MOTION, 6)), np.zeros((parameters, 3))
+        terms = np.zeros(tables.counts[0])
         work = (np.zeros(12), np.zeros(12), np.zeros(12), np.zeros(FACTOR_COUNT + tables.counts[0]))
         pair = (np.empty(n), np.empty(n), np.empty(12))
         stage, total, there, y_there, force = (
@@ -402,6 +669,26 @@ def _loop(sources: str) -> Any:
         )  # fmt: skip
         spare, square, half = np.empty((n, m)), np.empty((n, n)), np.empty((3, MOTION, n))
         before, gain, slope_y = np.empty(n), np.empty(n), np.empty(m)
+        # Derivatives D of P by the q directions of parameters and noise; gradients need no
+        # more than single precision.
+        q = variance_slopes.shape[1] if tangent else 0
+        places = (channel_places, q - 12, q - 6)
+        D, upper, by_gain, by_variance = (
+            np.zeros((n, n, q), dtype=np.float32), np.empty((MOTION, n, q), dtype=np.float32),
+            np.empty((n, q), dtype=np.float32), np.empty(q, dtype=np.float32),
+        )  # fmt: skip
+        pulls = parameters if tangent else 0
+        pull0, pull1 = np.zeros((pulls, 6, n)), np.zeros((pulls, 6, n))
+        levers, no_lever, lever = np.zeros((3, 6)), np.zeros(0), np.zeros(3)
+        if tangent:
+            for k in range(6):
+                if q > parameters:
+                    D[MOTION + k, MOTION + k, places[2] + k] = 2.0 * P0[MOTION + k, MOTION + k]
+                for i in range(6):
+                    force[i] = inverse[6 * i + k]
+                _accelerometer(g, force, lever)
+                for i in range(3):
+                    levers[i, k] = lever[i]
         count = 0
         for step in range(len(steps) + 1):
             # Rates, outputs and their derivatives at the predicted state.
@@ -409,13 +696,18 @@ def _loop(sources: str) -> Any:
             _rates(x, now, c, decay, slope, work)
             _outputs(x, slope, g, y)
             if sensitive:
+                for i in range(len(terms)):
+                    terms[i] = work[3][FACTOR_COUNT + i]
                 _parameter_accelerations(
                     x, slope, now, along[2 * step], c, decay, kinds, a1, force, work, pair
                 )
                 for p in range(parameters):
                     _accelerometer(g, a1[:, p], direct[p])
             if sensitive or filtering:
-                _jacobians(x, slope, y, now, c, decay, g, A1, H, stage, there, y_there, work)
+                _jacobians(
+                    x, slope, y, now, c, decay, g, A1, H, kinds, terms, pull1, stage, there,
+                    y_there, force, work,
+                )  # fmt: skip
                 if step > 0:
                     h = steps[step - 1]
                     _transition(A0, A1, h, decay, Phi, fade, push, half[0], half[1], half[2])
@@ -423,7 +715,18 @@ def _loop(sources: str) -> Any:
                         _carry_sensitivities(S, Phi, fade, push, a0, a1, spare)
                     if filtering:
                         _carry_covariance(P, Phi, fade, h, noise.force, inverse, square)
-                A0, A1, a0, a1 = A1, A0, a1, a0
+                    if tangent:
+                        # The force itself fades more slowly.
+                        for k in range(6 if q > parameters else 0):
+                            f, j = MOTION + k, places[1] + k + BIASES
+                            S[f, j] += decay[k] * h * x[f]
+                            for i in range(MOTION):
+                                S[i, j] += 0.5 * decay[k] * h * Phi[i, f] * x[f] / fade[f]
+                        _carry_tangents(
+                            D, Phi, fade, push, square, h, noise, inverse, kinds, places, pull0,
+                            pull1, upper, before, gain, total,
+                        )  # fmt: skip
+                A0, A1, a0, a1, pull0, pull1 = A1, A0, a1, a0, pull1, pull0
             # Samples of this moment, one after the other.
             for i in range(n):
                 before[i] = x[i]
@@ -444,31 +747,32 @@ def _loop(sources: str) -> Any:
                     error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
                 variance = noise.sensor[channel]
                 if sensitive:
-                    for j in range(m):
-                        slope_y[j] = 0.0
-                    for i in range(n):
-                        part = H[channel, i]
-                        if part != 0.0:
-                            for j in range(m):
-                                slope_y[j] += part * S[i, j]
+                    _times_rows(H[channel], S, slope_y)
                     if 6 <= channel < 9:
                         for p in range(parameters):
                             slope_y[p] += direct[p, channel - 6]
                         slope_y[parameters + channel - 6] += 1.0
+                        if tangent:
+                            for i in range(n):
+                                stage[i] = x[i] - before[i]
+                            _turn(levers[channel - 6], pull0, stage, slope_y)
                     elif 3 <= channel < 6:
                         slope_y[parameters + channel] += 1.0
                     for j in range(m):
                         jacobian[count, j] = slope_y[j]
                 if filtering:
-                    for i in range(n):
-                        gain[i] = 0.0
-                    for k in range(n):
-                        part = H[channel, k]
-                        if part != 0.0:
-                            for i in range(n):
-                                gain[i] += part * P[k, i]
+                    _times_rows(H[channel], P, gain)
                     for i in range(n):
                         variance += H[channel, i] * gain[i]
+                    if tangent:
+                        _sample_tangents(
+                            D, P, H[channel], gain, variance, noise.sensor[channel],
+                            channel_places[channel], kinds,
+                            levers[channel - 6] if 6 <= channel < 9 else no_lever, pull0, by_gain,
+                            by_variance,
+                        )  # fmt: skip
+                        for d in range(q):
+                            variance_slopes[count, d] = by_variance[d]
                     for i in range(n):
                         part = gain[i] / variance
                         x[i] += part * error
@@ -477,6 +781,10 @@ def _loop(sources: str) -> Any:
                         if sensitive:
                             for j in range(m):
                                 S[i, j] -= part * slope_y[j]
+                        # A direction changes the gain, too.
+                        for d in range(q):
+                            j = d if d < parameters else d + BIASES
+                            S[i, j] += by_gain[i, d] / variance * error
                     moved = True
                 errors[count], variances[count] = error, variance
                 count += 1
@@ -489,6 +797,10 @@ def _loop(sources: str) -> Any:
             if step < len(steps):
                 if moved:
                     _rates(x, now, c, decay, slope, work)
+                    if sensitive:
+                        _parameter_accelerations(
+                            x, slope, now, along[2 * step], c, decay, kinds, a0, force, work, pair
+                        )
                 _move(
                     x, steps[step], inputs[2 * step : 2 * step + 3], c, decay, stage, total, slope,
                     work,

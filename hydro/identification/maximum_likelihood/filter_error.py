@@ -4,15 +4,15 @@ As output error, but an unsteady force, first-order Gauss-Markov on each axis, p
 the vehicle; an extended Kalman filter follows motion and force through the samples, and
 the innovations are weighted by their own variance. Its noise (standard deviations of
 samples, size and time constant of the force) is estimated with the coefficients (Maine
-and Iliff 1981; Jategaonkar 2015, chapter 5). Steps hold the gains fixed: the score keeps its mean
-of zero and a step costs one run. The last step is one of scoring on coefficients,
-biases and noise together, whose information gives the standard errors.
+and Iliff 1981; Jategaonkar 2015, chapter 5), in one step of scoring after the other, whose
+information gives the standard errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -23,8 +23,10 @@ from auvid.hydro.identification.maximum_likelihood.estimate import (
     score_moment,
 )
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
-    bounded_step,
+    Evaluation,
+    NormalEquations,
     maximise,
+    with_secants,
 )
 from auvid.hydro.identification.maximum_likelihood.likelihood import (
     BIASES,
@@ -32,10 +34,9 @@ from auvid.hydro.identification.maximum_likelihood.likelihood import (
     NoiseModel,
 )
 from auvid.hydro.identification.maximum_likelihood.noise import (
-    DIFFERENCE,
     NoiseUnknowns,
-    improve_noise,
-    polish,
+    noise_scores,
+    scoring,
 )
 from auvid.hydro.identification.maximum_likelihood.output_error import (
     likelihood_bounds,
@@ -51,10 +52,15 @@ from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
 SMALLEST_SHARE = 1e-3
 """Floor of the unsteady force, in parts of its first guess."""
-ROUNDS, STEPS, JOINT_ROUNDS = 15, 3, 10
-NEAR, SETTLED = 20.0, 0.5
-"""Gain of log-likelihood by new noise below which coefficients and noise move together,
-and by a joint step below which all is settled: a deviation of one number among dozens."""
+STEPS, TOLERANCE = 40, 0.05
+"""Most steps, and the last one in parts of a standard error."""
+SECANTS = 5
+"""How many past steps correct the expected information."""
+LONGEST_STEP = 1.0
+"""Longest step of the logarithms of the noise."""
+RIDGE = 1.0
+"""Information of a weak prior of those at their present values: a factor of e is one
+deviation. It keeps a force that is not there from running to zero in one step."""
 
 
 def fit_filter_error(
@@ -91,53 +97,50 @@ def fit_filter_error(
     unknown = NoiseUnknowns(
         np.flatnonzero(measured) if sensor_sd is None else np.zeros(0, dtype=np.intp), len(legs)
     )
-    history: list[float] = []
-    for _ in range(ROUNDS):
-        used = noise
+    size, k, first_noise = len(common), len(theta), noise
+    points: list[tuple[Array, Array]] = []
 
-        optimum = maximise(
-            likelihood.under(used, starts),
-            common,
-            np.zeros((0, 10)),
-            lower=lower,
-            upper=upper,
-            most_steps=STEPS,
-        )
-        common = optimum.common
-        history += [-value for value in optimum.objectives]
-        noise, gain = improve_noise(likelihood, common, starts, used, unknown, smallest_force=floor)
-        if gain < NEAR:
-            break
-    word = "no convergence"
-    for _ in range(JOINT_ROUNDS):
-        final, _ = likelihood.evaluate(common, starts, noise, sensitive=True)
-        assert final.equations is not None
-        _, _, spread = bounded_step(final.equations, common, lower, upper, 0.0)
-        common, noise, system, fixed, gain = polish(
-            likelihood,
-            common,
-            starts,
-            noise,
-            unknown,
-            theta_steps=DIFFERENCE * np.where(np.isfinite(spread), spread, 1.0)[: len(theta)],
-            lower=lower,
-            upper=upper,
-            smallest_force=floor,
-        )
-        history.append(history[-1] + gain)
-        if gain < SETTLED:
-            word = "converged"
-            break
-    runs = likelihood.run(common, starts, noise, sensitive=False)
+    def evaluate(values: Array, local: Array, sensitive: bool) -> Evaluation:
+        moved = unknown.noise_at(values[size:], first_noise.sensor_sd)
+        channels = unknown.channels if sensitive else None
+        runs = likelihood.run(values[:size], starts, moved, sensitive=sensitive, channels=channels)
+        objective = sum(run.objective for run in runs) + likelihood.prior_objective(values[:size])
+        if not sensitive or not np.isfinite(objective):
+            return Evaluation(objective, None)
+        matrix, vector = scoring(likelihood, unknown, runs)
+        matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
+        if prior is not None:
+            matrix[:k, :k] += prior.precision
+            vector[:k] += prior.precision @ (prior.mean - values[:k])
+        points.append((values, vector))
+        secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(points[-SECANTS - 1 :])]
+        return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
+
+    low, high = unknown.bounds(floor)
+    optimum = maximise(
+        evaluate,
+        np.concatenate([common, unknown.logarithms(noise)]),
+        np.zeros((0, 10)),
+        lower=np.concatenate([lower, low]),
+        upper=np.concatenate([upper, high]),
+        most_steps=STEPS,
+        tolerance=TOLERANCE,
+        reach=np.concatenate([np.full(size, np.inf), np.full(unknown.size, LONGEST_STEP)]),
+    )
+    common, noise = optimum.common[:size], unknown.noise_at(optimum.common[size:], noise.sensor_sd)
+    runs = likelihood.run(common, starts, noise, sensitive=True, channels=unknown.channels)
+    information, _ = scoring(likelihood, unknown, runs)
+    if prior is not None:
+        information[:k, :k] += prior.precision
     return estimate_from(
         likelihood,
         common,
         runs,
         noise,
-        information=system.matrix,
-        moment=score_moment(likelihood, system.scores),
-        at_bound=fixed,
-        word=word,
-        log_likelihood=history,
+        information=information,
+        moment=score_moment(likelihood, noise_scores(likelihood, unknown, runs)),
+        at_bound=optimum.at_bound,
+        word=optimum.word,
+        log_likelihood=[-value for value in optimum.objectives],
         dropped=dropped,
     )

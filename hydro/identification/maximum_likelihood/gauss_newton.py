@@ -7,7 +7,7 @@ Source: Nocedal and Wright, Numerical Optimization, 10.3 (method) and 16.7 (boun
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,10 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask
 
 FIRST_DAMPING, SMALLEST_DAMPING, LARGEST_DAMPING = 1e-4, 1e-12, 1e8
+FELT_DAMPING = 0.1
+"""Least damping after a step that failed: less would hardly shorten it."""
+LEAST_CURVATURE = 0.2
+"""A secant counts with at least this share of the expected curvature."""
 GAIN = 0.05
 """A step that changes the log-likelihood by less changes no conclusion: half of it is a
 fortieth of what one coefficient takes away by being fitted."""
@@ -91,8 +95,9 @@ def maximise(
     upper: Array,
     most_steps: int,
     tolerance: float = 0.02,
+    reach: Array | float = np.inf,
 ) -> Optimum:
-    """Return the optimum within bounds from a start.
+    """Return the optimum within bounds from a start; no step is longer than `reach` (g,).
 
     A step is taken when the objective falls, or changes by less than `GAIN`. It has
     converged when no common unknown moves by more than `tolerance` of its standard
@@ -111,27 +116,29 @@ def maximise(
         assert here.equations is not None
         taken = False
         while damping < LARGEST_DAMPING:
-            step, fixed, spread = bounded_step(here.equations, common, lower, upper, damping)
+            low, high = np.maximum(lower, common - reach), np.minimum(upper, common + reach)
+            step, fixed, spread = bounded_step(here.equations, common, low, high, damping)
             moves = here.equations.local_steps(step, damping)
             moved = np.clip(common + step, lower, upper)
             shifted = local + moves if len(moves) else local
             small = bool(np.all(np.abs(moved - common) <= tolerance * spread))
-            there = evaluate(moved, shifted, True)
+            there = evaluate(moved, shifted, False)
             if there.objective < here.objective + (GAIN if small else 0.0):
                 taken = True
                 break
             if small:
                 break
-            damping *= 10.0
+            damping = max(10.0 * damping, FELT_DAMPING)
         if not taken:
             word = "converged" if small else "no convergence"
             break
-        common, local, here = moved, shifted, there
+        common, local, here = moved, shifted, evaluate(moved, shifted, True)
         objectives.append(here.objective)
         damping = max(damping / 10.0, SMALLEST_DAMPING)
         if small:
             word = "converged"
             break
+    fixed &= (common <= lower) | (common >= upper)
     return Optimum(common, local, tuple(objectives), word, fixed)
 
 
@@ -161,6 +168,31 @@ def bounded_step(
         inverse = solve_scaled(matrix[np.ix_(free, free)], np.eye(int(free.sum())))
         spread[free] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     return step, fixed, spread
+
+
+def with_secants(matrix: Array, pairs: Sequence[tuple[Array, Array]]) -> Array:
+    """Return a matrix (g, g) that maps past steps onto past changes of the gradient.
+
+    Of each pair (step s, change y), oldest first: B - B s s' B / (s' B s) + y y' / (y' s)
+    (BFGS), y drawn towards B s where the curvature is not positive (Nocedal and Wright,
+    6.19 and procedure 18.2). Expected information has the curvature of data that the
+    model explains; real data have another.
+    """
+    out = matrix
+    for step, change in pairs:
+        product = out @ step
+        expected, own = float(step @ product), float(step @ change)
+        if expected <= 0.0:
+            continue
+        if own < LEAST_CURVATURE * expected:
+            share = (1.0 - LEAST_CURVATURE) * expected / (expected - own)
+            change = share * change + (1.0 - share) * product
+        out = (
+            out
+            - np.outer(product, product) / expected
+            + np.outer(change, change) / float(step @ change)
+        )
+    return out
 
 
 def solve_scaled(matrix: Array, right: Array) -> Array:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,11 +21,15 @@ from auvid.hydro.identification.maximum_likelihood.parameters import (
     ParameterPrior,
     UnknownParameters,
 )
-from auvid.hydro.identification.maximum_likelihood.records import LegRecord
+from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, LegRecord
 from auvid.hydro.identification.maximum_likelihood.windows import Window, actuator_inputs
 
 BIASES = 6
 """Biases of a leg: accelerometer x y z [m/s^2], gyro x y z [rad/s], in sensor axes."""
+FORCES = 12
+"""Numbers of the unsteady force of a leg: six time constants, six sizes."""
+TOGETHER = 32
+"""Directions of derivatives in one run: few enough for a processor's nearest memory."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,9 @@ class WindowRun:
     """What a window gave, sample by sample: error, its variance, channel, moment.
 
     `jacobian` (samples, parameters + biases [+ start]) of the predictions, without rows
-    where it was not asked for; `states` (N + 1, n) after the samples.
+    where it was not asked for; `states` (N + 1, n) after the samples. With the noise
+    among the unknowns: `jacobian` (samples, parameters + biases + noise), and
+    `variance_slopes` (samples, parameters + noise) of the variances.
     """
 
     errors: Array
@@ -54,6 +61,7 @@ class WindowRun:
     moment: Index
     jacobian: Array
     states: Array
+    variance_slopes: Array
 
     @property
     def objective(self) -> float:
@@ -65,8 +73,31 @@ class WindowRun:
         )
 
 
-Job = tuple[int, Tables, tuple[Array, Array], Array, NoiseModel]
-"""A window's number, tables, inputs with their derivative by the lag, biases, noise."""
+@dataclass(frozen=True)
+class DirectionPart:
+    """Directions of derivatives that run together: parameters, and noise.
+
+    `channels` of unknown deviation, with the force's numbers; None for no noise.
+    `gains`: whether gains vary with the parameters.
+    """
+
+    parameters: slice
+    channels: Index | None
+    gains: bool = False
+
+
+def _joined(parts: Sequence[WindowRun]) -> WindowRun:
+    """Return the run of a window from parts of its directions."""
+    first, last = parts[0], parts[-1]
+    if len(parts) == 1 or not len(first.errors):
+        return first
+    sizes = [part.variance_slopes.shape[1] for part in parts[:-1]]
+    early = [part.jacobian[:, :size] for part, size in zip(parts, sizes, strict=False)]
+    return replace(
+        last,
+        jacobian=np.hstack([*early, last.jacobian]),
+        variance_slopes=np.hstack([part.variance_slopes for part in parts]),
+    )
 
 
 @dataclass(frozen=True)
@@ -102,37 +133,52 @@ class Likelihood:
         return common[:k], common[k:].reshape(len(self.legs), BIASES)
 
     def run(
-        self, common: Array, starts: Array, noise: NoiseModel, *, sensitive: bool
-    ) -> list[WindowRun]:
-        """Run all windows, shared among threads."""
-        return self.run_many([(common, noise)], starts, sensitive=sensitive)[0]
-
-    def run_many(
         self,
-        points: Sequence[tuple[Array, NoiseModel]],
+        common: Array,
         starts: Array,
+        noise: NoiseModel,
         *,
         sensitive: bool,
-    ) -> list[list[WindowRun]]:
-        """Run all windows at several points, common unknowns and noise."""
+        channels: Index | None = None,
+    ) -> list[WindowRun]:
+        """Run all windows, shared among threads, the longest first.
+
+        `channels`: those whose deviation is unknown, as are size and time constant of
+        the force; None where the noise is no unknown.
+        """
         from auvid.hydro.dynamics.simulation.compiled import THREADS
 
-        jobs = []
-        for common, noise in points:
-            theta, biases = self.split(common)
-            tables, lag_s = self.parameters.tables(theta), self.parameters.lag_s(theta)
-            for number, window in enumerate(self.windows):
-                inputs = self._inputs(number, lag_s)
-                jobs.append((number, tables, inputs, biases[window.leg], noise))
+        theta, biases = self.split(common)
+        tables, lag_s = self.parameters.tables(theta), self.parameters.lag_s(theta)
 
-        def one(job: Job) -> WindowRun:
-            number, tables, inputs, bias, noise = job
-            return self._window(number, tables, inputs, bias, starts[number], noise, sensitive)
+        # Long windows first; derivatives in parts, so that threads share one window.
+        parts = [(number, part) for number in self._longest for part in self._parts(channels)]
+
+        def one(job: tuple[int, DirectionPart]) -> WindowRun:
+            number, part = job
+            bias, start = biases[self.windows[number].leg], starts[number]
+            inputs = self._inputs(number, lag_s)
+            return self._window(number, tables, inputs, bias, start, noise, sensitive, part)
 
         with ThreadPoolExecutor(THREADS) as pool:
-            runs = list(pool.map(one, jobs))
-        size = len(self.windows)
-        return [runs[first : first + size] for first in range(0, len(runs), size)]
+            runs: dict[int, list[WindowRun]] = {}
+            for (number, _), run in zip(parts, pool.map(one, parts), strict=True):
+                runs.setdefault(number, []).append(run)
+        return [_joined(runs[number]) for number in range(len(self.windows))]
+
+    @cached_property
+    def _longest(self) -> list[int]:
+        return sorted(range(len(self.windows)), key=lambda i: -len(self.windows[i].t_s))
+
+    def _parts(self, channels: Index | None) -> list[DirectionPart]:
+        """Return the directions of derivatives in parts of about `TOGETHER`."""
+        k = len(self.parameters.names)
+        if channels is None:
+            return [DirectionPart(slice(0, k), None)]
+        room = max(TOGETHER - len(channels) - FORCES, 0)
+        ends = [*range(0, k - min(room, k), TOGETHER), k - min(room, k)]
+        firsts = [DirectionPart(slice(a, b), None, gains=True) for a, b in pairwise(ends)]
+        return [*firsts, DirectionPart(slice(ends[-1], k), channels, gains=True)]
 
     def _window(
         self,
@@ -143,6 +189,7 @@ class Likelihood:
         start: Array,
         noise: NoiseModel,
         sensitive: bool,
+        part: DirectionPart,
     ) -> WindowRun:
         # Imported here, since numba takes a second.
         from auvid.hydro.identification.maximum_likelihood.compiled_window import (
@@ -165,11 +212,16 @@ class Likelihood:
             P0[10:, 10:] = np.diag(force)
         if self.filtering:
             P0[:10, :10] = np.diag(self.start_sd**2)
-        k = len(self.parameters.names)
-        samples, size = window.samples, k + BIASES + (0 if self.filtering else 10)
+        k, channels = part.parameters.stop - part.parameters.start, part.channels
+        extra = 0 if channels is None else len(channels) + FORCES
+        samples, size = window.samples, k + BIASES + (extra if self.filtering else 10)
         states = np.full((len(window.t_s), n), np.nan)
         errors, variances = np.empty(samples), np.empty(samples)
         jacobian = np.empty((samples if sensitive else 0, size))
+        variance_slopes = np.empty((samples if part.gains else 0, k + extra))
+        channel_places = np.full(len(CHANNELS), -1)
+        if channels is not None:
+            channel_places[channels] = k + np.arange(len(channels))
         variance = np.nan_to_num(noise.sensor_sd, nan=1.0) ** 2
         count = run_window(
             x0,
@@ -179,9 +231,10 @@ class Likelihood:
             along,
             window.measured,
             bias,
-            self.parameters.kinds,
+            self.parameters.kinds[part.parameters],
             not self.filtering,
             self.filtering,
+            channel_places,
             tables,
             sensor_places(self.legs[window.leg].geometry),
             Noise(variance, force, decay),
@@ -189,13 +242,15 @@ class Likelihood:
             errors,
             variances,
             jacobian,
+            variance_slopes,
         )
         moment, channel = np.nonzero(np.isfinite(window.measured))
         ok = count == samples and np.isfinite(errors).all() and bool(np.all(variances > 0.0))
         keep = slice(None) if ok else slice(0, 0)
         return WindowRun(
-            errors[keep], variances[keep], channel[keep], moment[keep], jacobian[keep], states
-        )
+            errors[keep], variances[keep], channel[keep], moment[keep], jacobian[keep], states,
+            variance_slopes[keep],
+        )  # fmt: skip
 
     def _inputs(self, number: int, lag_s: float) -> tuple[Array, Array]:
         key = (number, lag_s)
