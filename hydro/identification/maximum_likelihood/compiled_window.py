@@ -815,11 +815,14 @@ run_window: Any = _loop(hashlib.sha256(_SOURCE.encode()).hexdigest())
 
 
 def sensor_places(places: SensorGeometry) -> SensorPlaces:
-    """Return the installation of sensors for the loop."""
+    """Return the installation of sensors for the loop.
+
+    As copies: numba would compile once more for arrays that are read-only.
+    """
     return SensorPlaces(
-        np.ascontiguousarray(places.imu.rotation, dtype=np.float64),
+        np.array(places.imu.rotation, dtype=np.float64, order="C"),
         np.array(places.imu.arm_m, dtype=np.float64),
-        np.ascontiguousarray(places.velocity.rotation, dtype=np.float64),
+        np.array(places.velocity.rotation, dtype=np.float64, order="C"),
         np.array(places.velocity.arm_m, dtype=np.float64),
         np.array(places.depth.arm_m, dtype=np.float64),
         float(places.gravity),

@@ -52,11 +52,12 @@ from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
 SMALLEST_SHARE = 1e-3
 """Floor of the unsteady force, in parts of its first guess."""
-STEPS, TOLERANCE = 40, 0.05
+STEPS, TOLERANCE = 40, 0.1
 """Most steps, and the last one in parts of a standard error."""
-SECANTS = 5
-"""How many past steps correct the expected information."""
-LONGEST_STEP = 1.0
+SECANTS, NEAR = 5, 100.0
+"""How many past steps correct the expected information, and the gain of log-likelihood
+from which on a step is too far for it."""
+LONGEST_STEP = 1.5
 """Longest step of the logarithms of the noise."""
 RIDGE = 1.0
 """Information of a weak prior of those at their present values: a factor of e is one
@@ -99,6 +100,7 @@ def fit_filter_error(
     )
     size, k, first_noise = len(common), len(theta), noise
     points: list[tuple[Array, Array]] = []
+    objectives = [np.inf]
 
     def evaluate(values: Array, local: Array, sensitive: bool) -> Evaluation:
         moved = unknown.noise_at(values[size:], first_noise.sensor_sd)
@@ -112,7 +114,9 @@ def fit_filter_error(
         if prior is not None:
             matrix[:k, :k] += prior.precision
             vector[:k] += prior.precision @ (prior.mean - values[:k])
-        points.append((values, vector))
+        if objective > objectives[-1] - NEAR:
+            points.append((values, vector))
+        objectives.append(objective)
         secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(points[-SECANTS - 1 :])]
         return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
 

@@ -28,8 +28,9 @@ BIASES = 6
 """Biases of a leg: accelerometer x y z [m/s^2], gyro x y z [rad/s], in sensor axes."""
 FORCES = 12
 """Numbers of the unsteady force of a leg: six time constants, six sizes."""
-TOGETHER = 32
-"""Directions of derivatives in one run: few enough for a processor's nearest memory."""
+FEW, MANY = 32, 64
+"""Directions of derivatives in one run where threads share a window, and where each has
+its own: few enough for a processor's near memory."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,10 @@ class Likelihood:
         tables, lag_s = self.parameters.tables(theta), self.parameters.lag_s(theta)
 
         # Long windows first; derivatives in parts, so that threads share one window.
-        parts = [(number, part) for number in self._longest for part in self._parts(channels)]
+        together = FEW if len(self.windows) < THREADS else MANY
+        parts = [
+            (number, part) for number in self._longest for part in self._parts(channels, together)
+        ]
 
         def one(job: tuple[int, DirectionPart]) -> WindowRun:
             number, part = job
@@ -170,13 +174,13 @@ class Likelihood:
     def _longest(self) -> list[int]:
         return sorted(range(len(self.windows)), key=lambda i: -len(self.windows[i].t_s))
 
-    def _parts(self, channels: Index | None) -> list[DirectionPart]:
-        """Return the directions of derivatives in parts of about `TOGETHER`."""
+    def _parts(self, channels: Index | None, together: int) -> list[DirectionPart]:
+        """Return the directions of derivatives in parts of at most about `together`."""
         k = len(self.parameters.names)
         if channels is None:
             return [DirectionPart(slice(0, k), None)]
-        room = max(TOGETHER - len(channels) - FORCES, 0)
-        ends = [*range(0, k - min(room, k), TOGETHER), k - min(room, k)]
+        room = max(together - len(channels) - FORCES, 0)
+        ends = [*range(0, k - min(room, k), together), k - min(room, k)]
         firsts = [DirectionPart(slice(a, b), None, gains=True) for a, b in pairwise(ends)]
         return [*firsts, DirectionPart(slice(ends[-1], k), channels, gains=True)]
 

@@ -22,6 +22,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
+from auvid.hydro.identification.maximum_likelihood.noise import NoiseUnknowns
 from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
 from auvid.hydro.identification.maximum_likelihood.records import (
     ActuatorRecord,
@@ -167,6 +168,41 @@ def test_a_filter_that_trusts_its_motion_predicts_as_a_free_run() -> None:
     np.testing.assert_allclose(
         followed.jacobian, plain.jacobian[:, : followed.jacobian.shape[1]], atol=1e-6
     )
+
+
+def test_the_filter_knows_how_it_depends_on_parameters_and_noise() -> None:
+    # Innovations far above their deviations, so that every change of a gain shows. The
+    # tangents leave out what the motion changes of A: a few parts in a hundred.
+    leg = exact_leg()
+    random = np.random.default_rng(0)
+    noisy = {
+        name: replace(item, values=item.values + 0.01 * random.standard_normal(item.values.shape))
+        for name, item in leg.sensors.items()
+    }
+    likelihood, common, start = likelihood_of(replace(leg, sensors=noisy), filtering=True)
+    noise = replace(SD, force_sd=np.full((1, 6), 2.0), time_s=np.full(6, 0.4))
+    unknown = NoiseUnknowns(np.arange(13), 1)
+    k, g = len(likelihood.parameters.names), len(common)
+    run = likelihood.run(common, start, noise, sensitive=True, channels=unknown.channels)[0]
+
+    def moved(place: int, width: float) -> tuple[np.ndarray, np.ndarray]:
+        point = np.concatenate([common, unknown.logarithms(noise)])
+        point[place] += width
+        there = unknown.noise_at(point[g:], noise.sensor_sd)
+        other = likelihood.run(point[:g], start, there, sensitive=False)[0]
+        return -other.errors, other.variances
+
+    names = ("K p", "N r", "M w", "M[1,5]", "M[5,5]")
+    places = [likelihood.parameters.names.index(name) for name in names]
+    for place in [*places, *(g + np.array([0, 5, 7, 10, 12, 13, 16, 18, 20, 22, 24]))]:
+        width = 1e-4 * (max(abs(common[place]), 0.1) if place < k else 1.0)
+        high, low = moved(place, width), moved(place, -width)
+        error, variance = ((a - b) / (2.0 * width) for a, b in zip(high, low, strict=True))
+        off = np.linalg.norm(run.jacobian[:, place] - error) / np.linalg.norm(error)
+        assert off < 0.06, place
+        column = run.variance_slopes[:, place if place < k else place - 6]
+        scaled = np.linalg.norm((column - variance) / run.variances)
+        assert scaled / np.linalg.norm(variance / run.variances) < 0.02, place
 
 
 def test_a_run_that_diverges_has_no_likelihood() -> None:

@@ -13,6 +13,7 @@ from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     bounded_step,
     maximise,
     solve_scaled,
+    with_secants,
 )
 
 
@@ -71,6 +72,40 @@ def test_it_descends_a_curved_valley_and_says_that_it_converged() -> None:
     np.testing.assert_allclose(optimum.common, [1.0, 1.0], atol=1e-6)
     few = maximise(rosenbrock, start, np.zeros((0, 1)), lower=-none, upper=none, most_steps=2)
     assert few.word == "no convergence"
+
+
+def test_secants_give_a_parabola_its_curvature() -> None:
+    random = np.random.default_rng(3)
+    root = random.standard_normal((4, 4))
+    curvature = root @ root.T + np.eye(4)
+    steps = list(np.eye(4))
+    matrix = with_secants(3.0 * np.eye(4), [(s, curvature @ s) for s in steps])
+    np.testing.assert_allclose(matrix @ steps[-1], curvature @ steps[-1], rtol=1e-12)
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+    bent = with_secants(matrix, [(steps[0], -curvature @ steps[0])])
+    assert np.linalg.eigvalsh(bent).min() > 0.0
+
+
+def test_no_step_is_longer_than_its_reach() -> None:
+    points = []
+
+    def evaluate(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        points.append(x[0])
+        return Evaluation(0.5 * x[0] ** 2, NormalEquations(np.eye(1), -x))
+
+    none = np.full(1, np.inf)
+    optimum = maximise(
+        evaluate,
+        np.array([5.0]),
+        np.zeros((0, 1)),
+        lower=-none,
+        upper=none,
+        most_steps=20,
+        reach=2.0,
+    )
+    assert optimum.word == "converged"
+    assert not optimum.at_bound.any()
+    assert np.abs(np.diff(points)).max() <= 2.0
 
 
 def test_a_start_that_diverges_is_refused() -> None:
