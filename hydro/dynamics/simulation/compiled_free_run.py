@@ -62,7 +62,7 @@ class ModelRows(NamedTuple):
     seeds: NDArray[np.int64]
 
 
-def _flyer(sources: str) -> Any:
+def _loop_over_models(sources: str) -> Any:
     """Return the compiled loop over models; numba keys what it keeps by `sources`."""
 
     def fly(
@@ -144,4 +144,4 @@ def _flyer(sources: str) -> Any:
     return _compiled(fly, cache=True)
 
 
-fly: Any = _flyer(hashlib.sha256("".join(SOURCES).encode()).hexdigest())
+fly: Any = _loop_over_models(hashlib.sha256("".join(SOURCES).encode()).hexdigest())
