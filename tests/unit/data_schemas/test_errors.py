@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from auvid.data_schemas.errors import LONGEST_VALUE, PipelineError, shown
+from auvid.data_schemas.errors import LONGEST_VALUE, PipelineError, as_text
 
 
 @pytest.mark.parametrize("value", [3.5, "north", ["u", "v"], {"unit": "m", "value": 1}, -7, b"x"])
 def test_short_values_are_shown_in_full(value: object) -> None:
-    assert shown(value) == repr(value)
+    assert as_text(value) == repr(value)
 
 
 def test_nested_repetition_is_cut_without_being_built() -> None:
@@ -27,4 +27,4 @@ def test_nested_repetition_is_cut_without_being_built() -> None:
     "value", ["x" * 10_000, 10**400, 1 << 40_000, {"k" * 999: "v" * 999}], ids=range(4)
 )
 def test_long_values_are_cut(value: object) -> None:
-    assert len(shown(value)) <= LONGEST_VALUE
+    assert len(as_text(value)) <= LONGEST_VALUE
