@@ -133,7 +133,8 @@ def format_names() -> tuple[str, ...]:
 def csv_dialects() -> Mapping[str, Mapping[str, Any]]:
     """Return the CSV files of known programs (formats/csv_dialects.yaml).
 
-    Each has the columns to recognise it by, a column map and a note.
+    Each has the columns to recognise it by, a column map and a note; some have columns
+    that rows may have beyond their header.
     """
     text = (resources.files(__package__) / "formats" / "csv_dialects.yaml").read_text(
         encoding="utf-8"

@@ -105,6 +105,20 @@ def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
     return None
 
 
+def late_columns(header: Sequence[str]) -> tuple[int, tuple[str, ...]] | None:
+    """Return place and names of columns that rows of a known program may have beyond this header.
+
+    None where the header has them, or no known program writes it.
+    """
+    for dialect in csv_dialects().values():
+        late = dialect.get("late")
+        if late and {*dialect["recognise"], late["before"]} <= set(header):
+            names = tuple(late["columns"])
+            if not set(names) & set(header):
+                return list(header).index(late["before"]), names
+    return None
+
+
 @dataclass
 class MapFaults:
     """The faults of one column map, raised together."""

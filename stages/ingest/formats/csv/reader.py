@@ -10,8 +10,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,11 +37,13 @@ from auvid.stages.ingest.formats.csv.column_map import (
     MappedColumn,
     column_map,
     dialect_map,
+    late_columns,
 )
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
 from auvid.stages.ingest.formats.csv.tolerant_lines import (
     ISO_TIME,
     Form,
+    LateColumns,
     SoundRows,
     read_sound_rows,
 )
@@ -48,6 +51,8 @@ from auvid.stages.ingest.formats.csv.tolerant_lines import (
 HEADER_BYTES = 1 << 16
 BLOCK = 1 << 20
 NEWLINE = 10
+CLOCK = re.compile(rb"\d\d?:\d\d")
+"""What stands behind late columns: a time of day."""
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
 NO_VALUE = "no value in the row"
@@ -62,6 +67,7 @@ class Head:
     bytes: int
     encoding: str
     delimiter: str
+    late: LateColumns | None = None
 
 
 def recognises(head: bytes) -> bool:
@@ -84,6 +90,10 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     """
     raw = file.columns
     head = header(file, None if raw is None else str(raw.get("delimiter", ",")))
+    late = _late_columns(file.buffer, head)
+    if late is not None:
+        names = (*head.names[: late.start], *late.names, *head.names[late.start :])
+        head = replace(head, names=names, late=late)
     known = dialect_map(head.names) if raw is None else None
     raw, note = known or (raw, None)
     if raw is None:
@@ -118,6 +128,11 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
         notes.append(f"{file.name}: {note}")
     elif unused:
         notes.append(f"{file.name}: columns that the column map does not name: {', '.join(unused)}")
+    if late is not None:
+        notes.append(
+            f"{file.name}: the header lacks {len(late.names)} columns ({late.names[0]} ...) that"
+            " rows have: it was written before that part reported"
+        )
     log = DecodedLog(
         format="CSV",
         messages=messages,
@@ -166,6 +181,20 @@ def header(file: RawFile, delimiter: str | None) -> Head:
     return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
 
 
+def _late_columns(buffer: Buffer, head: Head) -> LateColumns | None:
+    """Return the columns that the header lacks if any row has that many more cells."""
+    found = late_columns(head.names)
+    if found is None:
+        return None
+    late, delimiter = LateColumns(*found), head.delimiter.encode()
+    wanted, place = len(head.names) + len(late.names), late.start + len(late.names)
+    for row in buffer.tobytes().split(b"\n")[1:]:
+        cells = row.split(delimiter)
+        if len(cells) == wanted:
+            return late if CLOCK.match(cells[place]) else None
+    return None
+
+
 def _check_separator(head: Head, file: str) -> None:
     """Raise `LogError` for a single column whose name holds the separator of others."""
     other = (
@@ -198,7 +227,9 @@ def _parse(
         for item in columns
     }
     types[mapping.time] = pa.float64() if mapping.time_factor is not None else ISO_TIME
-    form = Form(head.names, head.delimiter, decimal, mapping.missing)
+    form = Form(head.names, head.delimiter, decimal, mapping.missing, head.late)
+    if head.late is not None:
+        return read_sound_rows(file.buffer.tobytes(), types, form, file=file.name)
     try:
         # One thread at once: a stream of batches takes twice as long, and several
         # threads parse far ahead of what they convert.

@@ -39,6 +39,14 @@ UNREADABLE = "row with a cell that cannot be read"
 
 
 @dataclass(frozen=True)
+class LateColumns:
+    """Columns from `start` on that the first rows do not have yet."""
+
+    start: int
+    names: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Form:
     """Layout of rows: column names, separator, decimal mark, missing values."""
 
@@ -46,6 +54,16 @@ class Form:
     delimiter: str
     decimal: str
     missing: Sequence[str]
+    late: LateColumns | None = None
+
+    def filled(self, row: bytes) -> bytes:
+        """Return a row with empty cells for the late columns, if it lacks just these."""
+        mark = self.delimiter.encode()
+        if self.late is None or row.count(mark) + 1 != len(self.names) - len(self.late.names):
+            return row
+        cells = row.split(mark)
+        cells[self.late.start : self.late.start] = [b""] * len(self.late.names)
+        return mark.join(cells)
 
     def options(self, types: Mapping[str, pa.DataType]) -> pacsv.ConvertOptions:
         """Return options to read the columns `types`."""
@@ -90,7 +108,7 @@ def read_sound_rows(
         rb'(?:"(?:[^"]|"")*"|[^"%b]*)(?:%b|$)' % ((re.escape(form.delimiter.encode()),) * 2)
     )
     for number, line in enumerate(lines[1:], 2):
-        row = line.rstrip(b"\r")
+        row = form.filled(line.rstrip(b"\r"))
         if not row:
             continue
         reason = _fault_of(row, form, cell)

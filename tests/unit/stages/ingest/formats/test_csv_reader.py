@@ -218,6 +218,31 @@ def test_a_log_of_qgroundcontrol_needs_no_column_map() -> None:
     assert "QGroundControl" in log.notes[0]
 
 
+QGC = "Timestamp,roll,pitch,heading,rollRate,altitudeRelative"
+BATTERY = "0,0,0,17.0,-3.5,1,2,3,4,5,6,7"
+
+
+def test_rows_of_qgroundcontrol_may_have_a_battery_that_its_header_lacks() -> None:
+    """It writes the header before the vehicle has reported a battery, and never again."""
+    early = [f"2023-07-14 08:57:3{n}.5,1,2,3,0,-{n},08:57:3{n},7/14/23" for n in range(2)]
+    late = [f"2023-07-14 08:57:3{n}.5,1,2,3,0,-{n},{BATTERY},08:57:3{n},7/14/23" for n in (2, 3)]
+    text = "\n".join([f"{QGC},clock.currentTime,clock.currentDate", *early, *late, ""])
+    log, _ = read_csv(csv_file(text, None))
+    assert (log.status, log.account.skipped[0].bytes) == ("complete", 0)
+    assert log.messages["depth"].columns["depth_m"].tolist() == [0, 1, 2, 3]
+    assert log.messages["battery"].columns["current_a"].tolist() == [-3.5, -3.5]
+    assert log.messages["battery"].offset.tolist() == [4, 5]
+    assert "the header lacks 12 columns (battery0.id ...)" in log.notes[-1]
+
+
+def test_longer_rows_that_are_no_battery_stay_damage() -> None:
+    row = f"2023-07-14 08:57:31.5,1,2,3,0,-1,08:57:31,7/14/23,{BATTERY}"
+    text = "\n".join([f"{QGC},clock.currentTime,clock.currentDate", row, row[:48], ""])
+    log, _ = read_csv(csv_file(text, None))
+    assert log.status == "damaged"
+    assert "row that has not 8 cells" in {item.reason for item in log.account.skipped}
+
+
 def test_infinite_values_are_kept_for_the_check_of_samples() -> None:
     assert np.isinf(read_one("t,d\n0,inf\n1,-inf\n", DEPTH, "depth")["depth_m"]).all()
 
