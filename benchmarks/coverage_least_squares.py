@@ -27,7 +27,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard
-from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
@@ -52,6 +52,7 @@ class Leg:
 
     segment: SegmentRecord
     fused: pa.Table
+    fusion: FusionRecord
     residual: pa.Table
     controls: pa.Table
 
@@ -105,7 +106,7 @@ def legs_of(plan: Plan, simulated: SimulatedVehicle, seed: int) -> dict[str, Leg
                 ),
                 residual.Params(),
             )
-            found[name] = Leg(segment, motion.fused, force.residual, force.controls)
+            found[name] = Leg(segment, motion.fused, motion.fusion, force.residual, force.controls)
     return found
 
 
@@ -116,6 +117,8 @@ def card_of(legs: Mapping[str, Leg], simulated: SimulatedVehicle, model: str) ->
         collection({name: leg.segment for name, leg in legs.items()}),
         simulated.vehicle,
         collection({name: leg.fused for name, leg in legs.items()}),
+        collection({name: leg.fusion for name, leg in legs.items()}),
+        collection({name: leg.controls for name, leg in legs.items()}),
     )
     return synthesise.run(inputs, synthesise.Params(models=(model,))).model_card[model]
 

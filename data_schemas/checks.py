@@ -78,22 +78,40 @@ def accepted_findings(manifest: Mapping[str, Any], log: str) -> frozenset[str]:
     return frozenset([*(manifest.get("accept") or ()), *(entry.get("accept") or ())])
 
 
-def finding_line(log: str, item: Mapping[str, Any], accepted: frozenset[str]) -> str:
-    """Return a finding of a log in one line, with whether it is accepted."""
-    note = ", accepted" if item["id"] in accepted else ""
-    return f"log '{log}': {item['text']} ({item['id']}{note})"
+FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators", "not_excited")
+"""Findings on what a force model needs and a bench recording does not.
+
+The stages of a bench name what they miss.
+"""
 
 
 def finding_lines(
     manifest: Mapping[str, Any], health: Mapping[str, Mapping[str, Any]]
 ) -> tuple[str, ...]:
-    """Return errors, warnings and what stops a run, a line each; `health` by log."""
-    return tuple(
-        finding_line(log, item, accepted_findings(manifest, log))
-        for log, document in health.items()
-        for item in document["findings"]
-        if item["severity"] != "note" or checks()[item["id"]].stops
-    )
+    """Return errors, warnings and what stops a run; `health` by log.
+
+    A line per finding; the first log stands for others with the same finding.
+    """
+    passed_over = FORCE_MODEL_NEEDS if str(manifest["kind"]).startswith("bench") else ()
+    shown: dict[tuple[str, str], tuple[str, str]] = {}
+    logs: dict[tuple[str, str], list[str]] = {}
+    for log, document in health.items():
+        accepted = accepted_findings(manifest, log)
+        for item in document["findings"]:
+            name = item["id"]
+            if name in passed_over or (item["severity"] == "note" and not checks()[name].stops):
+                continue
+            note = ", accepted" if name in accepted else ""
+            key = (f"{name}{note}", str(item["stream"]))
+            shown.setdefault(key, (log, item["text"]))
+            if log not in logs.setdefault(key, []):
+                logs[key].append(log)
+    lines = []
+    for key, (log, text) in shown.items():
+        more = len(logs[key]) - 1
+        others = f" and {more} other{'s' * (more > 1)}" if more else ""
+        lines.append(f"log '{log}'{others}: {text} ({key[0]})")
+    return tuple(lines)
 
 
 def documentation() -> str:

@@ -10,8 +10,9 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
-from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.equations_of_motion import Control
 
 Span = tuple[float, float]
 
@@ -129,3 +130,19 @@ def stacked(blocks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         )
         for name in blocks[0]
     }
+
+
+def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
+    """Return the control series and level speed u_c (n,) of a `controls` table."""
+    thrusters = [name for name in controls.column_names if name.startswith("thruster_")]
+
+    def values(*names: str) -> Array | None:
+        return matrix(controls, names)[rows] if names and has_columns(controls, names) else None
+
+    propeller, level = values("propeller_rev_s"), values("level_speed_m_s")
+    control = Control(
+        propeller_rev_s=None if propeller is None else propeller[:, 0],
+        fins_rad=values(*FINS),
+        thruster_force_N=values(*thrusters),
+    )
+    return control, None if level is None else level[:, 0]

@@ -449,6 +449,30 @@ class PropulsionEntry(Model):
     """Constant roll moment while the propeller pushes."""
 
 
+Share = Annotated[Quantity, Unit("1", positive=True)]
+
+
+class SpreadsEntry(Model):
+    """Standard deviations of figures that nobody measured on this vehicle.
+
+    Identified coefficients move with them, however long the dive; what is not given
+    counts as exact. Shares are of the figure's own value.
+    """
+
+    thrust: Share | None = None
+    """Scale of the thrust of propeller and thrusters, as a share."""
+    thrust_lag: Annotated[Quantity, Unit("s", positive=True)] | None = None
+    """How late the thrust follows the command."""
+    mass: PositiveKilograms | None = None
+    """Mass; weight and buoyancy are trimmed and stay."""
+    inertia: Share | None = None
+    """Each moment of inertia, as a share."""
+    added_mass: Share | None = None
+    """Each of the six added masses X_udot to N_rdot, as a share."""
+    velocity_arm: PositiveMetres | None = None
+    """Each component of the arm of the velocity sensor."""
+
+
 class VehicleDocument(Model):
     """A vehicle: mass, inertia, added mass, actuators and sensors.
 
@@ -485,6 +509,8 @@ class VehicleDocument(Model):
     """Takes water in and out, and moves the centre of gravity along x."""
     propulsion: PropulsionEntry | None = None
     """What a propeller known by its thrust alone does besides."""
+    spreads: SpreadsEntry = SpreadsEntry()
+    """Standard deviations of figures that nobody measured on this vehicle."""
     published: dict[str, Quantity] = Field(default_factory=dict)
     """Hydrodynamic coefficients as the source prints them, by name: Y_vdot, Y_v|v|."""
     as_simulated: dict[str, Quantity] = Field(default_factory=dict)

@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.data_schemas.records.models import FactorRecord, ModelCard
-from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import has_columns
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
@@ -39,6 +39,7 @@ from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
 from auvid.stages.synthesise.training import (
+    LegTables,
     TrainingData,
     TrainingSegment,
     coloured_covariances,
@@ -59,6 +60,8 @@ class Inputs:
     segment: Collection[SegmentRecord] = port("segment", many=True)
     vehicle: Vehicle = port("vehicle")
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
+    fusion: Collection[FusionRecord] | None = port("fusion", many=True, optional=True)
+    controls: Collection[pa.Table] | None = port("controls", many=True, optional=True)
 
 
 @dataclass(frozen=True)
@@ -141,12 +144,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     terms = tuple(term for term in basis_term_names() if term in used)
 
     def legs() -> Iterator[TrainingSegment]:
-        return (TrainingSegment.of(inputs.residual[key], with_ratio=with_ratio) for key in training)
+        return (TrainingSegment.of(_tables(inputs, key), with_ratio=with_ratio) for key in training)
 
     parts: dict[str, TrainingData] = {}
     names = parts_of([inputs.segment[key].leg for key in training])
     for name, leg in zip(names, legs(), strict=True):
-        own = TrainingData.of(leg, terms)
+        own = TrainingData.of(leg, terms, inputs.vehicle)
         parts[name] = parts[name].merge(own) if name in parts else own
     data = reduce(TrainingData.merge, parts.values())
     factors = {name: part.factor for name, part in parts.items()}
@@ -213,6 +216,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         factor=data.factor.R.tolist(),
     )
     return Outputs(cards, factor, synthesise_section(cards, data.motion))
+
+
+def _tables(inputs: Inputs, key: str) -> LegTables:
+    return LegTables(
+        inputs.residual[key],
+        inputs.segment[key],
+        None if inputs.fused is None else inputs.fused[key],
+        None if inputs.fusion is None else inputs.fusion[key],
+        None if inputs.controls is None else inputs.controls[key],
+    )
 
 
 def _chosen(params: Params) -> list[ViscousModel]:

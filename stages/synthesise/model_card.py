@@ -21,9 +21,9 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.dynamics.viscous.models import Coefficients, ViscousModel
-from auvid.hydro.identification.regression.attenuation import attenuation, widened
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+from auvid.hydro.identification.regression.normal_changes import widened
 from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
 from auvid.hydro.identification.regression.verdicts import INSEPARABLE, NOT_EXCITED
@@ -65,9 +65,11 @@ def model_card(
     """
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
-        covariance = coloured
-        if data.errors is not None:
-            covariance = widened(coloured, attenuation(fit, data.errors))
+        errors = data.errors
+        covariance = widened(
+            coloured,
+            [change.shift(fit) for change in (*(errors.velocities or ()), *errors.smoothing)],
+        )
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }
@@ -89,7 +91,7 @@ def model_card(
         rank=rank,
         samples=data.factor.n_samples,
         trim=trim,
-        velocity_errors=data.errors is not None,
+        velocity_errors=data.errors.velocities is not None,
         left_out=list(left_out),
         assumed=list(vehicle.assumed),
         axes=axes,

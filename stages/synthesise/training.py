@@ -10,27 +10,39 @@ from typing import TypeVar
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ACTUATOR_RATES,
     extra_rows,
 )
-from auvid.hydro.identification.regression.attenuation import RegressorErrors
+from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, figure_errors
 from auvid.hydro.identification.regression.excitation import VelocityExcitation, axis_excitation
 from auvid.hydro.identification.regression.least_squares import (
     CONSTANT,
     AxisFit,
     TriangularFactor,
 )
+from auvid.hydro.identification.regression.normal_changes import (
+    STRIDE,
+    NormalChange,
+    StridedLeg,
+    smoothed_force,
+)
 from auvid.hydro.identification.regression.standard_errors import CoefficientScores
+from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.stages.columns import (
     ACCELERATION,
+    ACCELEROMETER,
+    POSE,
     VELOCITY,
     VELOCITY_SD,
     clock,
+    control_of,
     force_columns,
     forces,
 )
@@ -44,31 +56,74 @@ MOST_PARTS = 8
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
 ACTUATORS = ("fins", "propeller", "thrusters")
 """Components of the residual force that a lag of the actuators delays."""
+THRUST = ("propeller", "thrusters")
+"""Those that a thrust curve scales."""
+SPLINES = {
+    "kinematic": VELOCITY,
+    "smoother": (*ACCELEROMETER, *VELOCITY[3:]),
+    "thesis": (*ACCELEROMETER, *VELOCITY[3:]),
+}
+"""Splines that bound how fast each acceleration can be, by the method of fuse."""
 Fits = Mapping[tuple[str, str], AxisFit]
 """Least-squares fits by model and axis."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
+class LegTables:
+    """Tables of one training segment; None where no stage gave one."""
+
+    residual: pa.Table
+    segment: SegmentRecord
+    fused: pa.Table | None
+    fusion: FusionRecord | None
+    controls: pa.Table | None
+
+
+@dataclass(frozen=True)
 class TrainingSegment:
     """One training segment; None where unknown.
 
-    nu and its standard deviations (n, 6), eta_ratio (n,), tau_bar (n, 6).
+    nu and its standard deviations (n, 6), eta_ratio (n,), tau_bar (n, 6); thrust (n, 6)
+    is what thrusters and propeller have in it. cutoffs_hz: of the splines behind the
+    six accelerations.
     """
 
     nu: Array
     sd: Array | None
     ratio: Array | None
     force: Array
+    thrust: Array
+    measured: MeasuredLeg | None = None
+    cutoffs_hz: tuple[float | None, ...] = ()
 
     @classmethod
-    def of(cls, residual: pa.Table, *, with_ratio: bool) -> TrainingSegment:
-        """Return the samples of a residual table."""
+    def of(cls, tables: LegTables, *, with_ratio: bool) -> TrainingSegment:
+        """Return the samples of a segment."""
+        residual, nu = tables.residual, matrix(tables.residual, VELOCITY)
+        measured, cutoffs = None, []
+        if tables.fused is not None and tables.controls is not None:
+            measured = MeasuredLeg(
+                matrix(tables.fused, POSE),
+                nu,
+                matrix(tables.fused, ACCELERATION),
+                control_of(tables.controls, slice(None))[0],
+                float(np.mean(np.diff(clock(residual)))),
+            )
+            if tables.fusion is not None:
+                splines = [
+                    tables.segment.smoothing.get(name)
+                    for name in SPLINES.get(tables.fusion.method, ())
+                ]
+                cutoffs = [None if item is None else item.cutoff_hz for item in splines]
         return cls(
-            matrix(residual, VELOCITY),
+            nu,
             matrix(residual, VELOCITY_SD) if has_columns(residual, VELOCITY_SD) else None,
             column(residual, "eta_ratio") if with_ratio else None,
             forces(residual, "tau_bar"),
+            acting(residual, THRUST),
+            measured,
+            tuple(cutoffs),
         )
 
     def blocks(self, size: int, terms: Sequence[str]) -> Iterator[tuple[Array, Array]]:
@@ -80,34 +135,95 @@ class TrainingSegment:
 
 
 @dataclass(frozen=True)
-class TrainingData:
-    """Sums that fits need of the training legs; merging keeps the memory constant.
+class DataErrors:
+    """What known errors of the data do to the normal equations.
 
-    `errors`: None where a leg has no standard deviations of its velocities.
+    velocities: of each velocity, None where a leg has no standard deviations of them;
+    smoothing: of each acceleration's spline; figures: assumed figure of the vehicle ->
+    its independent numbers.
     """
 
+    velocities: tuple[NormalChange, ...] | None
+    smoothing: tuple[NormalChange, ...]
+    figures: Mapping[str, tuple[NormalChange, ...]]
+
+    @classmethod
+    def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> DataErrors:
+        """Return the errors of one leg."""
+        strided = StridedLeg.of(leg.nu, leg.force, terms, ratio=leg.ratio)
+        if leg.measured is None:
+            slopes = np.zeros((len(strided.rows), 6, 6))
+            velocities = None if leg.sd is None else strided.random(leg.sd, slopes)
+            return cls(velocities, (), {})
+        every = leg.measured.every(STRIDE)
+        velocities = None
+        if leg.sd is not None:
+            velocities = strided.random(leg.sd, every.force_slopes(vehicle))
+        smoothing = tuple(
+            strided.definite(_smoothed(leg.measured, vehicle, index, cutoff))
+            for index, cutoff in enumerate(leg.cutoffs_hz)
+        )
+        figures: dict[str, tuple[NormalChange, ...]] = {}
+        for figure, d_force, d_nu in figure_errors(
+            every, vehicle, leg.thrust[::STRIDE], vehicle.spreads
+        ):
+            figures[figure] = (*figures.get(figure, ()), strided.definite(d_force, d_nu))
+        return cls(velocities, smoothing, figures)
+
+    def merge(self, other: DataErrors) -> DataErrors:
+        """Return the errors of both; what one of them does not know is not known."""
+        velocities = None
+        if self.velocities is not None and other.velocities is not None:
+            velocities = _merged(self.velocities, other.velocities)
+        return DataErrors(
+            velocities,
+            _merged(self.smoothing, other.smoothing),
+            {
+                name: _merged(changes, other.figures[name])
+                for name, changes in self.figures.items()
+                if name in other.figures
+            },
+        )
+
+
+def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, index: int, cutoff_hz: float | None) -> Array:
+    """Return the force (m, 6) that the spline of an acceleration took, strided."""
+    left = leg.nu_dot[:, index]
+    passed = left if cutoff_hz is None else spline_lowpass(left, cutoff_hz, step_s=leg.step_s)
+    return smoothed_force(left, passed, vehicle.mass_matrix, index)[::STRIDE]
+
+
+def _merged(
+    one: tuple[NormalChange, ...], other: tuple[NormalChange, ...]
+) -> tuple[NormalChange, ...]:
+    """Return the changes over both; those of one alone count for it alone."""
+    both = tuple(a.merge(b) for a, b in zip(one, other, strict=False))
+    return (*both, *one[len(both) :], *other[len(both) :])
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """Sums that fits need of the training legs; merging keeps the memory constant."""
+
     factor: TriangularFactor
-    errors: RegressorErrors | None
+    errors: DataErrors
     motion: Mapping[str, VelocityExcitation]
 
     @classmethod
-    def of(cls, leg: TrainingSegment, terms: Sequence[str]) -> TrainingData:
+    def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> TrainingData:
         """Return the data of one leg."""
         factor = TriangularFactor.empty(terms)
         for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
             factor = factor.update(rows, force)
-        errors = None
-        if leg.sd is not None:
-            errors = RegressorErrors.empty(terms).update(leg.nu, leg.sd, ratio=leg.ratio)
+        errors = DataErrors.of(leg, terms, vehicle)
         return cls(factor, errors, axis_excitation(leg.nu, eta_ratio=leg.ratio))
 
     def merge(self, other: TrainingData) -> TrainingData:
         """Return the data of both."""
-        errors = None
-        if self.errors is not None and other.errors is not None:
-            errors = self.errors.merge(other.errors)
         motion = {name: item.merge(other.motion[name]) for name, item in self.motion.items()}
-        return TrainingData(self.factor.merge(other.factor), errors, motion)
+        return TrainingData(
+            self.factor.merge(other.factor), self.errors.merge(other.errors), motion
+        )
 
 
 def parts_of(legs: Sequence[str]) -> list[str]:
@@ -138,13 +254,19 @@ def others_of(parts: Mapping[str, TriangularFactor]) -> dict[str, TriangularFact
     }
 
 
+def acting(residual: pa.Table, components: Sequence[str]) -> Array:
+    """Return the sum (n, 6) of those components that the residual table has."""
+    total = np.zeros((residual.num_rows, 6))
+    for name in components:
+        if has_columns(residual, force_columns(name)):
+            total += forces(residual, name)
+    return total
+
+
 def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> TriangularFactor:
     """Return the factor of a leg with accelerations and actuator force rates."""
     t_s, force = clock(residual), forces(residual, "tau_bar")
-    actuators = np.zeros_like(force)
-    for name in ACTUATORS:
-        if has_columns(residual, force_columns(name)):
-            actuators += forces(residual, name)
+    actuators = acting(residual, ACTUATORS)
     ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
     extra = extra_rows(matrix(fused, ACCELERATION), actuators, step_s=float(np.mean(np.diff(t_s))))
     rows = basis_rows(matrix(residual, VELOCITY).T, ratio, terms)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from auvid.data_schemas.tables import has_columns, make_table, matrix
+from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import STATES, Array, Mask
-from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns, MeasuredMotion, free_runs
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.columns import ATTITUDE, FINS, POSE, VELOCITY, clock
+from auvid.stages.columns import ATTITUDE, POSE, VELOCITY, clock, control_of
 
 FASTEST_HZ = 50.0
 """A free run steps at most this often: vehicles turn over seconds, and RK4 at 20 ms is
@@ -31,22 +30,6 @@ NAMES = tuple(
     name.replace("_m_s", "_rms_m_s").replace("_rad", "_rms_rad", 1)
     for name in (*VELOCITY, *ATTITUDE)
 )
-
-
-def control_of(controls: pa.Table, rows: slice) -> tuple[Control, Array | None]:
-    """Return the control series and level speed u_c (n,) of a `controls` table."""
-    thrusters = [name for name in controls.column_names if name.startswith("thruster_")]
-
-    def values(*names: str) -> Array | None:
-        return matrix(controls, names)[rows] if names and has_columns(controls, names) else None
-
-    propeller, level = values("propeller_rev_s"), values("level_speed_m_s")
-    control = Control(
-        propeller_rev_s=None if propeller is None else propeller[:, 0],
-        fins_rad=values(*FINS),
-        thruster_force_N=values(*thrusters),
-    )
-    return control, None if level is None else level[:, 0]
 
 
 def measured_motion(fused: pa.Table, controls: pa.Table) -> MeasuredMotion:

@@ -100,6 +100,11 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
             for part in READ_PARTS
             for place, item in assumed_quantities(getattr(document, part), (part,))
         ),
+        spreads={
+            name: quantity.si
+            for name in type(document.spreads).model_fields
+            if (quantity := getattr(document.spreads, name)) is not None
+        },
     )
     raise_faults([*_faults(vehicle)])
     return vehicle

@@ -42,8 +42,9 @@ class Vehicle:
     say: `specific_force` (gravity inside), `inertial` (gravity removed), `derivative`
     (rate of change of body velocity). `assumed` names every assumed number that shapes
     the motion. `published` and `as_simulated` are coefficients by name, those of the
-    source and those that its own simulations need in their place. `document` is what
-    all this was read from, for what is printed of it.
+    source and those that its own simulations need in their place. `spreads`:
+    standard deviations of assumed figures in SI, by their key. `document` is what all
+    this was read from, for what is printed of it.
     """
 
     document: VehicleDocument
@@ -71,6 +72,7 @@ class Vehicle:
     published: Mapping[str, Coefficient] = field(default_factory=dict)
     as_simulated: Mapping[str, Coefficient] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+    spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def weight(self) -> float:

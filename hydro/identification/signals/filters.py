@@ -65,3 +65,20 @@ def edge_zone_s(cutoff_hz: float, *, order: int = 4) -> float:
     0.64 s for 3 Hz and order 4.
     """
     return float(-np.log(EDGE_SHARE) / (2.0 * np.pi * cutoff_hz * np.sin(np.pi / (2.0 * order))))
+
+
+def spline_lowpass(values: ArrayLike, cutoff_hz: float, *, step_s: float) -> Array:
+    """Return values (n,) as a cubic smoothing spline leaves them.
+
+    The spline's response far from the ends, 1 / (1 + (f / cutoff)^4), with the ends
+    continued by even reflection; the amplitude is one half at `cutoff_hz`.
+
+    >>> wave = np.sin(2.0 * np.pi * np.arange(2000) * 0.01)  # 1 Hz
+    >>> round(float(spline_lowpass(wave, 1.0, step_s=0.01)[1025]), 3)
+    0.5
+    """
+    signal = np.asarray(values, dtype=np.float64)
+    longer = np.concatenate([signal[::-1], signal, signal[::-1]])
+    frequency = np.fft.rfftfreq(len(longer), step_s)
+    passed = np.fft.rfft(longer) / (1.0 + (frequency / cutoff_hz) ** 4)
+    return np.asarray(np.fft.irfft(passed, len(longer))[len(signal) : 2 * len(signal)])

@@ -7,7 +7,8 @@ from typing import Any
 
 from auvid.data_schemas.checks import accepted_findings, checks
 from auvid.data_schemas.errors import DataError
-from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.pipeline.campaigns.campaign import Campaign, inside
+from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.usability import IDLE, NO_FORCE, NO_STATE
 
@@ -47,7 +48,8 @@ def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) ->
         return None
     names = list(dict.fromkeys(item["id"] for _, item in stopping))
     lines = [
-        f"\n  log '{log}': {item['text']} ({item['id']})\n    {item['remedy']}"
+        f"\n  log '{log}': {item['text']} ({item['id']})"
+        f"\n    {item['remedy']}{_places(campaign, log, item)}"
         for log, item in stopping
     ]
     count = "a finding" if len(stopping) == 1 else f"{len(stopping)} findings"
@@ -60,6 +62,27 @@ def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) ->
             f" accept: [{', '.join(names)}]."
         ),
     )
+
+
+def _places(campaign: Campaign, log: str, item: Document) -> str:
+    """Return where the column maps name what a finding is about: file and rows."""
+    places = []
+    entry = campaign.logs[log]
+    for file in () if campaign.twin is not None else entry.get("files") or [entry]:
+        if not file.get("columns"):
+            continue
+        map_file = load_yaml(inside(campaign.folder, file["columns"], campaign.file.path))
+        rows = [
+            map_file.line(f"columns[{index}]")
+            for index, column in enumerate(map_file.value["columns"])
+            if column["field"] in item["fields"]
+        ]
+        if "time_us" in item["fields"]:
+            rows.append(map_file.line("time"))
+        if rows:
+            numbers = ", ".join(str(row) for row in rows)
+            places.append(f"{file['columns']}, row{'s' * (len(rows) > 1)} {numbers}")
+    return f" ({'; '.join(places)})" if places else ""
 
 
 def _starved(
@@ -86,7 +109,8 @@ def _starved(
             # A leg without a driven actuator is the stage's own decision.
             reasons = {log: why for log, why in reasons.items() if why != IDLE}
         if reasons:
-            return _lacking(campaign, health, stage, reasons, stages[:position])
+            fed = [name for name in stages[:position] if name in named]
+            return _lacking(campaign, health, stage, reasons, fed)
     return None
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from auvid.data_schemas.checks import SEVERITIES, checks
+from auvid.data_schemas.checks import FORCE_MODEL_NEEDS, SEVERITIES, checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
@@ -162,13 +162,6 @@ def _stream(log: CheckedLog, name: str) -> dict[str, Any]:
         "jitter_s": None if clock is None else clock.jitter_s,
         "longest_gap_s": about.longest_gap_s,
     }
-
-
-FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators")
-"""Findings on streams that a force model needs and a bench recording does not.
-
-The stages of a bench name what they miss.
-"""
 
 
 def health_blocks(document: Mapping[str, Any], *, force_model: bool = True) -> list[Block]:

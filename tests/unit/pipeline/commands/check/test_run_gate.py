@@ -92,6 +92,29 @@ def test_the_manifest_accepts_findings_of_a_log_or_of_the_campaign(campaign: Any
     assert lines[0].endswith("(gyro_sign, accepted)")
 
 
+def test_the_message_names_file_and_rows_of_the_column_map(campaign: Any, tmp_path: Path) -> None:
+    (tmp_path / "map.yaml").write_text(
+        "time: {column: t, unit: s}\n"
+        "columns:\n"
+        "  - {column: p, stream: imu, field: gyro_x_rad_s, unit: rad/s}\n"
+        "  - {column: q, stream: imu, field: gyro_y_rad_s, unit: rad/s}\n"
+    )
+    text = str(fault(campaign(one=", columns: map.yaml"), turned(sound()), sound()))
+    assert "(map.yaml, row 4)" in text
+
+
+def test_the_same_finding_of_several_logs_is_one_line_and_a_bench_needs_no_velocity(
+    campaign: Any,
+) -> None:
+    health = dict.fromkeys(("one", "two"), without("velocity", "battery").health())
+    manifest = campaign().document
+    assert any(
+        line.startswith("log 'one' and 1 other: ") and line.endswith("(no_velocity)")
+        for line in finding_lines(manifest, health)
+    )
+    assert finding_lines({**manifest, "kind": "bench"}, health) == ()
+
+
 def test_an_unknown_finding_is_refused_with_the_nearest(campaign: Any) -> None:
     with pytest.raises(PipelineError) as caught:
         campaign(one=", accept: [gyro_sing]")

@@ -1,0 +1,158 @@
+"""What errors of the data do to the normal equations, and so to the coefficients.
+
+Least squares solves S K = q with S = X'X and q = X'y. An error changes both, by dS and
+dq, and to first order it moves K by S^-1 (dq - dS K). More data do not cure it, and the
+scatter of the residuals does not show it. Three kinds of errors stand here alike:
+
+- errors of the velocities (Fuller 1987, Measurement Error Models, 1.1 and 2.2). They
+  are in the regressors, and through Coriolis and fin forces in the force, too: the
+  Coriolis force of u and r takes as much from N_v as noise in v does.
+- what smoothing splines took from the acceleration: S is that of the whole motion, q
+  lacks the fast part of M nu_dot.
+- assumed figures of the vehicle (`assumed_figures`).
+
+Limits: first order; errors of the velocities are independent of one another and of the
+motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import cho_solve
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.jacobians import basis_jacobian
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+
+STRIDE = 5
+"""Every fifth sample is enough for a mean: velocities are smooth over many samples."""
+SMOOTHED_SHARE = 3.0
+"""What a spline took away over what it takes from its own result: 3 to 5 for the pitch
+and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
+"""
+
+
+@dataclass(frozen=True)
+class NormalChange:
+    """Change of the normal equations of all axes by one error.
+
+    moment (k, k): dS of `terms`, which end with the constant; target (k, 6): dq.
+    """
+
+    terms: tuple[str, ...]
+    moment: Array
+    target: Array
+
+    def merge(self, other: NormalChange) -> NormalChange:
+        """Return the change over the samples of both."""
+        return NormalChange(self.terms, self.moment + other.moment, self.target + other.target)
+
+    def shift(self, fit: AxisFit) -> Array:
+        """Return how far the error moves `fit.solution` (k,): S^-1 (dq - dS K).
+
+        0 for undetermined terms. Solved from the fit's own triangular factor.
+        """
+        kept = list(fit.independent)
+        place = [self.terms.index(fit.terms[index]) for index in kept]
+        scale = fit.column_norms[kept]
+        pull = (
+            self.target[place, AXES.index(fit.axis)]
+            - self.moment[np.ix_(place, place)] @ fit.solution[kept]
+        )
+        moved = np.zeros(len(fit.terms))
+        moved[kept] = cho_solve((fit.scaled_triangle, False), pull / scale) / scale
+        return moved
+
+
+@dataclass(frozen=True)
+class StridedLeg:
+    """Every `STRIDE`-th sample of a leg, and what a sum over them stands for.
+
+    rows (m, k) of `terms` and the constant, their slopes (m, k, 6) by the velocities,
+    forces (m, 6); `weight`: samples of the leg per sample here.
+    """
+
+    terms: tuple[str, ...]
+    rows: Array
+    slopes: Array
+    forces: Array
+    weight: float
+
+    @classmethod
+    def of(
+        cls, nu: ArrayLike, forces: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | None
+    ) -> StridedLeg:
+        """Return it from velocities and forces (n, 6), propulsion ratio (n,)."""
+        velocity = np.asarray(nu, dtype=np.float64)
+        chosen = velocity[::STRIDE]
+        eta = None if ratio is None else np.asarray(ratio, dtype=np.float64)[::STRIDE]
+        slopes = np.zeros((len(chosen), len(terms) + 1, 6))
+        slopes[:, :-1] = basis_jacobian(chosen, terms, ratio=eta)
+        return cls(
+            (*terms, CONSTANT),
+            np.column_stack([basis_rows(chosen.T, eta, terms).T, np.ones(len(chosen))]),
+            slopes,
+            np.asarray(forces, dtype=np.float64)[::STRIDE],
+            len(velocity) / len(chosen),
+        )
+
+    def random(self, sd: ArrayLike, force_slopes: Array) -> tuple[NormalChange, ...]:
+        """Return the expected change by independent errors of each velocity.
+
+        sd (n, 6): their standard deviations [m/s, rad/s]; force_slopes (m, 6, 6): of
+        the force [axis, velocity]. dS = sum sd_i^2 x_i x_i', dq = sum sd_i^2 x_i f_i'
+        with x_i and f_i the slopes by velocity i. Raises `DataError` for deviations
+        that are none.
+        """
+        spread = np.asarray(sd, dtype=np.float64)[::STRIDE]
+        if spread.shape != (len(self.rows), 6) or not (spread >= 0.0).all():
+            raise DataError(
+                "one standard deviation per velocity is needed",
+                value=spread.shape,
+                allowed=f"{(len(self.rows), 6)}, 0 or more",
+            )
+        changes = []
+        for i in range(6):
+            slope = self.slopes[:, :, i] * spread[:, i, None]
+            force = force_slopes[:, :, i] * spread[:, i, None]
+            changes.append(
+                NormalChange(
+                    self.terms, self.weight * slope.T @ slope, self.weight * slope.T @ force
+                )
+            )
+        return tuple(changes)
+
+    def definite(self, d_force: Array, d_nu: Array | None = None) -> NormalChange:
+        """Return the change by errors (m, 6) of the force and of the velocities.
+
+        dS = dX'X + X'dX, dq = dX'y + X'dy.
+        """
+        target = self.weight * self.rows.T @ d_force
+        moment = np.zeros((len(self.terms), len(self.terms)))
+        if d_nu is not None:
+            d_rows = np.einsum("mki,mi->mk", self.slopes, d_nu)
+            half = self.weight * d_rows.T @ self.rows
+            moment = half + half.T
+            target = target + self.weight * d_rows.T @ self.forces
+        return NormalChange(self.terms, moment, target)
+
+
+def smoothed_force(left: ArrayLike, passed: ArrayLike, mass: Array, index: int) -> Array:
+    """Return the force (n, 6) that a spline took from acceleration `index`.
+
+    M (F - 1) nu_dot with F the spline's response, times `SMOOTHED_SHARE`: `left` (n,)
+    has passed F already, `passed` (n,) once more.
+    """
+    lost = SMOOTHED_SHARE * (np.asarray(passed) - np.asarray(left))
+    return np.asarray(lost[:, None] * mass[:, index])
+
+
+def widened(covariance: Array, shifts: Sequence[Array]) -> Array:
+    """Return the covariance (k, k) about the truth, with shifts (k,) of unknown size."""
+    return np.asarray(covariance + sum(np.outer(shift, shift) for shift in shifts))
