@@ -93,7 +93,7 @@ def finding_lines(
     A line per finding; the first log stands for others with the same finding.
     """
     passed_over = FORCE_MODEL_NEEDS if str(manifest["kind"]).startswith("bench") else ()
-    shown: dict[tuple[str, str], tuple[str, str]] = {}
+    first: dict[tuple[str, str], tuple[str, str]] = {}
     logs: dict[tuple[str, str], list[str]] = {}
     for log, document in health.items():
         accepted = accepted_findings(manifest, log)
@@ -103,11 +103,11 @@ def finding_lines(
                 continue
             note = ", accepted" if name in accepted else ""
             key = (f"{name}{note}", str(item["stream"]))
-            shown.setdefault(key, (log, item["text"]))
+            first.setdefault(key, (log, item["text"]))
             if log not in logs.setdefault(key, []):
                 logs[key].append(log)
     lines = []
-    for key, (log, text) in shown.items():
+    for key, (log, text) in first.items():
         more = len(logs[key]) - 1
         others = f" and {more} other{'s' * (more > 1)}" if more else ""
         lines.append(f"log '{log}'{others}: {text} ({key[0]})")

@@ -161,7 +161,9 @@ def _array(value: object) -> npt.NDArray[np.float64]:
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if array.dtype.kind not in "iuf":
-        raise Faults(SchemaError("not numbers", field="value", value=value))
+        comma = isinstance(value, str) and "," in value
+        remedy = "Write a decimal point, without quotes: 14.0." if comma else None
+        raise Faults(SchemaError("not numbers", field="value", value=value, remedy=remedy))
     array = array.astype(np.float64)
     if not np.all(np.isfinite(array)):
         raise Faults(SchemaError("not finite", field="value", value=value))

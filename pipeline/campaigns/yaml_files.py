@@ -17,6 +17,7 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import M, parse
 from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError
 from auvid.data_schemas.yaml_text import Loader
+from auvid.pipeline.campaigns.yaml_words import yaml_fault
 from auvid.pipeline.store.atomic_files import readable
 
 NO_TEXT = re.compile("[\0\ud800-\udfff]")
@@ -89,8 +90,12 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
     except (yaml.MarkedYAMLError, yaml.reader.ReaderError) as fault:
         mark = getattr(fault, "problem_mark", None)
         problem = getattr(fault, "problem", None) or str(fault).splitlines()[0]
+        if mark is None:
+            raise CampaignError(f"not valid YAML: {problem}", file=path) from None
+        row, cause, remedy = yaml_fault(text, mark.line + 1, problem)
+        line = text.splitlines()[row - 1].strip() if text else ""
         raise CampaignError(
-            f"not valid YAML: {problem}", file=path, row=mark.line + 1 if mark else None
+            f"not valid YAML: {cause}", file=path, row=row, value=line[:60], remedy=remedy
         ) from None
     except (ValueError, TypeError, RecursionError) as fault:
         raise CampaignError(f"not valid YAML: {fault}", file=path) from None

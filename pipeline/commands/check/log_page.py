@@ -81,9 +81,9 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
             file = load_yaml(columns, what="column map")
             file.check("column_map")
             mapping = file.value
-        # bytes of a name that are no text are shown as a replacement character
-        shown = Path(os.fsencode(path).decode(errors="replace"))
-        return [_page(str(shown), shown.stem, (LogFile(shown.name, path, mapping),))]
+        # bytes of a name that are no text are own as a replacement character
+        own = Path(os.fsencode(path).decode(errors="replace"))
+        return [_page(str(own), own.stem, (LogFile(own.name, path, mapping),))]
     workspace = workspace_of(target)
     campaign = load_campaign(
         workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()

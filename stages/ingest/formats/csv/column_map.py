@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +29,19 @@ DEFAULT_MISSING = (
     "NULL",
     "None",
 )
+OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
+    "roll": ("phi_rad", "gyro_x_rad_s"),
+    "pitch": ("theta_rad", "gyro_y_rad_s"),
+    "yaw": ("psi_rad", "gyro_z_rad_s"),
+    "heading": ("psi_rad",),
+    "surge": ("u_m_s",),
+    "sway": ("v_m_s",),
+    "heave": ("w_m_s",),
+    "p": ("gyro_x_rad_s",),
+    "q": ("gyro_y_rad_s",),
+    "r": ("gyro_z_rad_s",),
+}
+"""Fields by what users call their axis."""
 HALF_TURN = 3.141592653589793 / 2
 
 # Factor and offset (in SI) that turn a field of another frame into FRD and NED. Fields
@@ -196,7 +209,7 @@ def _mapped(
             field=f"{path}.field",
             value=name,
             allowed=fields if len(fields) <= 8 else [*list(fields)[:8], "..."],
-            remedy=nearest(name, fields),
+            remedy=_by_other_name(name, fields) or nearest(name, fields),
         )
         return None
     frame = entry.get("frame")
@@ -218,6 +231,13 @@ def _mapped(
     sign = float(entry.get("sign", 1))
     factor, offset = sign * turn * factor, sign * (turn * offset + shift)
     return MappedColumn(column, stream, name, factor, offset, spec.dtype)
+
+
+def _by_other_name(name: str, fields: Iterable[str]) -> str | None:
+    """Return the remedy for a field that is called by another name of its axis."""
+    words = name.lower().split("_")
+    known = [field for word in words for field in OTHER_NAMES.get(word, ()) if field in fields]
+    return f"Did you mean '{known[0]}'?" if known else None
 
 
 def _check_header(column: str, header: Sequence[str], path: str, faults: MapFaults) -> None:

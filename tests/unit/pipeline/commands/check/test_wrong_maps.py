@@ -269,7 +269,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     ),
     "pulses around zero": (data(lambda pulse: pulse - 1500.0, *PULSES), "actuators", "no pulses"),
     "pulses turned": (data(lambda pulse: 3000.0 - pulse, *PULSES), "response_sign", "Surge"),
-    "field misspelt": (misspelt("field", "roll_rad", "phi_rad"), "phi_rad", "Did you mean"),
+    "field misspelt": (
+        misspelt("field", "roll_rad", "phi_rad"),
+        "phi_rad",
+        "Did you mean 'phi_rad'?",
+    ),
     "stream misspelt": (misspelt("stream", "attitud", "phi_rad"), "attitude", "Did you mean"),
     "unit misspelt": (misspelt("unit", "degre", "phi_rad"), "degre", "unit of rad"),
     "no such column": (misspelt("column", "roll", "phi_rad"), "roll_deg", "Did you mean"),
