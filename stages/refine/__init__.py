@@ -19,7 +19,11 @@ import pyarrow as pa
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard
-from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.records.motion import (
+    FusionRecord,
+    InstallationRecord,
+    SegmentRecord,
+)
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
@@ -35,6 +39,7 @@ from auvid.stages.refine.fitting import ESTIMATORS, CardUnknowns, SensorFit, fit
 from auvid.stages.refine.legs import SegmentSamples, leg_record
 from auvid.stages.refine.presentation import refine_section
 from auvid.stages.refine.refined_card import refined_card
+from auvid.stages.sensor_motion import VelocityLogPlacement
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ class Inputs:
         "samples_velocity", many=True, optional=True
     )
     samples_depth: Collection[pa.Table] | None = port("samples_depth", many=True, optional=True)
+    installation: InstallationRecord | None = port("installation", optional=True)
 
 
 @dataclass(frozen=True)
@@ -150,7 +156,10 @@ def _legs(inputs: Inputs) -> tuple[list[LegRecord], list[str], list[str]]:
                 for tables in (inputs.samples_imu, inputs.samples_velocity, inputs.samples_depth)
             ),
         )
-        record = leg_record(samples, inputs.vehicle)
+        estimate = inputs.installation if fusion.installation == "estimate" else None
+        record = leg_record(
+            samples, inputs.vehicle, VelocityLogPlacement.of(inputs.vehicle, estimate)
+        )
         if isinstance(record, str):
             left_out.append(record)
         else:

@@ -14,7 +14,6 @@ from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
-from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
 from auvid.hydro.identification.maximum_likelihood.records import (
@@ -24,6 +23,7 @@ from auvid.hydro.identification.maximum_likelihood.records import (
     SensorRecord,
 )
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, FINS, GYRO, VELOCITY, clock
+from auvid.stages.sensor_motion import VelocityLogPlacement
 
 Tables = Mapping[str, pa.Table]
 NEEDED = {"imu": "angular rates", "velocity": "a body velocity"}
@@ -44,7 +44,9 @@ class SegmentSamples:
     depth: pa.Table | None
 
 
-def leg_record(samples: SegmentSamples, vehicle: Vehicle) -> LegRecord | str:
+def leg_record(
+    samples: SegmentSamples, vehicle: Vehicle, place: VelocityLogPlacement
+) -> LegRecord | str:
     """Return a segment without its margins, or the reason why it takes no part.
 
     Actuators keep the margin before the leg, in which a lag settles.
@@ -65,7 +67,7 @@ def leg_record(samples: SegmentSamples, vehicle: Vehicle) -> LegRecord | str:
     sensors = {
         "attitude": _record(samples.attitude, ATTITUDE, end),
         "gyro": _record(samples.imu, GYRO, end),
-        "velocity": _record(samples.velocity, VELOCITY[:3], end),
+        "velocity": _record(samples.velocity, VELOCITY[:3], end, lag_s=place.lag_s),
     }
     convention = samples.fusion.accelerometer or samples.log.accelerometer or vehicle.accelerometer
     accelerometer = has_columns(samples.imu, ACCELEROMETER) and bool(
@@ -77,7 +79,7 @@ def leg_record(samples: SegmentSamples, vehicle: Vehicle) -> LegRecord | str:
         sensors["depth"] = _record(samples.depth, ("z_m",), end)
     geometry = SensorGeometry(
         imu=_placed(vehicle.imu.arm_m),
-        velocity=velocity_place(samples.fusion, vehicle),
+        velocity=MountedSensor(place.arm_m, place.turn, 0.0),
         depth=vehicle.depth_sensor,
         # A specific force has gravity inside, an inertial acceleration has not.
         gravity=vehicle.gravity if convention == "specific_force" else 0.0,
@@ -119,18 +121,6 @@ def actuator_record(samples: SegmentSamples, vehicle: Vehicle) -> ActuatorRecord
     )
 
 
-def velocity_place(fusion: FusionRecord, vehicle: Vehicle) -> MountedSensor:
-    """Return arm and mounting of the velocity sensor, as `fuse` determined them."""
-    arm, turn = np.array(vehicle.dvl.arm_m), np.zeros(3)
-    if fusion.installation is not None:
-        item = fusion.installation
-        arm = np.where(item.dvl_arm_determined, np.array(item.dvl_arm_m, dtype=float), arm)
-        turn = np.where(
-            item.dvl_mounting_determined, np.array(item.dvl_mounting_rad, dtype=float), turn
-        )
-    return MountedSensor(arm, np.eye(3) + skew(turn), 0.0)
-
-
 def _placed(arm: Array) -> MountedSensor:
     """Return a sensor whose samples are turned to body axes and free of lag already."""
     return MountedSensor(arm, np.eye(3), 0.0)
@@ -146,7 +136,9 @@ def _voltage(table: pa.Table) -> Array | None:
     return np.interp(t_s, t_s[measured], voltage[measured]) if measured.any() else None
 
 
-def _record(table: pa.Table, names: tuple[str, ...], end_s: float) -> SensorRecord:
-    t_s = clock(table)
+def _record(
+    table: pa.Table, names: tuple[str, ...], end_s: float, *, lag_s: float = 0.0
+) -> SensorRecord:
+    t_s = clock(table) - lag_s
     inside = (t_s >= 0.0) & (t_s <= end_s)
     return SensorRecord(t_s[inside], matrix(table, names)[inside])

@@ -12,7 +12,8 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
-from auvid.data_schemas.tables import make_table
+from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
+from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
@@ -274,3 +275,32 @@ def test_without_an_accelerometer_the_rest_is_used(twin: refine.Inputs) -> None:
     assert not [c for c in card.likelihood.channels if c.channel.startswith("accel")]
     assert card.likelihood.legs[0].accel_bias_m_s2 is None
     assert card.predictor["X"]["u"] == pytest.approx(-40.0, rel=0.05)
+
+
+def test_an_estimated_installation_moves_the_velocity_log(twin: refine.Inputs) -> None:
+    estimate = InstallationEstimate(arm_m=[0.1, 0.2, 0.3], angles_rad=[0.0, 0.0, 0.1], lag_s=0.05)
+    record = InstallationRecord(
+        figures=[],
+        estimate=estimate,
+        convention=None,
+        convention_found=None,
+        innovations={},
+        legs=[],
+        left_out={},
+    )
+    key, fusion = next(iter(twin.fusion.items()))
+    taken = replace(
+        twin,
+        installation=record,
+        fusion=collection({key: fusion.model_copy(update={"installation": "estimate"})}),
+    )
+    (leg,), _, _ = refine._legs(taken)
+    (plain,), _, _ = refine._legs(replace(twin, installation=record))
+    place = leg.geometry.velocity
+    np.testing.assert_array_equal(place.arm_m, estimate.arm_m)
+    np.testing.assert_allclose(place.rotation @ [1.0, 0.0, 0.0], [np.cos(0.1), np.sin(0.1), 0.0])
+    assert twin.samples_velocity is not None
+    moved = column(twin.samples_velocity[key], "t_s") - estimate.lag_s
+    assert np.isin(leg.sensors["velocity"].t_s, moved).all()
+    assert not np.isin(plain.sensors["velocity"].t_s, moved).any()
+    np.testing.assert_array_equal(plain.geometry.velocity.arm_m, VEHICLE.dvl.arm_m)
