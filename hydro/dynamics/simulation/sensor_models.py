@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, cross
+from auvid.hydro.arrays import Array, components, cross_components
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.simulation import Motion, gauss_markov
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
@@ -55,14 +55,38 @@ def specific_force(motion: Motion, arm_m: Array, *, gravity: float) -> Array:
     acceleration of its point against inertial space, less gravity (Titterton and Weston
     2004, 3.5). A vehicle at rest reads -g on the axis that points down.
     """
-    v, omega = motion.nu[:, :3], motion.nu[:, 3:]
-    acceleration = (
-        motion.nu_dot[:, :3]
-        + cross(omega, v)
-        + cross(motion.nu_dot[:, 3:], arm_m)
-        + cross(omega, cross(omega, arm_m))
+    nu, nu_dot = components(motion.nu), components(motion.nu_dot)
+    down = components(rotation_body_to_ned(motion.eta[:, 3:])[:, 2, :])
+    force = specific_force_components(nu, nu_dot, components(arm_m), down, gravity)
+    return np.stack(force, axis=-1)
+
+
+def specific_force_components(
+    nu: tuple[Array, ...],
+    nu_dot: tuple[Array, ...],
+    arm: tuple[Array, ...],
+    down: tuple[Array, ...],
+    gravity: float,
+) -> tuple[Array, ...]:
+    """Return the components of `specific_force`, `down` the third row of the rotation.
+
+    Arrays of one shape, or numbers in a compiled loop.
+    """
+    v, omega, omega_dot = nu[:3], nu[3:], nu_dot[3:]
+    turning = cross_components(omega, v)
+    tangential = cross_components(omega_dot, arm)
+    inward = cross_components(omega, cross_components(omega, arm))
+    return (
+        nu_dot[0] + turning[0] + tangential[0] + inward[0] - gravity * down[0],
+        nu_dot[1] + turning[1] + tangential[1] + inward[1] - gravity * down[1],
+        nu_dot[2] + turning[2] + tangential[2] + inward[2] - gravity * down[2],
     )
-    return np.asarray(acceleration - gravity * rotation_body_to_ned(motion.eta[:, 3:])[:, 2, :])
+
+
+def point_velocity_components(nu: tuple[Array, ...], arm: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Return the components of v + omega x arm, the velocity of a point of the body."""
+    swing = cross_components(nu[3:], arm)
+    return nu[0] + swing[0], nu[1] + swing[1], nu[2] + swing[2]
 
 
 def ahrs(
@@ -119,7 +143,8 @@ def velocity_log(
 
     R' (v + omega x arm) + noise.
     """
-    local = motion.nu[:, :3] + cross(motion.nu[:, 3:], sensor.arm_m)
+    arm = components(sensor.arm_m)
+    local = np.stack(point_velocity_components(components(motion.nu), arm), axis=-1)
     return np.asarray(local @ sensor.rotation + noise_m_s * random.standard_normal(local.shape))
 
 

@@ -17,13 +17,19 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import numba
+import numba.extending
 import numpy as np
 
-from auvid.hydro.arrays import Array, Ints
+from auvid.hydro import arrays
+from auvid.hydro.arrays import Array, Ints, cross_components
 from auvid.hydro.dynamics.mechanics import rigid_body
-from auvid.hydro.dynamics.simulation import compiled
+from auvid.hydro.dynamics.simulation import compiled, sensor_models
 from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, addresses, derivative
 from auvid.hydro.dynamics.simulation.plant_constants import Tables
+from auvid.hydro.dynamics.simulation.sensor_models import (
+    point_velocity_components,
+    specific_force_components,
+)
 from auvid.hydro.identification.maximum_likelihood.records import SensorGeometry
 
 MOTION, FORCE, MEASURED, BIASES = 10, 6, 13, 6
@@ -37,17 +43,26 @@ VISCOUS, INERTIA, LAG = 0, 1, 2
 tables), an entry of the mass matrix (row, column), the lag of the actuators."""
 
 
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+}
+SENSOR_EQUATIONS: tuple[Callable[..., Any], ...] = (
+    cross_components,
+    specific_force_components,
+    point_velocity_components,
+)
+_extending: Any = numba.extending
+for _equation in SENSOR_EQUATIONS:
+    _extending.register_jitable(**_OPTIONS)(_equation)
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F, *, cache: bool = False) -> F:
     # Nothing is drawn in, unlike in the simulation: the derivative stands here once, not
     # a hundred times.
-    options: dict[str, Any] = {
-        "error_model": "numpy",
-        "fastmath": {"contract", "reassoc", "nsz"},
-    }
-    result: F = numba.njit(nogil=True, cache=cache, **options)(function)
+    result: F = numba.njit(nogil=True, cache=cache, **_OPTIONS)(function)
     return result
 
 
@@ -99,38 +114,20 @@ def _rates(x: Any, inputs: Any, c: Any, decay: Any, out: Any, work: Any) -> None
 @_compiled
 def _outputs(x: Any, rate: Any, g: Any, y: Any) -> None:
     """Write what ideal sensors measure (13,) at a state with its rate."""
-    u, v, w, p, q, r = x[4], x[5], x[6], x[7], x[8], x[9]
+    nu = (x[4], x[5], x[6], x[7], x[8], x[9])
+    nu_dot = (rate[4], rate[5], rate[6], rate[7], rate[8], rate[9])
     sf, cf, st, ct = np.sin(x[0]), np.cos(x[0]), np.sin(x[1]), np.cos(x[1])
     down = (-st, ct * sf, ct * cf)
-    omega, omega_dot = (p, q, r), (rate[7], rate[8], rate[9])
     arm = (g.imu_arm[0], g.imu_arm[1], g.imu_arm[2])
-    spin = _cross(omega, arm)
-    inner, outer = _cross(omega_dot, arm), _cross(omega, spin)
-    turn = _cross(omega, (u, v, w))
-    place = (g.log_arm[0], g.log_arm[1], g.log_arm[2])
-    swing = _cross(omega, place)
-    force = (
-        rate[4] + turn[0] + inner[0] + outer[0] - g.gravity * down[0],
-        rate[5] + turn[1] + inner[1] + outer[1] - g.gravity * down[1],
-        rate[6] + turn[2] + inner[2] + outer[2] - g.gravity * down[2],
-    )
-    local = (u + swing[0], v + swing[1], w + swing[2])
+    force = specific_force_components(nu, nu_dot, arm, down, g.gravity)
+    local = point_velocity_components(nu, (g.log_arm[0], g.log_arm[1], g.log_arm[2]))
     for i in range(3):
         y[i] = x[i]
-        y[3 + i] = g.imu[0, i] * p + g.imu[1, i] * q + g.imu[2, i] * r
+        y[3 + i] = g.imu[0, i] * nu[3] + g.imu[1, i] * nu[4] + g.imu[2, i] * nu[5]
         y[6 + i] = g.imu[0, i] * force[0] + g.imu[1, i] * force[1] + g.imu[2, i] * force[2]
         y[9 + i] = g.log[0, i] * local[0] + g.log[1, i] * local[1] + g.log[2, i] * local[2]
     depth_arm = g.depth_arm
     y[12] = x[3] + down[0] * depth_arm[0] + down[1] * depth_arm[1] + down[2] * depth_arm[2]
-
-
-@_compiled
-def _cross(a: Any, b: Any) -> Any:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
 
 
 @_compiled
@@ -210,7 +207,7 @@ def _at(i: int, row: int, column: int, first: float, second: float) -> float:
 def _accelerometer(g: Any, a: Any, y: Any) -> None:
     """Write what an accelerometer (3,) makes of an acceleration (6,) alone."""
     arm = (g.imu_arm[0], g.imu_arm[1], g.imu_arm[2])
-    inner = _cross((a[3], a[4], a[5]), arm)
+    inner = cross_components((a[3], a[4], a[5]), arm)
     b = (a[0] + inner[0], a[1] + inner[1], a[2] + inner[2])
     for i in range(3):
         y[i] = g.imu[0, i] * b[0] + g.imu[1, i] * b[1] + g.imu[2, i] * b[2]
@@ -810,7 +807,12 @@ def _loop(sources: str) -> Any:
     return _compiled(run, cache=True)
 
 
-_SOURCE = "".join([inspect.getsource(sys.modules[__name__]), *compiled.SOURCES])
+_SOURCE = "".join(
+    [
+        *map(inspect.getsource, (sys.modules[__name__], arrays, sensor_models)),
+        *compiled.SOURCES,
+    ]
+)
 run_window: Any = _loop(hashlib.sha256(_SOURCE.encode()).hexdigest())
 
 
