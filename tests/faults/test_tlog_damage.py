@@ -64,6 +64,16 @@ def test_payload_bit_flipped() -> None:
     assert "system 1 component 1: wrong checksum, not read: 1 ATTITUDE" in decoded.notes
 
 
+@pytest.mark.parametrize(("frames", "status"), [(1100, "complete"), (900, "damaged")])
+def test_one_broken_frame_of_a_thousand_is_no_damage_of_the_file(frames: int, status: str) -> None:
+    """Links lose frames; a ground station's own heartbeat may be one of them."""
+    data = bytearray(log([heartbeat(), *(attitude(number) for number in range(1, frames))]))
+    data[at(40) + 25] ^= 4
+    decoded = read(bytes(data))
+    assert (decoded.status, reasons(decoded)) == (status, {"CRC mismatch": (1, RECORD)})
+    assert "system 1 component 1: wrong checksum, not read: 1 ATTITUDE" in decoded.notes
+
+
 def test_block_overwritten_loses_only_what_it_touches() -> None:
     decoded = read(edited(at(40) + 10, b"\xfd\xfe\x00" * 40))
     touched = {*range(40, 40 + -(-(130) // RECORD))}
