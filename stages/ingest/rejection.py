@@ -32,6 +32,8 @@ USUAL_UNITS: Mapping[str, str] = {
 """What impossible values of a stream usually are."""
 LEAP_US = 30 * 86_400_000_000
 """No dive lasts 30 days; a clock that is set to Unix time jumps by 50 years."""
+FAR_US, FAR_SHARE = 365 * 86_400_000_000, 0.34
+"""A stamp a year from most others is destroyed, if these are at most so many of all."""
 POSSIBLE: Mapping[str, tuple[float, float]] = {
     "gyro": (-100.0, 100.0),
     "accel": (-1000.0, 1000.0),
@@ -96,11 +98,24 @@ def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream
     stream = keep(stream, possible_rows(stream.name, stream.columns), IMPOSSIBLE)
     if set_us is not None:
         stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
+    far = _far_from_most(stream.columns["time_us"])
+    stream = keep(stream, ~far, BACKWARD)
     stamps = stream.columns["time_us"]
     if stamps.size and (np.diff(stamps) <= 0).any():
         stream = keep(stream, np.append(True, np.diff(stamps) != 0), REPEATED)
         stream = keep(stream, increasing(stream.columns["time_us"]), BACKWARD)
     return stream, rejected
+
+
+def _far_from_most(stamps: Column) -> Mask:
+    """Return the stamps (n,) that lie a year from the median, if these are few.
+
+    At the end of a stream such a stamp would be in order. Differences are taken in
+    floats: those of destroyed stamps overflow integers.
+    """
+    times = stamps.astype(np.float64)
+    far = np.abs(times - np.median(times if times.size else [0.0])) > FAR_US
+    return far if np.count_nonzero(far) <= FAR_SHARE * times.size else np.zeros_like(far)
 
 
 def complete_rows(stream: str, columns: Columns) -> Mask:

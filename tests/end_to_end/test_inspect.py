@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
+from auvid.pipeline.commands.inspect import inspect_command
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from tests.support.pictures import PICTURES, look
 
@@ -132,6 +134,15 @@ def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> No
     assert done.returncode == 1
     assert "no such tab" in done.stderr
     assert "Dropping data" not in done.stderr
+
+
+def test_without_a_display_nothing_is_decoded_or_left_in_the_temporary_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(PipelineError, match=r"no display.*--web"):
+        inspect_command.inspect(str(SMALL))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_viewer_that_ends_at_once_is_a_fault(

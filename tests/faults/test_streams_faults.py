@@ -100,6 +100,23 @@ def test_clock_jump_of_one_sample(where: int, value: int) -> None:
     assert len(kept) == COUNT - 1
 
 
+@pytest.mark.parametrize("where", [0, 99])
+@pytest.mark.parametrize("value", [2**62, -(2**62), 2**55])
+def test_destroyed_stamp_at_an_end_of_a_stream(where: int, value: int) -> None:
+    """CLOCK_JUMP: the last stamp, its top bits changed, is not the end of the dive."""
+    kept, rejected = reject_samples(depth_stream(time_us=stamps(**{f"at{where}": value})))
+    assert [(item.reason, item.count, item.first) for item in rejected] == [
+        (BACKWARD, 1, where * 50)
+    ]
+    assert np.ptp(kept.columns["time_us"]) < 1e7
+
+
+def test_a_clock_that_leaps_for_half_of_a_stream_is_not_judged_by_one_stream() -> None:
+    time_us = np.arange(COUNT, dtype=np.int64) * 100_000
+    time_us[50:] += 2**55
+    assert reject_samples(depth_stream(time_us=time_us))[1] == []
+
+
 def test_restart_keeps_the_longer_part() -> None:
     """RESTART: the clock starts again; the longer of the two recordings stays."""
     time_us = np.concatenate([np.arange(30), np.arange(70)]) * 100_000

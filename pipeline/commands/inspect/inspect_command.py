@@ -68,6 +68,8 @@ def inspect(
     if save is not None or picture is not None:
         return
     viewer.program()
+    if not web:
+        viewer.require_display(subject.name)
     path = subject.file or _temporary_file(subject)
     print(f"{plain(subject.name)}: {path_from_here(path)}")
     if web:
@@ -190,6 +192,10 @@ def check_suffix(path: Path, suffix: str, option: str) -> None:
 def _temporary_file(subject: Subject) -> Path:
     """Write the recording to a file that outlives this program, for the viewer."""
     handle, name = tempfile.mkstemp(prefix="auvid_", suffix=RECORDING)
-    with os.fdopen(handle, "wb") as file:
-        file.write(subject.content())
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(subject.content())
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
     return Path(name)

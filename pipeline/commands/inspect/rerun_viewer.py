@@ -46,17 +46,22 @@ def program() -> Path:
     return Path(path)
 
 
+def require_display(name: str) -> None:
+    """Raise `PipelineError` where a window to show `name` in cannot be opened."""
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise PipelineError(
+            "there is no display to open the viewer on", value=name, remedy=ELSEWHERE
+        )
+
+
 def show(recording: Path) -> None:
     """Open a recording in a window, which stays when this program ends.
 
     Raises `PipelineError` without a display, and where the viewer ends at once.
     """
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        raise PipelineError(
-            "there is no display to open the viewer on", value=str(recording), remedy=ELSEWHERE
-        )
+    require_display(str(recording))
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [str(program()), str(recording)],

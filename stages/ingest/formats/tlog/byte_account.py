@@ -112,6 +112,7 @@ def explain(buffer: Buffer) -> Explained:
         start, stop = start[start < stop], stop[start < stop]
     pieces.append((GARBAGE, start, stop))
     few = len(mismatched) < LOST_ON_THE_LINK * len(records)
+    harmless = (UNKNOWN, MISMATCH) if few else (UNKNOWN,)
     losses = Losses()
     for reason, first, end in pieces:
         losses.add(reason, first, end - first)
@@ -121,7 +122,7 @@ def explain(buffer: Buffer) -> Explained:
         recut,
         mismatched,
         ByteAccount(size, record_bytes, 0, tuple(skipped)),
-        status_of(skipped, at_end=(CUT, ZEROS), harmless=(UNKNOWN, MISMATCH) if few else (UNKNOWN,)),
+        status_of(skipped, at_end=(CUT, ZEROS), harmless=harmless),
         _seconds_lost(records, start),
     )
 
