@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.plans.plan import TankRunEntry
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
@@ -57,7 +58,7 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
     plan = bench_plan(written, vehicle)
     legs = {leg["id"]: leg for leg in bench_entries(written, format="bin")[1]}
     for experiment in plan.experiments:
-        if experiment.kind != "tank" or experiment.entry["truth"] != TRUTH:
+        if not isinstance(experiment.entry, TankRunEntry) or experiment.entry.truth != TRUTH:
             continue
         flown = fly_experiment(experiment, plan, vehicle, None)
         for seed in range(seeds):
@@ -75,7 +76,7 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
             assert found.results is not None
             yield (
                 experiment.id,
-                experiment.entry["channel"],
+                experiment.entry.channel,
                 {row["quantity"]: row for row in found.results["rows"]},
             )
 

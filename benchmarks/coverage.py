@@ -32,6 +32,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
+from auvid.data_schemas.documents.twin import TruthEntry
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
@@ -86,7 +87,9 @@ def twin(plan_name: str, truth: str) -> tuple[Plan, SimulatedVehicle]:
     plan = plan_from_document(read_yaml(path.read_text(encoding="utf-8")), vehicle)
     kept = BUILD / f"coverage_truth_{truth}_{plan_name}.json"
     if not kept.exists():
-        model = truth_force({"name": truth, "kind": "refit"}, plan, vehicle)[0].truth
+        model = truth_force(TruthEntry(name=truth, kind="refit", source="refitted"), plan, vehicle)[
+            0
+        ].truth
         assert isinstance(model, IdentifiedModel)
         BUILD.mkdir(exist_ok=True)
         kept.write_text(json.dumps({a: dict(t) for a, t in model.coefficients.items()}))

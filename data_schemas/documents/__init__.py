@@ -62,6 +62,7 @@ DELIVERED = frozenset(
         "ranking",
         "segment",
         "triangular_factor",
+        "twin",
     }
 )
 """Documents that reach a stage as their models; the others do as mappings."""

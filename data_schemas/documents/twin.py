@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from auvid.data_schemas.documents.model import Model, Range
+from pydantic import Field, ValidatorFunctionWrapHandler, field_validator
+
+from auvid.data_schemas.documents.model import Model, Range, part_of_kind
+from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.plans.plan import PlanDocument
+
+Plan = PlanDocument | DivePlanDocument
+
+
+def plan_model(document: object) -> type[Plan]:
+    """Return the model of a plan: one of dives says so by its key `kind`."""
+    dives = isinstance(document, Mapping) and document.get("kind") == "dives"
+    return DivePlanDocument if dives else PlanDocument
 
 
 class TruthEntry(Model):
@@ -16,7 +29,7 @@ class TruthEntry(Model):
     """Physics, or the name of the model."""
     source: str
     """Where the numbers come from."""
-    coefficients: dict[str, dict[str, float]] | None = None
+    coefficients: dict[str, dict[str, float]] = Field(default_factory=dict)
     """Axis -> term -> value in SI."""
 
 
@@ -26,8 +39,8 @@ class TwinDocument(Model):
     It is read from the files that the manifest names.
     """
 
-    plan: dict[str, object]
-    """The plan (schema plan)."""
+    plan: PlanDocument | DivePlanDocument
+    """The plan: with `kind: dives` one of dives."""
     truth: TruthEntry
     """The viscous force of the twin."""
     seed: Annotated[int, Range(0)]
@@ -38,3 +51,8 @@ class TwinDocument(Model):
     """What the accelerometer columns of CSV logs hold; inertial: gravity taken off by
     the AHRS's own attitude.
     """
+
+    @field_validator("plan", mode="wrap")
+    @classmethod
+    def _plan_of_kind(cls, value: object, handler: ValidatorFunctionWrapHandler) -> Plan:
+        return value if isinstance(value, Plan) else part_of_kind(plan_model(value), value)

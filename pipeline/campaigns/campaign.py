@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import (
     CampaignError,
     PipelineError,
@@ -58,7 +59,7 @@ class Campaign:
     file: YamlFile
     vehicle_file: Path
     vehicle: Vehicle
-    twin: Mapping[str, Any] | None = None
+    twin: TwinDocument | None = None
     documents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """The documents that the manifest names, by schema."""
 

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.plans.plan import PlanDocument
+from auvid.data_schemas.documents.twin import TruthEntry, TwinDocument, plan_model
+from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
+from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.store.atomic_files import readable
 from auvid.stages.simulate.bench_plans import bench_entries, bench_plan
 from auvid.stages.simulate.flights import FORMS
-from auvid.stages.simulate.plans import manifest_entries, plan_from_document
-from auvid.stages.simulate.rov.dive_plans import dive_entries, dive_plan, is_dive_plan
+from auvid.stages.simulate.plans import Entries, manifest_entries, plan_from_document
+from auvid.stages.simulate.rov.dive_plans import dive_entries, dive_plan
 
 PHYSICS = "physics"
 REFIT = "refit:"
@@ -29,7 +33,7 @@ def load_twin(
     vehicle_file: Path,
     folder: Path,
     file: object,
-) -> dict[str, Any]:
+) -> TwinDocument:
     """Return the document of schema `twin`, with plan and truth read and checked.
 
     It belongs to the key `simulate` of a manifest.
@@ -47,48 +51,43 @@ def load_twin(
             value=accelerometer,
             remedy=remedy,
         )
-    plan_file = load_plan(plan, vehicle, file=file)
-    truth = load_truth(
-        str(entry.get("truth", PHYSICS)), vehicle_file=vehicle_file, folder=folder, file=file
-    )
-    return {
-        "plan": plan_file.value,
-        "truth": truth,
-        "seed": int(entry.get("seed", 0)),
+    read, truth = load_plan(plan, vehicle, file=file), entry.get("truth", PHYSICS)
+    document = {
+        "plan": read,
+        "truth": load_truth(str(truth), vehicle_file=vehicle_file, folder=folder, file=file),
+        "seed": entry.get("seed", 0),
         "format": format,
         "accelerometer": accelerometer,
     }
+    return parse(TwinDocument, document, file=file)
 
 
-def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> YamlFile:
-    """A plan that agrees with its schema and that this vehicle can fly."""
+def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> PlanDocument | DivePlanDocument:
+    """Return a plan that this vehicle can fly, checked."""
     plan_file = load_yaml(path, named_in=file, what="plan")
-    dives = isinstance(plan_file.value, Mapping) and is_dive_plan(plan_file.value)
-    plan_file.check("dive_plan" if dives else "plan")
+    plan = plan_file.parse(plan_model(plan_file.value))
     try:
-        if dives:
-            dive_plan(plan_file.value, vehicle, file=path)
+        if isinstance(plan, DivePlanDocument):
+            dive_plan(plan, vehicle, file=path)
+        elif plan.bench is not None:
+            bench_plan(plan, vehicle, file=path)
         else:
-            check = bench_plan if "bench" in plan_file.value else plan_from_document
-            check(plan_file.value, vehicle, file=path)
-    except CampaignError as fault:
+            plan_from_document(plan, vehicle, file=path)
+    except PipelineError as fault:
         raise plan_file.located(fault) from None
-    return plan_file
+    return plan
 
 
-def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> dict[str, Any]:
-    """The truth that a manifest names (part `truth` of schema `twin`).
+def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> TruthEntry:
+    """Return the truth that a manifest names (part `truth` of schema `twin`).
 
     `physics`; the name of a model for its published coefficients beside the vehicle
     file; `refit:MODEL` for a model refitted to the physics; or a path ending in .json
     for a model card.
     """
     if text == PHYSICS:
-        return {
-            "kind": "physics",
-            "name": PHYSICS,
-            "source": "flow physics, hydro/dynamics/simulation/physical_viscous.py",
-        }
+        source = "flow physics, hydro/dynamics/simulation/physical_viscous.py"
+        return TruthEntry(kind="physics", name=PHYSICS, source=source)
     published = published_coefficients(vehicle_file)
     allowed = [PHYSICS, *published, f"{REFIT}MODEL", "a model card (.json)"]
     if text.startswith(REFIT):
@@ -102,7 +101,7 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
                 allowed=[f"{REFIT}{each}" for each in FORMS],
                 remedy=nearest(name, FORMS),
             )
-        return {"kind": "refit", "name": name, "source": "refitted to the flow physics"}
+        return TruthEntry(kind="refit", name=name, source="refitted to the flow physics")
     if text.endswith(".json"):
         return _of_card(Path(text) if Path(text).is_absolute() else folder / text, file)
     if text not in published:
@@ -114,12 +113,12 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
             allowed=allowed,
             remedy=nearest(text, published),
         )
-    return {
-        "kind": "coefficients",
-        "name": text,
-        "source": f"published, {published[text].name}",
-        "coefficients": read_coefficients(published[text]),
-    }
+    return TruthEntry(
+        kind="coefficients",
+        name=text,
+        source=f"published, {published[text].name}",
+        coefficients=read_coefficients(published[text]),
+    )
 
 
 def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
@@ -151,28 +150,21 @@ def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
     return coefficients
 
 
-def _of_card(path: Path, file: object) -> dict[str, Any]:
+def _of_card(path: Path, file: object) -> TruthEntry:
     card = load_yaml(path, named_in=file, what="model card").parse(ModelCard)  # JSON is YAML
-    return {
-        "kind": "coefficients",
-        "name": card.name,
-        "source": path.name,
-        "coefficients": card.predictor,
-    }
+    return TruthEntry(
+        kind="coefficients", name=card.name, source=path.name, coefficients=card.predictor
+    )
 
 
-def entries_of(plan: Mapping[str, Any]) -> Callable[..., Entries]:
-    """Return what gives the logs and legs of a plan of this kind."""
-    if is_dive_plan(plan):
-        return dive_entries
-    return bench_entries if "bench" in plan else manifest_entries
+def entries_of(plan: PlanDocument | DivePlanDocument, *, format: str) -> Entries:
+    """Return the logs and legs of a plan, as a manifest has them."""
+    if isinstance(plan, DivePlanDocument):
+        return dive_entries(plan, format=format)
+    return (bench_entries if plan.bench is not None else manifest_entries)(plan, format=format)
 
 
-Entries = tuple[list[dict[str, Any]], list[dict[str, Any]]]
-"""The logs and the legs of a manifest."""
-
-
-def with_logs_of_plan(manifest: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
-    """The manifest with the logs and legs of the plan."""
-    logs, legs = entries_of(twin["plan"])(twin["plan"], format=twin["format"])
+def with_logs_of_plan(manifest: Mapping[str, Any], twin: TwinDocument) -> dict[str, Any]:
+    """Return the manifest with the logs and legs of the plan."""
+    logs, legs = entries_of(twin.plan, format=twin.format)
     return {**manifest, "logs": logs, "legs": legs}

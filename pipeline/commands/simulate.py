@@ -10,6 +10,8 @@ from typing import Any
 import pyarrow.csv as pc
 import yaml
 
+from auvid.data_schemas.documents.plans.plan import PlanDocument
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.pipeline.campaigns.twin import PHYSICS, entries_of, load_twin
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -64,7 +66,7 @@ def write_campaign(
     twin = load_twin(
         entry, checked, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
     )
-    if "bench" in twin["plan"]:
+    if isinstance(twin.plan, PlanDocument) and twin.plan.bench is not None:
         remedy = (
             "Make a campaign of kind bench_twin that names the plan under simulate, and run it."
         )
@@ -79,7 +81,7 @@ def write_campaign(
         write_atomically(folder / "logs" / name, content)
     if format == "csv":
         maps = column_maps(accelerometer=accelerometer)
-        logs, _ = entries_of(twin["plan"])(twin["plan"], format=format)
+        logs, _ = entries_of(twin.plan, format=format)
         for name in {item["columns"] for log in logs for item in log["files"]}:
             write_atomically(folder / name, _yaml(maps[Path(name).stem]))
     for leg, table in results.truth.items():
@@ -104,10 +106,10 @@ FORMATS = ("bin", "tlog", "csv")
 ACCELEROMETERS = ("specific_force", "inertial")
 
 
-def _manifest(simulation: Mapping[str, Any], twin: Mapping[str, Any]) -> dict[str, Any]:
+def _manifest(simulation: Mapping[str, Any], twin: TwinDocument) -> dict[str, Any]:
     """Return a manifest over the legs that were reached, each cut where it stopped."""
     ends = {leg["id"]: leg["end_s"] for leg in simulation["legs"] if leg["end_s"] is not None}
-    logs, legs = entries_of(twin["plan"])(twin["plan"], format=twin["format"])
+    logs, legs = entries_of(twin.plan, format=twin.format)
     for log in logs:
         for item in log.get("files", [log]):
             item["file"] = f"logs/{item['file']}"

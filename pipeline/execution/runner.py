@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.documents import delivered
+from auvid.data_schemas.documents import delivered, written
 from auvid.data_schemas.errors import DataError, PipelineError, raise_faults
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import Campaign
@@ -313,13 +313,11 @@ class Run:
     def _of_members(self, feed: Feed) -> Source:
         """A document of each member by its name, or their artefacts by `RUN/ITEM`."""
         if feed.schema in MANIFEST_PORTS:
-            campaign = Place(ONCE)
-            return Value(
-                {
-                    name: run._manifest_document(feed.schema, campaign)
-                    for name, run in self.members.items()
-                }
-            )
+            documents = {
+                name: run._manifest_document(feed.schema, Place(ONCE))
+                for name, run in self.members.items()
+            }
+            return Value(documents, {name: written(each) for name, each in documents.items()})
         entries = {}
         for name, run in self.members.items():
             for port in run.graph.producers(feed.schema):

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from auvid.data_schemas.documents import written
 from auvid.data_schemas.errors import DataError, LogError, PipelineError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile
@@ -44,7 +45,7 @@ class Value:
 
     @property
     def fingerprint(self) -> Any:
-        return None if self.value is None else hash_value(self.written or self.value)
+        return None if self.value is None else hash_value(self.written or written(self.value))
 
     def load(self) -> Any:
         return self.value
@@ -169,7 +170,7 @@ def log_files(campaign: Campaign, log: str, simulated: Path) -> tuple[LogFile, .
             file=campaign.file.path,
             remedy=f"auvid run {campaign.name} --only simulate",
         )
-    maps = column_maps(accelerometer=campaign.twin["accelerometer"])
+    maps = column_maps(accelerometer=campaign.twin.accelerometer)
     entry = campaign.logs[log]
     files = []
     for item in entry.get("files") or [entry]:

@@ -51,7 +51,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         document,
         inputs.published,
         inputs.vehicle,
-        {key.split("/")[0]: twin["plan"] for key, twin in inputs.twin.items()},
+        {
+            key.split("/")[0]: twin.plan.model_dump(exclude_unset=True)
+            for key, twin in inputs.twin.items()
+        },
         measures,
         tuple(results),
     )

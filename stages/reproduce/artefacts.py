@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -17,7 +18,7 @@ class Artefacts:
     """Results of the runs `PLAN/VARIANT`; what a campaign has once has that key."""
 
     vehicle: Vehicle = port("vehicle")
-    twin: Collection[Document] = from_runs("twin")
+    twin: Collection[TwinDocument] = from_runs("twin")
     provenance: Collection[Document] = from_runs("provenance")
     simulation: Collection[Document] = from_runs("simulation")
     truth: Collection[pa.Table] = from_runs("truth")

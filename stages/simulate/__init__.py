@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.apparatus import ApparatusDocument
+from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.actuators.propeller import level_speed
@@ -26,7 +27,6 @@ from auvid.stages.simulate.csv_writer import write_csv
 from auvid.stages.simulate.dataflash_writer import write_dataflash
 from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
 from auvid.stages.simulate.plans import log_name, plan_from_document
-from auvid.stages.simulate.rov.dive_plans import is_dive_plan
 from auvid.stages.simulate.rov.dive_report import dive_section, dive_views
 from auvid.stages.simulate.rov.dives import fly_plan
 from auvid.stages.simulate.sensing import Recorded, record, truth_table
@@ -41,7 +41,7 @@ class Inputs:
     """
 
     vehicle: Vehicle = port("vehicle")
-    twin: Document = port("twin")
+    twin: TwinDocument = port("twin")
     apparatus: ApparatusDocument | None = port("apparatus", optional=True)
 
 
@@ -69,17 +69,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     impossible, and `DataError` where no leg was reached at all.
     """
     vehicle, twin = inputs.vehicle, inputs.twin
-    if is_dive_plan(twin["plan"]):
+    if isinstance(twin.plan, DivePlanDocument):
         return _dives(vehicle, twin)
-    check_document(twin["plan"], "plan", file="the plan")
-    if "bench" in twin["plan"]:
+    if twin.plan.bench is not None:
         return _bench(vehicle, twin, inputs.apparatus)
-    plan = plan_from_document(twin["plan"], vehicle, file="the plan")
-    simulated, notes = truth_force(twin["truth"], plan, vehicle)
-    seed, words = (
-        int(twin["seed"]),
-        f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {twin['seed']}",
-    )
+    plan = plan_from_document(twin.plan, vehicle, file="the plan")
+    simulated, notes = truth_force(twin.truth, plan, vehicle)
+    seed, words = twin.seed, f"auvid twin of {vehicle.name}: {twin.truth.name}, seed {twin.seed}"
     flown = {leg.id: fly_leg(plan, leg, simulated, seed=seed) for leg in plan.legs}
     reached = {name: leg for name, leg in flown.items() if leg.reached}
     if not reached:
@@ -89,9 +85,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             remedy="Choose another truth, or a plan with less motion.",
         )
     recorded = {name: record(leg, plan, seed=seed, text=words) for name, leg in reached.items()}
-    logs: dict[str, bytes] = {}
-    for item in recorded.values():
-        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    logs = _logs(recorded.values(), vehicle, twin)
     tables = {name: truth_table(leg, plan) for name, leg in reached.items()}
     document = _document(twin, flown, recorded, vehicle)
     if isinstance(simulated.truth, IdentifiedModel):
@@ -101,31 +95,35 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(logs, tables, document, _section(document, flown, tables, notes), _views(tables))
 
 
-def _dives(vehicle: Vehicle, twin: Document) -> Outputs:
+def _dives(vehicle: Vehicle, twin: TwinDocument) -> Outputs:
     result = fly_plan(vehicle, twin)
-    logs: dict[str, bytes] = {}
-    for item in result.recorded.values():
-        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    logs = _logs(result.recorded.values(), vehicle, twin)
     return Outputs(
         logs, result.truth, result.document, dive_section(result), dive_views(result.truth)
     )
 
 
-def _bench(vehicle: Vehicle, twin: Document, apparatus: ApparatusDocument | None) -> Outputs:
-    plan, seed = bench_plan(twin["plan"], vehicle, file="the plan"), int(twin["seed"])
+def _bench(vehicle: Vehicle, twin: TwinDocument, apparatus: ApparatusDocument | None) -> Outputs:
+    plan, seed = bench_plan(twin.plan, vehicle, file="the plan"), twin.seed
     words = f"auvid bench twin of {vehicle.name}, seed {seed}"
     flown = {item.id: fly_experiment(item, plan, vehicle, apparatus) for item in plan.experiments}
     recorded = {
         name: record_experiment(item, plan, vehicle, seed=seed, text=words)
         for name, item in flown.items()
     }
-    logs: dict[str, bytes] = {}
-    for item in recorded.values():
-        logs |= log_files(item, vehicle, format=twin["format"], accelerometer=twin["accelerometer"])
+    logs = _logs(recorded.values(), vehicle, twin)
     document = bench_document(
-        plan.title, "numbers of the plan, by run", seed, twin["format"], flown, recorded
+        plan.title, "numbers of the plan, by run", seed, twin.format, flown, recorded
     )
     return Outputs(logs, {}, document, bench_section(document, flown), _views(()))
+
+
+def _logs(recorded: Iterable[Recorded], vehicle: Vehicle, twin: TwinDocument) -> dict[str, bytes]:
+    """Return the files of all logs by name."""
+    logs: dict[str, bytes] = {}
+    for item in recorded:
+        logs |= log_files(item, vehicle, format=twin.format, accelerometer=twin.accelerometer)
+    return logs
 
 
 def log_files(
@@ -139,7 +137,7 @@ def log_files(
 
 
 def _document(
-    twin: Document,
+    twin: TwinDocument,
     flown: Mapping[str, FlownLeg],
     recorded: Mapping[str, Recorded],
     vehicle: Vehicle,
@@ -161,12 +159,11 @@ def _document(
         }
         for name, leg in flown.items()
     ]
-    truth = f"{twin['truth']['name']} ({twin['truth']['source']})"
     return {
-        "plan": twin["plan"]["title"],
-        "truth": truth,
-        "seed": twin["seed"],
-        "format": twin["format"],
+        "plan": twin.plan.title,
+        "truth": f"{twin.truth.name} ({twin.truth.source})",
+        "seed": twin.seed,
+        "format": twin.format,
         "legs": legs,
     }
 

@@ -16,6 +16,11 @@ from auvid.data_schemas.documents.apparatus import (
     FreeDecayEntry,
     QuadrifilarEntry,
 )
+from auvid.data_schemas.documents.plans.plan import (
+    DecayFlightEntry,
+    SwingFlightEntry,
+    TankRunEntry,
+)
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import (
@@ -76,12 +81,15 @@ def fly_experiment(
     Raises `CampaignError` where the apparatus does not have what it names, `DataError`
     where the motion cannot be.
     """
-    if experiment.kind == "tank":
-        return _tank(experiment, plan, vehicle)
-    if apparatus is not None and experiment.kind == "decays" and apparatus.free_decay is not None:
-        return _decay(experiment, plan, vehicle, apparatus.free_decay)
-    if apparatus is not None and experiment.kind == "swings" and apparatus.quadrifilar is not None:
-        return _swing(experiment, vehicle, apparatus.quadrifilar)
+    entry = experiment.entry
+    if isinstance(entry, TankRunEntry):
+        return _tank(experiment, entry, plan, vehicle)
+    pendulum = None if apparatus is None else apparatus.free_decay
+    if isinstance(entry, DecayFlightEntry) and pendulum is not None:
+        return _decay(experiment, entry, plan, vehicle, pendulum)
+    tray = None if apparatus is None else apparatus.quadrifilar
+    if isinstance(entry, SwingFlightEntry) and tray is not None:
+        return _swing(experiment, entry, vehicle, tray)
     part = {"decays": "free_decay", "swings": "quadrifilar"}[experiment.kind]
     raise CampaignError(
         f"the plan has {experiment.kind}, but there is no apparatus with '{part}'",
@@ -90,28 +98,25 @@ def fly_experiment(
     )
 
 
-def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExperiment:
+def _tank(
+    experiment: Experiment, entry: TankRunEntry, plan: BenchPlan, vehicle: Vehicle
+) -> FlownExperiment:
     """Fly a tank run from rest, every command constant until the next.
 
     Thrust follows the whole pulses that are logged.
     """
     assert vehicle.thrusters is not None
-    commands = experiment.entry["commands"]
-    changes = np.unique(
-        np.concatenate(
-            [[0.0], *(np.array(steps["times_s"], dtype=np.float64) for steps in commands.values())]
-        )
-    )
+    commands = entry.commands
+    changes = np.unique(np.concatenate([[0.0], *(steps.times_s for steps in commands.values())]))
     pulses = np.full((changes.size, len(vehicle.thrusters.outputs)), NEUTRAL_US)
     for channel, steps in commands.items():
         index = output_of(channel, vehicle)
-        values = np.concatenate([[0.0], steps["values_percent"]])
-        commands = values[np.searchsorted(steps["times_s"], changes + 1e-9, side="right")]
-        pulses[:, index] = np.rint(_pulse(vehicle.thrusters, commands))
+        values = np.concatenate([[0.0], steps.values_percent])
+        percent = values[np.searchsorted(steps.times_s, changes + 1e-9, side="right")]
+        pulses[:, index] = np.rint(_pulse(vehicle.thrusters, percent))
     tau = thruster_force(vehicle.thrusters, thruster_forces(vehicle.thrusters, pulses))
     start = np.array([0.0, 0.0, plan.depth_m, 0.0, 0.0, 0.0])
-    truth = experiment.entry["truth"]
-    trajectory = drive(plan.model(truth, vehicle), start, changes, tau, experiment.end_s)
+    trajectory = drive(plan.model(entry.truth, vehicle), start, changes, tau, experiment.end_s)
     shallowest = float(trajectory(np.arange(0.0, experiment.end_s, LOOK_S))[0][:, 8].min())
     if shallowest < 0.0:
         remedy = "Start deeper (depth_m), or heave less."
@@ -120,7 +125,7 @@ def _tank(experiment: Experiment, plan: BenchPlan, vehicle: Vehicle) -> FlownExp
             value=f"{-shallowest:.2g} m above the surface",
             remedy=remedy,
         )
-    return FlownExperiment(experiment, trajectory, plan.truths[truth], changes, pulses)
+    return FlownExperiment(experiment, trajectory, plan.truths[entry.truth], changes, pulses)
 
 
 def _pulse(thrusters: Thrusters, percent: Array) -> Array:
@@ -132,13 +137,17 @@ def _pulse(thrusters: Thrusters, percent: Array) -> Array:
 
 
 def _decay(
-    experiment: Experiment, plan: BenchPlan, vehicle: Vehicle, apparatus: FreeDecayEntry
+    experiment: Experiment,
+    entry: DecayFlightEntry,
+    plan: BenchPlan,
+    vehicle: Vehicle,
+    apparatus: FreeDecayEntry,
 ) -> FlownExperiment:
-    truth = plan.truths[experiment.entry["truth"]]
+    truth = plan.truths[entry.truth]
     decays = {decay.id: decay for decay in apparatus.decays}
-    hung = _named(experiment.entry["decay"], decays, "bench.decays.decay", "decay")
+    hung = _named(entry.decay, decays, "bench.decays.decay", "decay")
     pendulum = pendulum_of(apparatus, truth, vehicle, dof=hung.loaded_dof)
-    angle = float(np.radians(experiment.entry["angle_deg"]))
+    angle = float(np.radians(entry.angle_deg))
     return FlownExperiment(experiment, free_decay(pendulum, angle, experiment.end_s), truth)
 
 
@@ -179,20 +188,20 @@ def pendulum_of(
 
 
 def _swing(
-    experiment: Experiment, vehicle: Vehicle, apparatus: QuadrifilarEntry
+    experiment: Experiment, entry: SwingFlightEntry, vehicle: Vehicle, apparatus: QuadrifilarEntry
 ) -> FlownExperiment:
-    entry, swings = experiment.entry, {swing.id: swing for swing in apparatus.swings}
-    laid = _named(entry["swing"], swings, "bench.swings.swing", "swing")
+    swings = {item.id: item for item in apparatus.swings}
+    laid = _named(entry.swing, swings, "bench.swings.swing", "swing")
     tray = Quadrifilar(
-        inertia=float(entry["inertia_kg_m2"]),
+        inertia=entry.inertia_kg_m2,
         mass=apparatus.tray_mass.si + (0.0 if laid.mass is None else laid.mass.si),
         radius_ceiling=apparatus.radius_ceiling.si,
         radius_tray=apparatus.radius_tray.si,
         line=apparatus.line_length.si,
-        damping=float(entry.get("damping_N_m_s", 0.0)),
+        damping=entry.damping_N_m_s,
         gravity=vehicle.gravity,
     )
-    trajectory = swing(tray, float(np.radians(entry["angle_deg"])), experiment.end_s)
+    trajectory = swing(tray, float(np.radians(entry.angle_deg)), experiment.end_s)
     return FlownExperiment(experiment, trajectory, {"inertia": tray.inertia, "mass": tray.mass})
 
 
@@ -215,7 +224,7 @@ def record_experiment(
 
     It begins `margin_s` before its leg; clocks tick in whole milliseconds.
     """
-    noisy = plan.with_noise(flown.experiment.noise)
+    noisy = plan.with_noise(flown.experiment.entry.noise)
     return (_record_tank if flown.experiment.kind == "tank" else _record_pendulum)(
         flown, noisy, vehicle, seed, text
     )

@@ -11,6 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.plans.plan import (
+    BenchEntry,
+    DecayFlightEntry,
+    PlanDocument,
+    SwingFlightEntry,
+    TankRunEntry,
+)
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.hydro.arrays import Array, read_only
 from auvid.hydro.dynamics.simplified import (
@@ -23,17 +31,19 @@ from auvid.hydro.dynamics.simplified import (
 )
 from auvid.hydro.dynamics.simulation.sensor_models import AhrsNoise
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.simulate.plans import CSV_PARTS, ID, ahrs_noise, log_entry, margin_s
+from auvid.stages.simulate.plans import (
+    CSV_PARTS,
+    Entries,
+    ahrs_noise,
+    leg_entry,
+    log_entry,
+    stream_rates,
+)
 
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 """Channels in the order of the axes."""
-DRIVEN = {"pitch": frozenset({"surge", "heave"})}
-"""Which channels are commanded to excite one; those that are not named here by
-themselves.
-"""
 POLE = ("pole_added_mass", "pole_linear", "pole_quadratic")
 BODY = ("mass", *INERTIAS, *DERIVATIVES, *LINEAR, *QUADRATIC)
-KINDS = ("tank", "decays", "swings")
 TANK_PARTS = (*CSV_PARTS[:3], "outputs")
 OUTPUTS = 8
 """Outputs that a twin's log holds."""
@@ -46,23 +56,24 @@ class Experiment:
     Times of its log count from `margin_s` before its start.
     """
 
-    kind: str
-    entry: Mapping[str, Any]
+    entry: TankRunEntry | DecayFlightEntry | SwingFlightEntry
     margin_s: float
 
     @property
+    def kind(self) -> str:
+        """Key of the plan that it stands under."""
+        if isinstance(self.entry, TankRunEntry):
+            return "tank"
+        return "decays" if isinstance(self.entry, DecayFlightEntry) else "swings"
+
+    @property
     def id(self) -> str:
-        return str(self.entry["id"])
+        return self.entry.id
 
     @property
     def end_s(self) -> float:
         """End of leg and log, from the start of the leg."""
-        return float(self.entry["duration_s"])
-
-    @property
-    def noise(self) -> float:
-        """Factor on the noise of its sensors."""
-        return float(self.entry.get("noise", 1.0))
+        return self.entry.duration_s
 
 
 @dataclass(frozen=True)
@@ -115,89 +126,69 @@ def _scaled(noise: AhrsNoise, factor: float) -> AhrsNoise:
     )
 
 
-def bench_plan(document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None) -> BenchPlan:
+def bench_plan(document: object, vehicle: Vehicle, *, file: object = None) -> BenchPlan:
     """Return the plan of a document of schema `plan` with key `bench`.
 
     Raises `CampaignError`, all faults together.
     """
-    raise_faults(list(_faults(document, vehicle, file)), file=file)
-    bench, margin = document["bench"], margin_s(document)
-    sensors = document.get("sensors") or {}
-    a, dvl, depth = (sensors.get(key) or {} for key in ("ahrs", "dvl", "depth"))
-    pixhawk = bench.get("pixhawk") or {}
-    rates = {
-        "imu": (a, 50.0),
-        "velocity": (dvl, 4.0),
-        "depth": (depth, 10.0),
-        "actuators": (sensors.get("actuators") or {}, 50.0),
-    }
+    plan = parse(PlanDocument, document, file=file)
+    bench, sensors = bench_of(plan), plan.sensors
+    raise_faults(list(_faults(bench, vehicle, file)), file=file)
     return BenchPlan(
-        title=str(document["title"]),
-        experiments=tuple(
-            Experiment(kind, entry, margin) for kind in KINDS for entry in bench.get(kind) or ()
-        ),
-        truths=bench["truths"],
-        keep_z_G=bool(bench.get("keep_z_G", False)),
-        depth_m=float(document.get("depth_m", 5.0)),
-        rates_hz={
-            stream: float(entry.get("rate_hz", default))
-            for stream, (entry, default) in rates.items()
-        },
-        ahrs=ahrs_noise(a),
-        velocity_sd_m_s=float(dvl.get("sd_m_s", 0.0)),
-        depth_sd_m=float(depth.get("sd_m", 0.0)),
-        pixhawk=ahrs_noise(pixhawk),
-        pixhawk_hz=float(pixhawk.get("rate_hz", 50.0)),
-        pixhawk_arm_m=float(pixhawk.get("arm_m", 1.0)),
-        pixhawk_mounting_rad=np.radians(
-            np.array(pixhawk.get("mounting_deg", (0.0, 0.0, 0.0)), dtype=np.float64)
-        ),
+        title=plan.title,
+        experiments=tuple(Experiment(entry, plan.margin_s) for entry in bench.experiments),
+        truths=bench.truths,
+        keep_z_G=bench.keep_z_G,
+        depth_m=plan.depth_m,
+        rates_hz=stream_rates(sensors),
+        ahrs=ahrs_noise(sensors.ahrs),
+        velocity_sd_m_s=sensors.dvl.sd_m_s,
+        depth_sd_m=sensors.depth.sd_m,
+        pixhawk=ahrs_noise(bench.pixhawk),
+        pixhawk_hz=bench.pixhawk.rate_hz,
+        pixhawk_arm_m=bench.pixhawk.arm_m,
+        pixhawk_mounting_rad=np.radians(np.array(bench.pixhawk.mounting_deg)),
     )
 
 
-def bench_entries(
-    document: Mapping[str, Any], *, format: str
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def bench_of(plan: PlanDocument) -> BenchEntry:
+    """Return the experiments of a bench plan."""
+    assert plan.bench is not None
+    return plan.bench
+
+
+def bench_entries(document: object, *, format: str) -> Entries:
     """Return the logs and legs of a manifest for a bench plan.
 
     One log per run, whose leg names its role or channel.
     """
+    plan = parse(PlanDocument, document)
+    bench = bench_of(plan)
     logs, legs = [], []
-    margin = margin_s(document)
-    for kind in KINDS:
-        for entry in document["bench"].get(kind) or ():
-            logs.append(
-                log_entry(entry["id"], format, TANK_PARTS if kind == "tank" else CSV_PARTS[:1])
-            )
-            keys = (
-                _driven(entry, document)
-                if kind == "tank"
-                else {"role": {"decays": "free_decay", "swings": "quadrifilar"}[kind]}
-            )
-            end = margin + float(entry["duration_s"])
-            legs.append(
-                {
-                    "id": entry["id"],
-                    "log": entry["id"],
-                    "start_s": margin,
-                    "end_s": end,
-                    "use": entry.get("use", "training"),
-                    **keys,
-                }
-            )
+    for entry in bench.experiments:
+        tank = isinstance(entry, TankRunEntry)
+        logs.append(log_entry(entry.id, format, TANK_PARTS if tank else CSV_PARTS[:1]))
+        leg = leg_entry(entry.id, plan.margin_s, entry.duration_s, entry.use)
+        legs.append({**leg, **_role(entry, bench.truths)})
     return logs, legs
 
 
-def _driven(entry: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of the leg of a tank run.
+def _role(
+    entry: TankRunEntry | DecayFlightEntry | SwingFlightEntry,
+    truths: Mapping[str, Mapping[str, float]],
+) -> dict[str, Any]:
+    """Return the keys of a leg by its run.
 
-    Its channel, and the mass or moment of inertia of its truth where that has one of
-    its own.
+    Of a tank run its channel, and the mass or moment of inertia of its truth where that
+    has one of its own.
     """
-    truth = document["bench"]["truths"][entry["truth"]]
-    axis = CHANNELS.index(entry["channel"])
+    if isinstance(entry, DecayFlightEntry):
+        return {"role": "free_decay"}
+    if isinstance(entry, SwingFlightEntry):
+        return {"role": "quadrifilar"}
+    truth, axis = truths[entry.truth], CHANNELS.index(entry.channel)
     key, name = ("mass_kg", "mass") if axis < 3 else ("inertia_kg_m2", INERTIAS[axis - 3])
-    return {"channel": entry["channel"], **({key: float(truth[name])} if name in truth else {})}
+    return {"channel": entry.channel, **({key: truth[name]} if name in truth else {})}
 
 
 def model_of(
@@ -241,45 +232,20 @@ def output_of(channel: str, vehicle: Vehicle) -> int | None:
     return None
 
 
-def _faults(document: Mapping[str, Any], vehicle: Vehicle, file: object) -> Iterator[PipelineError]:
+def _faults(bench: BenchEntry, vehicle: Vehicle, file: object) -> Iterator[PipelineError]:
     def fault(message: str, field: str, value: object, **more: Any) -> CampaignError:
         return CampaignError(message, file=file, field=field, value=value, **more)
 
-    bench = document["bench"]
-    entries = [
-        (f"bench.{kind}[{index}]", kind, entry)
-        for kind in KINDS
-        for index, entry in enumerate(bench.get(kind) or ())
-    ]
-    if "legs" in document:
-        yield fault("a plan has either legs or bench", "legs", len(document["legs"]))
-    if not entries:
-        yield fault("the plan has no experiment", "bench", list(bench), allowed=KINDS)
-    mounting = (bench.get("pixhawk") or {}).get("mounting_deg")
-    if mounting is not None and len(mounting) != 3:
-        yield fault("three numbers are needed", "bench.pixhawk.mounting_deg", mounting)
-    ids: set[str] = set()
-    for at, kind, entry in entries:
-        if not ID.fullmatch(entry["id"]) or entry["id"].lower() in ids:
-            yield fault(
-                "not a name of its own",
-                f"{at}.id",
-                entry["id"],
-                allowed="letters, digits, _ and -, each name once",
-            )
-        ids.add(entry["id"].lower())
-        if kind != "swings" and entry["truth"] not in bench["truths"]:
-            names = list(bench["truths"])
-            yield fault(
-                "no such truth",
-                f"{at}.truth",
-                entry["truth"],
-                allowed=names,
-                remedy=nearest(entry["truth"], names),
-            )
-        if kind == "tank":
-            yield from _command_faults(at, entry, vehicle, fault)
-    for name, truth in bench["truths"].items():
+    for index, run in enumerate(bench.tank):
+        for channel in run.commands:
+            at, output = f"bench.tank[{index}].commands.{channel}", output_of(channel, vehicle)
+            if output is None or vehicle.thrusters is None:
+                words = "the vehicle has no thruster that drives this channel alone"
+                yield fault(words, at, vehicle.name)
+            elif vehicle.thrusters.outputs[output] > OUTPUTS:
+                words = f"the twin logs {OUTPUTS} outputs"
+                yield fault(words, at, vehicle.thrusters.outputs[output])
+    for name, truth in bench.truths.items():
         yield from _truth_faults(f"bench.truths.{name}", truth, vehicle, fault)
 
 
@@ -316,37 +282,3 @@ def _truth_faults(
         return
     if np.linalg.eigvalsh(model.mass_matrix)[0] <= 0.0:
         yield fault("the mass matrix is not positive definite", at, dict(truth))
-
-
-def _command_faults(
-    at: str, entry: Mapping[str, Any], vehicle: Vehicle, fault: Callable[..., CampaignError]
-) -> Iterator[PipelineError]:
-    driven = DRIVEN.get(entry["channel"], frozenset({entry["channel"]}))
-    if set(entry["commands"]) != driven:
-        yield fault(
-            "the channel is not driven by these commands",
-            f"{at}.commands",
-            sorted(entry["commands"]),
-            allowed=sorted(driven),
-        )
-        return
-    for channel, steps in entry["commands"].items():
-        times, values, where = steps["times_s"], steps["values_percent"], f"{at}.commands.{channel}"
-        output = output_of(channel, vehicle)
-        if output is None:
-            yield fault(
-                "the vehicle has no thruster that drives this channel alone", where, vehicle.name
-            )
-        elif vehicle.thrusters is not None and vehicle.thrusters.outputs[output] > OUTPUTS:
-            yield fault(
-                f"the twin logs {OUTPUTS} outputs", where, vehicle.thrusters.outputs[output]
-            )
-        if len(times) != len(values) or not times:
-            yield fault(
-                "as many times as values are needed",
-                f"{where}.times_s",
-                len(times),
-                allowed=len(values),
-            )
-        elif np.any(np.diff(times) <= 0.0) or times[-1] >= entry["duration_s"]:
-            yield fault("the times do not increase within the leg", f"{where}.times_s", times)

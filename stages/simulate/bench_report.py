@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.plans.plan import TankRunEntry
 from auvid.stages.presentation import Block, panel, plot, section, series, table, text
 from auvid.stages.simulate.bench import FlownExperiment
 from auvid.stages.simulate.bench_plans import CHANNELS
@@ -72,7 +73,8 @@ def bench_section(
 def _plot(name: str, flown: FlownExperiment) -> Block:
     t = np.linspace(0.0, min(flown.experiment.end_s, SHOWN_S), 1201)
     state, _ = flown.trajectory(t)
-    if flown.experiment.kind != "tank":
+    run = flown.experiment.entry
+    if not isinstance(run, TankRunEntry):
         panels = [panel("angle", "deg", [series("true", t, np.degrees(state[:, 0]), "true")])]
         return plot(f"True swing of {name}", panels, look_for="The swing decays without a jump.")
     assert flown.changes_s is not None
@@ -82,7 +84,7 @@ def _plot(name: str, flown: FlownExperiment) -> Block:
     pulses = [
         series(f"output {index + 1}", t, flown.pulses_us[which, index], "raw") for index in used
     ]
-    axis = CHANNELS.index(flown.experiment.entry["channel"])
+    axis = CHANNELS.index(run.channel)
     unit = "m/s" if axis < 3 else "rad/s"
     panels = [
         panel("pulse", "us", pulses),

@@ -8,10 +8,10 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.twin import TruthEntry
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest, raise_faults
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
@@ -160,20 +160,20 @@ def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> 
 
 
 def truth_force(
-    truth: Mapping[str, Any], plan: Plan, vehicle: Vehicle
+    truth: TruthEntry, plan: Plan, vehicle: Vehicle
 ) -> tuple[SimulatedVehicle, list[str]]:
-    """The simulated of a truth (part `truth` of schema `twin`), and sentences about it.
+    """Return the vehicle of a truth (part `truth` of schema `twin`), and sentences about it.
 
     Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown
     model.
     """
-    name, kind = str(truth["name"]), truth["kind"]
-    if kind == "physics":
+    name = truth.name
+    if truth.kind == "physics":
         return SimulatedVehicle(vehicle, physical_viscous(vehicle), plan.viscous_lag_s), []
-    if kind == "refit":
+    if truth.kind == "refit":
         model, notes = refit(name, plan, vehicle)
         return SimulatedVehicle(vehicle, model, plan.viscous_lag_s), notes
-    coefficients = checked_coefficients(truth.get("coefficients") or {}, file=truth["source"])
+    coefficients = checked_coefficients(truth.coefficients, file=truth.source)
     return SimulatedVehicle(vehicle, IdentifiedModel(name, coefficients), plan.viscous_lag_s), []
 
 
@@ -237,7 +237,15 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
         factor = factor.update(
             basis_rows(nu.T, ratio, model.distinct_terms), simulated.viscous_force(nu, ratio)
         )
-    coefficients, errors = {}, []
+    refitted, ratios = model_of_factor(name, model, factor)
+    return refitted, [f"refitted to the flow physics, J/J0 over the legs: {ratios}"]
+
+
+def model_of_factor(
+    name: str, model: ViscousModel, factor: TriangularFactor
+) -> tuple[IdentifiedModel, str]:
+    """Return the least-squares fit of a model, and its J/J0 by axis in words."""
+    coefficients, ratios = {}, []
     for axis, terms in model.terms.items():
         if terms:
             fit = solve_axis(factor, axis, terms)
@@ -246,10 +254,8 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
                 for term, value in zip(terms, fit.solution, strict=True)
                 if value != 0.0
             }
-            errors.append(f"{axis} {fit.rms / fit.j0:.3f}" if fit.j0 > 0.0 else f"{axis} -")
-    return IdentifiedModel(name, coefficients), [
-        f"refitted to the flow physics, J/J0 over the legs: {', '.join(errors)}"
-    ]
+            ratios.append(f"{axis} {fit.rms / fit.j0:.3f}" if fit.j0 > 0.0 else f"{axis} -")
+    return IdentifiedModel(name, coefficients), ", ".join(ratios)
 
 
 def _steady(plan: Plan) -> Plan:

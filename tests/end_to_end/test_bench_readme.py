@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from auvid.data_schemas.documents.apparatus import ApparatusDocument
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 from auvid.stages import simulate
@@ -105,7 +108,11 @@ def test_bench_of_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         "format": "bin",
     }
     flown = simulate.run(
-        simulate.Inputs(vehicle, {**twin, "accelerometer": "specific_force"}, read_yaml(apparatus)),
+        simulate.Inputs(
+            vehicle,
+            parse(TwinDocument, {**twin, "accelerometer": "specific_force"}),
+            parse(ApparatusDocument, read_yaml(apparatus)),
+        ),
         simulate.Params(),
     )
     files = {log["id"]: flown.logs[log["file"]] for log in bench_entries(PLAN, format="bin")[0]}

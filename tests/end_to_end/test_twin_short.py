@@ -15,6 +15,8 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.tables import column, matrix
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
@@ -172,7 +174,7 @@ def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
         "format": "csv",
         "accelerometer": "specific_force",
     }
-    outputs = simulate.run(simulate.Inputs(VT690, twin), simulate.Params())
+    outputs = simulate.run(simulate.Inputs(VT690, parse(TwinDocument, twin)), simulate.Params())
     model, _ = refit(name, plan_from_document(document, VT690), VT690)
     assert outputs.simulation["coefficients"] == model.coefficients
     return {axis: dict(terms) for axis, terms in model.coefficients.items()}, list(

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from auvid.data_schemas.documents.model import Faults, Model, Range, fault
-
-Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
-NotNegative = Annotated[float, Range(0)]
+from auvid.data_schemas.documents.plans.plan import (
+    Name,
+    NotNegative,
+    NotNegativeTriple,
+    Triple,
+    in_order,
+    repeated_names,
+)
 
 
 class StickEntry(Model):
@@ -66,15 +70,6 @@ class SticksEntry(Model):
     """To starboard."""
 
 
-def in_order(name: str, times_s: list[float], values: list[float]) -> None:
-    """Raise unless the times ascend, and there are as many values, one or more."""
-    if len(times_s) != len(values) or not times_s:
-        raise Faults(fault("as many times as values are needed", "times_s", len(times_s),
-                           allowed=f"{len(values)}, as {name} has"))  # fmt: skip
-    if any(late <= early for early, late in itertools.pairwise(times_s)):
-        raise Faults(fault("the times do not increase", "times_s", times_s))
-
-
 class ModeChangeEntry(Model):
     """A mode of the autopilot, from a time on."""
 
@@ -114,7 +109,7 @@ class RouteEntry(Model):
 class DiveLegEntry(Model):
     """One leg of a dive, flown and logged for itself."""
 
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$")]
+    id: Name
     """Short name of leg and log: letters, digits, _ and -."""
     duration_s: Annotated[float, Range(1, 7200)]
     """Length of the leg."""
@@ -137,9 +132,9 @@ class DiveLegEntry(Model):
 class RovUnsteadyEntry(Model):
     """First-order Gauss-Markov force on the body, of constant size."""
 
-    force_sd_N: Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
+    force_sd_N: NotNegativeTriple
     """Standard deviation of X, Y, Z."""
-    moment_sd_N_m: Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
+    moment_sd_N_m: NotNegativeTriple
     """Standard deviation of K, M, N."""
     correlation_s: Annotated[float, Range(0.001, 100)]
     """Correlation time."""
@@ -307,10 +302,9 @@ class DivePlanDocument(Model):
 
     @model_validator(mode="after")
     def _legs(self) -> DivePlanDocument:
-        names = [leg.id.lower() for leg in self.legs]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise Faults(fault("not a name of its own", f"legs[{index}].id", name))
+        Faults(
+            *repeated_names([(f"legs[{index}]", leg.id) for index, leg in enumerate(self.legs)])
+        ).raise_any()
         if self.margin_s > self.settle_s:
             message = "the log would begin before the vehicle does"
             raise Faults(fault(message, "margin_s", self.margin_s, allowed="at most settle_s"))

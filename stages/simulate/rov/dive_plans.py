@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.simulation.rov.truth import checked_thrusters
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.simulate.plans import log_entry
+from auvid.stages.simulate.plans import Entries, leg_entry, log_entry
 
 DIVE_CSV_PARTS = ("imu", "attitude", "dvl", "depth", "outputs", "battery")
 
 
-def is_dive_plan(document: Mapping[str, Any]) -> bool:
-    """Return whether a plan is one of dives, as its key `kind` says."""
-    return document.get("kind") == "dives"
-
-
-def dive_plan(
-    document: Mapping[str, Any], vehicle: Vehicle, *, file: object = None
-) -> DivePlanDocument:
+def dive_plan(document: object, vehicle: Vehicle, *, file: object = None) -> DivePlanDocument:
     """Return the checked plan; `CampaignError` for a vehicle that cannot dive it."""
     plan = parse(DivePlanDocument, document, file=file)
     try:
@@ -32,20 +22,10 @@ def dive_plan(
     return plan
 
 
-def dive_entries(
-    document: Mapping[str, Any], *, format: str
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def dive_entries(document: object, *, format: str) -> Entries:
     """Return logs and legs of a manifest for the logs of the twin, one log per leg."""
     plan = parse(DivePlanDocument, document)
-    logs = [log_entry(leg.id, format, DIVE_CSV_PARTS) for leg in plan.legs]
-    legs = [
-        {
-            "id": leg.id,
-            "log": leg.id,
-            "start_s": plan.margin_s,
-            "end_s": plan.margin_s + leg.duration_s,
-            "use": leg.use,
-        }
-        for leg in plan.legs
-    ]
-    return logs, legs
+    return (
+        [log_entry(leg.id, format, DIVE_CSV_PARTS) for leg in plan.legs],
+        [leg_entry(leg.id, plan.margin_s, leg.duration_s, leg.use) for leg in plan.legs],
+    )

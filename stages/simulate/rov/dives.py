@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.simulation.rov.dive import FORCES, Dive, fly_dive
 from auvid.hydro.dynamics.simulation.rov.sensors import START_US, record_dive
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.base import Document
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns, named
 from auvid.stages.simulate.rov.dive_plans import dive_plan
 from auvid.stages.simulate.rov.truths import truth_of_twin
@@ -38,14 +38,14 @@ class DivesResult:
     notes: list[str]
 
 
-def fly_plan(vehicle: Vehicle, twin: Document) -> DivesResult:
+def fly_plan(vehicle: Vehicle, twin: TwinDocument) -> DivesResult:
     """Return all legs of a plan of dives, flown and recorded.
 
     Raises `CampaignError` for a plan that the vehicle cannot dive, and `DataError`
     where no leg was reached at all.
     """
-    plan, seed = dive_plan(twin["plan"], vehicle, file="the plan"), int(twin["seed"])
-    truth, notes = truth_of_twin(twin["truth"], plan, vehicle)
+    plan, seed = dive_plan(twin.plan, vehicle, file="the plan"), twin.seed
+    truth, notes = truth_of_twin(twin.truth, plan, vehicle)
     dives = {leg.id: fly_dive(truth, plan, leg, seed=seed) for leg in plan.legs}
     reached = {name: dive for name, dive in dives.items() if dive.reached}
     if not reached:
@@ -54,13 +54,13 @@ def fly_plan(vehicle: Vehicle, twin: Document) -> DivesResult:
             f"the twin reached no leg: {reasons}",
             remedy="Choose another truth, or a plan with less motion.",
         )
-    words = f"auvid twin of {vehicle.name}: {twin['truth']['name']}, seed {seed}"
+    words = f"auvid twin of {vehicle.name}: {twin.truth.name}, seed {seed}"
     recorded = {name: recorded_dive(dive, plan, seed, words) for name, dive in reached.items()}
     document: dict[str, Any] = {
         "plan": plan.title,
-        "truth": f"{twin['truth']['name']} ({twin['truth']['source']})",
+        "truth": f"{twin.truth.name} ({twin.truth.source})",
         "seed": seed,
-        "format": twin["format"],
+        "format": twin.format,
         "legs": [_leg(name, dive, recorded.get(name)) for name, dive in dives.items()],
     }
     if isinstance(truth.hull, IdentifiedModel):

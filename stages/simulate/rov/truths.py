@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.twin import TruthEntry
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.simulation.rov.dive import fly_dive
@@ -18,8 +17,8 @@ from auvid.hydro.dynamics.simulation.rov.truth import RovTruth, physical_truth, 
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel, without_propeller_terms
-from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
-from auvid.stages.simulate.flights import checked_coefficients, form_named
+from auvid.hydro.identification.regression.least_squares import TriangularFactor
+from auvid.stages.simulate.flights import checked_coefficients, form_named, model_of_factor
 
 SPREAD = np.array([0.15, 0.15, 0.12, 0.3, 0.3, 0.3])
 """Standard deviation of u v w [m/s] and p q r [rad/s] about the motion of the dives,
@@ -29,20 +28,20 @@ EVERY_S = 0.1
 
 
 def truth_of_twin(
-    truth: Mapping[str, Any], plan: DivePlanDocument, vehicle: Vehicle
+    truth: TruthEntry, plan: DivePlanDocument, vehicle: Vehicle
 ) -> tuple[RovTruth, list[str]]:
     """Return a truth (part `truth` of schema `twin`) in the plan's water, and notes.
 
     Raises `CampaignError` for coefficients of unknown axes or terms, an unknown model,
     or a vehicle without thrusters.
     """
-    name, kind = str(truth["name"]), truth["kind"]
-    if kind == "physics":
+    name = truth.name
+    if truth.kind == "physics":
         return in_plan(physical_truth(vehicle), plan), []
-    if kind == "refit":
+    if truth.kind == "refit":
         model, notes = refit_hull(name, plan, vehicle)
         return in_plan(truth_of_model(vehicle, model), plan), notes
-    coefficients = checked_coefficients(truth.get("coefficients") or {}, file=truth["source"])
+    coefficients = checked_coefficients(truth.coefficients, file=truth.source)
     return in_plan(truth_of_model(vehicle, IdentifiedModel(name, coefficients)), plan), []
 
 
@@ -85,18 +84,9 @@ def refit_hull(
         random = random_numbers(0, leg.id, SCATTER)
         nu = motion.nu + SPREAD * random.standard_normal(motion.nu.shape)
         factor = factor.update(basis_rows(nu.T, None, model.distinct_terms), _hull(truth, nu))
-    coefficients, errors = {}, []
-    for axis, terms in model.terms.items():
-        if terms:
-            fit = solve_axis(factor, axis, terms)
-            coefficients[axis] = {
-                term: float(value)
-                for term, value in zip(terms, fit.solution, strict=True)
-                if value != 0.0
-            }
-            errors.append(f"{axis} {fit.rms / fit.j0:.3f}" if fit.j0 > 0.0 else f"{axis} -")
-    return IdentifiedModel(name, coefficients), [
-        f"refitted to the drag of the frame, J/J0 over the legs: {', '.join(errors)}",
+    refitted, ratios = model_of_factor(name, model, factor)
+    return refitted, [
+        f"refitted to the drag of the frame, J/J0 over the legs: {ratios}",
         "This truth has the mass, the buoyancy and the thrust of the vehicle file, and no tether.",
     ]
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from pymavlink import DFReader, mavutil
 
-from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.apparatus import ApparatusDocument, FreeDecayEntry
 from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.data_schemas.tables import column, matrix
 from auvid.data_schemas.yaml_text import read_yaml
@@ -78,7 +78,6 @@ PLAN: dict[str, Any] = {
 def run(
     plan: dict[str, Any] = PLAN, format: str = "bin", apparatus: Any = APPARATUS
 ) -> simulate.Outputs:
-    check_document(plan, "plan")
     twin = {
         "plan": plan,
         "truth": {"kind": "physics", "name": "physics", "source": "plan"},
@@ -88,7 +87,7 @@ def run(
     return simulate.run(
         simulate.Inputs(
             THAUS,
-            {**twin, "accelerometer": "specific_force"},
+            parse(TwinDocument, {**twin, "accelerometer": "specific_force"}),
             None if apparatus is None else parse(ApparatusDocument, apparatus),
         ),
         simulate.Params(),
@@ -401,7 +400,6 @@ def test_channels_find_the_thruster_that_drives_them_alone() -> None:
     ],
 )
 def test_impossible_plans_are_refused(plan: dict[str, Any], words: str) -> None:
-    check_document(plan, "plan")
     with pytest.raises(PipelineError, match=words):
         bench_plan(plan, THAUS)
 

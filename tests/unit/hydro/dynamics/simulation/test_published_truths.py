@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, matrix
 from auvid.data_schemas.yaml_text import read_yaml
@@ -46,7 +48,7 @@ def fly(name: str, duration_s: float, *, settle_s: float = 2) -> simulate.Output
         "format": "csv",
         "accelerometer": "specific_force",
     }
-    return simulate.run(simulate.Inputs(VT690, twin), simulate.Params())
+    return simulate.run(simulate.Inputs(VT690, parse(TwinDocument, twin)), simulate.Params())
 
 
 def test_there_are_eight() -> None:

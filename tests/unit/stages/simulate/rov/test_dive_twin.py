@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.tables import column, matrix
 from auvid.data_schemas.yaml_text import read_yaml
@@ -59,9 +61,9 @@ PLAN: dict[str, Any] = {
 }
 
 
-def twin(**changes: object) -> dict[str, Any]:
+def twin(**changes: object) -> TwinDocument:
     common = {"seed": 3, "format": "bin", "accelerometer": "specific_force"}
-    return {"plan": PLAN, "truth": PHYSICS, **common, **changes}
+    return parse(TwinDocument, {"plan": PLAN, "truth": PHYSICS, **common, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +155,7 @@ def test_a_refit_is_a_truth_inside_its_form(form: str) -> None:
 
 def test_forms_of_the_symmetry_can_be_named(tmp_path: Path) -> None:
     where = {"vehicle_file": tmp_path / "v.yaml", "folder": tmp_path, "file": "m"}
-    assert load_truth("refit:symmetric", **where)["name"] == "symmetric"
+    assert load_truth("refit:symmetric", **where).name == "symmetric"
     with pytest.raises(CampaignError, match="symmetric"):
         load_truth("refit:symetric", **where)
 
