@@ -37,6 +37,10 @@ class TermCard(Model):
     """Terms it cannot be told from."""
     turns_without: list[str] | None = None
     """Training legs without which its sign turns."""
+    assumed_shifts: dict[str, float] = Field(default_factory=dict)
+    """Assumed figure of the vehicle -> what one standard deviation of it moves the value
+    by, in the unit of the value; no part of the standard error.
+    """
 
 
 class CovarianceCard(Model):
@@ -184,6 +188,9 @@ class ModelCard(Model):
     """
     assumed: list[str]
     """Figures of the vehicle that are assumed."""
+    spreads: dict[str, float] = Field(default_factory=dict)
+    """Standard deviations of assumed figures, in SI or as a share; others count as exact.
+    """
     axes: dict[str, AxisCard]
     """Per axis: rms_N (J0), residual_rms (J), terms."""
     not_applicable: list[str]

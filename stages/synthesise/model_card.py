@@ -26,7 +26,11 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFi
 from auvid.hydro.identification.regression.normal_changes import widened
 from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
-from auvid.hydro.identification.regression.verdicts import INSEPARABLE, NOT_EXCITED
+from auvid.hydro.identification.regression.verdicts import (
+    INSEPARABLE,
+    NOT_EXCITED,
+    strongest,
+)
 from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.synthesise.training import TrainingData
 
@@ -70,13 +74,17 @@ def model_card(
             coloured,
             [change.shift(fit) for change in (*(errors.velocities or ()), *errors.smoothing)],
         )
+        figures = {
+            name: np.sqrt(sum(change.shift(fit) ** 2 for change in changes))
+            for name, changes in errors.figures.items()
+        }
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }
         after, wide = posterior(
             data.factor, fit, covariance, means, relative_sd=prior.relative_sd, trim=trim
         )
-        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion, turns[axis])
+        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion, turns[axis], figures)
         predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means
@@ -94,6 +102,7 @@ def model_card(
         velocity_errors=data.errors.velocities is not None,
         left_out=list(left_out),
         assumed=list(vehicle.assumed),
+        spreads=dict(vehicle.spreads),
         axes=axes,
         not_applicable=[
             f"{axis} {term}"
@@ -130,11 +139,13 @@ def _axis_entry(
     wide: Array,
     motion: Mapping[str, VelocityExcitation],
     turns: Mapping[str, tuple[str, ...]],
+    figures: Mapping[str, Array],
 ) -> AxisCard:
     """Return what the data say of every term of one axis.
 
     Verdicts are of `fit` with `covariance`; numbers and errors are those with the
-    prior, `after` with `wide`.
+    prior, `after` with `wide`. figures: assumed figure -> shifts (k,) by one standard
+    deviation.
     """
     verdicts, determined = judge_with_motion(fit, motion, covariance=covariance, turns=turns)
     errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
@@ -153,9 +164,14 @@ def _axis_entry(
                 unit=coefficient_unit(fit.axis, term),
                 value=float(after.solution[index]) if has_number else None,
                 standard_error=_finite(errors[index]) if has_number else None,
-                verdict=verdict.status,
+                verdict=strongest(verdict.status, "least squares"),
                 inseparable_from=(
                     list(verdict.partners) if verdict.status == INSEPARABLE else None
+                ),
+                assumed_shifts=(
+                    {name: float(shifts[index]) for name, shifts in figures.items()}
+                    if has_number
+                    else {}
                 ),
                 turns_without=list(turns[term]) if has_number and term in turns else None,
             )

@@ -56,6 +56,7 @@ from auvid.hydro.identification.constrained.statuses import (
 )
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
+from auvid.hydro.identification.regression.verdicts import strongest
 from auvid.hydro.identification.selection.ranking import error_ratios
 from auvid.stages.synthesise.model_card import Prior, held_out_card
 from auvid.stages.synthesise.training import others_of
@@ -213,7 +214,7 @@ def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:
 
 def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus) -> TermCard:
     value, free, error = float(fit.values[i]), float(fit.free[i]), float(fit.standard_errors[i])
-    update: dict[str, object] = {"verdict": status.status}
+    update: dict[str, object] = {"verdict": strongest(status.status, "within limits")}
     if status.status == AT_BOUND:
         update |= {"value": value, "standard_error": None}
     elif status.status == FROM_PRIOR:

@@ -40,6 +40,10 @@ T_LIMIT = 4.0
 every axis under 5 % (`discovery_limit`), however many basis terms a model has. On the VT
 690 twin whose truth is Linear, 2 calls terms identified that are zero but for noise.
 """
+MAY_IDENTIFY = frozenset({"least squares", "within limits", "maximum likelihood"})
+"""Methods (of `ModelCard`) whose coefficients may be called identified; of others the
+strongest word is weak.
+"""
 VIF_LIMIT = 100.0
 """A column of which less than a tenth is its own: its standard error is ten times what
 it would be alone.
@@ -121,6 +125,11 @@ def judge(
             share=value * rms / fit.j0 if fit.j0 > 0 else float("nan"),
         )
     return verdicts
+
+
+def strongest(status: str, method: str) -> str:
+    """Return a status, or weak for identified where the method may not say it."""
+    return WEAK if status == IDENTIFIED and method not in MAY_IDENTIFY else status
 
 
 def discovery_limit(count: int, *, rate: float = 0.05) -> float:

@@ -33,6 +33,7 @@ from auvid.stages import synthesise
 from auvid.stages.base import Collection, collection
 from auvid.stages.columns import (
     ACCELERATION,
+    POSE,
     VELOCITY,
     VELOCITY_SD,
     force_columns,
@@ -688,3 +689,43 @@ def test_many_legs_are_left_out_in_groups_and_each_once() -> None:
     assert parts == sorted(parts, key=parts.index), "neighbours go together"
     assert all(parts[2 * i] == parts[2 * i + 1] for i in range(30)), "a leg stays in one part"
     assert parts[0] == "leg 0 to leg 2"
+
+
+def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
+    """A slow vehicle whose drag balances its thrust: its coefficients scale with it."""
+    motion = rich_motion(30.0, seed=5)
+    damping = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    force = motion.nu @ damping.T + 0.1 * np.random.default_rng(12).normal(size=motion.nu.shape)
+    table = residual_table(motion.nu, force, None)
+    for name, column in named(force_columns("thrusters"), -force).items():
+        table = table.append_column(name, pa.array(column))
+    t_s, nothing = motion.t_s, np.zeros_like(motion.nu)
+    fused = pa.table(
+        {"t_s": t_s, **named(POSE, nothing), **named(ACCELERATION, nothing)}
+        | named(VELOCITY, motion.nu)
+    )
+    controls = pa.table(
+        {"t_s": t_s, **named([f"thruster_{i}_N" for i in range(1, 9)], np.zeros((len(t_s), 8)))}
+    )
+    inputs = synthesise.Inputs(
+        collection({"one": table}),
+        collection({"one": segment_document("one")}),
+        shipped_vehicle("bluerov2_heavy"),
+        collection({"one": fused}),
+        None,
+        collection({"one": controls}),
+    )
+    found = synthesise.run(inputs, synthesise.Params(models=("diagonal",)))
+    card = found.model_card["diagonal"]
+    check_document(card, "model_card")
+    (surge,) = card.axes["X"].terms
+    assert card.spreads["thrust"] == 0.2
+    assert surge.assumed_shifts["thrust"] == pytest.approx(0.2 * 40.0, rel=0.01)
+    assert surge.standard_error is not None
+    assert surge.standard_error < 1.0
+    assert surge.verdict == "identified", "what no dive makes smaller is no part of the noise"
+    rows = next(
+        block["rows"] for block in found.section["blocks"] if "verdict" in str(block.get("columns"))
+    )
+    shift = surge.assumed_shifts["thrust"]
+    assert rows[0][-2].startswith(f"± {shift:.3g} scale of the thrust curve")

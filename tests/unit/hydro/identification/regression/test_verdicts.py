@@ -9,6 +9,7 @@ import pytest
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.regression import verdicts as rules
 from auvid.hydro.identification.regression.excitation import (
     THRESHOLDS,
     axis_excitation,
@@ -24,6 +25,7 @@ from auvid.hydro.identification.regression.verdicts import (
     discovery_limit,
     judge,
     sign_turns,
+    strongest,
 )
 
 
@@ -197,3 +199,11 @@ def test_a_sign_that_one_leg_carries_is_not_identified() -> None:
         "u": "identified",
         "v": "weak",
     }
+
+
+def test_one_place_says_which_methods_may_identify(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert strongest("identified", "least squares") == "identified"
+    monkeypatch.setattr(rules, "MAY_IDENTIFY", frozenset({"maximum likelihood"}))
+    assert strongest("identified", "least squares") == "weak"
+    assert strongest("identified", "maximum likelihood") == "identified"
+    assert strongest("at its bound", "within limits") == "at its bound"
