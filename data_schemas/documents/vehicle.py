@@ -272,7 +272,7 @@ class ThrustersEntry(Model):
 
 
 class ActuatorsEntry(Model):
-    """At least one of propeller, fins, thrusters."""
+    """Propeller, fins, thrusters; none for a vehicle that glides or is towed."""
 
     propeller: PropellerEntry | None = None
     """One propeller on the x axis; listens to propeller_rev_s."""
@@ -280,13 +280,6 @@ class ActuatorsEntry(Model):
     """Four fins, columns starboard, port, bottom, top; listens to fin_{s,p,b,t}_rad."""
     thrusters: ThrustersEntry | None = None
     """Fixed thrusters; listens to pwm_{n}_us."""
-
-    @model_validator(mode="after")
-    def _some(self) -> ActuatorsEntry:
-        if self.propeller is None and self.fins is None and self.thrusters is None:
-            remedy = "Give a propeller, fins or thrusters."
-            raise Faults(fault("the vehicle has no actuator", remedy=remedy))
-        return self
 
 
 class MountedEntry(Model):
@@ -496,8 +489,8 @@ class VehicleDocument(Model):
     """Mass, buoyancy and inertia."""
     added_mass: AddedMassEntry
     """Upper triangle of M_A = [X_udot ...] <= 0; what is not given is 0."""
-    actuators: ActuatorsEntry
-    """At least one of propeller, fins, thrusters."""
+    actuators: ActuatorsEntry = ActuatorsEntry()
+    """Propeller, fins, thrusters; none for a vehicle that glides or is towed."""
     sensors: SensorsEntry = SensorsEntry()
     """Where the sensors sit; what is not given is at the origin, aligned, without lag.
     """

@@ -141,22 +141,26 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
     "VELOCITY_MISSING": (
         without_columns("u", "v", "w"),
         "fuse",
-        ("stage fuse needs", "'velocity'", "can come from"),
+        ("cannot feed stage fuse", "log 'run': no velocity", "heave and yaw only", "kind bench"),
     ),
     "ATTITUDE_MISSING": (
         without_columns("roll_deg", "pitch_deg", "yaw_deg"),
         "resample",
-        ("leg 'train' needs stream 'attitude'", "could supply it"),
+        ("cannot feed stage resample", "log 'run': no attitude", "column map"),
     ),
     "DEPTH_MISSING": (
         without_columns("depth_m"),
         "resample",
-        ("leg 'train' needs stream 'depth'", "could supply it"),
+        ("cannot feed stage resample", "log 'run': no depth", "column map"),
     ),
     "PULSES_MISSING": (
         without_columns("pulse_1", "pulse_3"),
         "residual",
-        ("stage residual needs the stream 'actuators' with pwm_1_us, pwm_3_us", "can come from"),
+        (
+            "cannot feed stage residual",
+            "no pwm_1_us and pwm_3_us among the actuators",
+            "--until fuse",
+        ),
     ),
     "LEG_OUTSIDE_LOG": (
         replaced(MANIFEST, "start_s: 20, end_s: 29", "start_s: 600, end_s: 640"),
@@ -174,12 +178,12 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
     "NO_ACTUATORS": (
         edited_vehicle(r"\nactuators:.*\Z", "\nactuators: {}\n"),
         "residual",
-        ("no actuator", "propeller, fins or thrusters"),
+        ("the vehicle file names no actuator", "allow_no_actuation"),
     ),
     "NO_ACTUATOR_ACTIVITY": (
         lines(neutral),
         "residual",
-        ("no actuator acts in segment 'train'", "allow_no_actuation"),
+        ("log 'run': no actuator acts", "allow_no_actuation"),
     ),
     "ALL_CELLS_NAN": (lines(lambda rows: cells(rows, "u", "nan")), "fuse", ("velocity",)),
     "MODEL_UNKNOWN": (

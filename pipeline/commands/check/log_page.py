@@ -81,7 +81,7 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
             file = load_yaml(columns, what="column map")
             file.check("column_map")
             mapping = file.value
-        # bytes of a name that are no text are own as a replacement character
+        # bytes of a name that are no text become a replacement character
         own = Path(os.fsencode(path).decode(errors="replace"))
         return [_page(str(own), own.stem, (LogFile(own.name, path, mapping),))]
     workspace = workspace_of(target)

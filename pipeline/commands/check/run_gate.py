@@ -10,7 +10,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import Campaign, inside
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.stages.base import Document
-from auvid.stages.ingest.health.usability import IDLE, NO_FORCE, NO_STATE
+from auvid.stages.ingest.health.usability import IDLE, NO_FORCE, NO_STATE, PASSIVE
+from auvid.stages.ingest.health.vehicle import NEEDED
 
 ACCELEROMETER = "accelerometer_"
 """How the findings begin that method `kinematic`, which takes no accelerometer, is
@@ -32,7 +33,10 @@ def refusal(
     or else all that the logs lack.
     """
     method = str(params["fuse"].method) if "fuse" in params else ""
-    return _stopped(campaign, health, method) or _starved(campaign, health, stages, method)
+    forceless = "residual" in params and bool(params["residual"].allow_no_actuation)
+    return _stopped(campaign, health, method) or _starved(
+        campaign, health, stages, method, forceless=forceless
+    )
 
 
 def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) -> DataError | None:
@@ -86,9 +90,17 @@ def _places(campaign: Campaign, log: str, item: Document) -> str:
 
 
 def _starved(
-    campaign: Campaign, health: Mapping[str, Document], stages: Sequence[str], method: str
+    campaign: Campaign,
+    health: Mapping[str, Document],
+    stages: Sequence[str],
+    method: str,
+    *,
+    forceless: bool,
 ) -> DataError | None:
-    """Return what the logs lack for the first stage that they cannot feed."""
+    """Return what the logs lack for the first stage that they cannot feed.
+
+    `forceless`: stage residual goes on where no actuator acts.
+    """
     named = {"resample": "resample", "fuse": f"fuse ({method})", "residual": "residual"}
     used = {leg["log"] for leg in campaign.legs.values()}
     feeds = {
@@ -105,9 +117,10 @@ def _starved(
             if not rows[named[stage]]["possible"]
         }
         idle = [log for log, why in reasons.items() if why == IDLE]
-        if stage == "residual" and len(idle) < len(feeds):
+        if stage == "residual" and (forceless or len(idle) < len(feeds)):
             # A leg without a driven actuator is the stage's own decision.
-            reasons = {log: why for log, why in reasons.items() if why != IDLE}
+            allowed = (IDLE, PASSIVE) if forceless else (IDLE,)
+            reasons = {log: why for log, why in reasons.items() if why not in allowed}
         if reasons:
             fed = [name for name in stages[:position] if name in named]
             return _lacking(campaign, health, stage, reasons, fed)
@@ -133,6 +146,18 @@ def _lacking(
     if any(why == "no accelerometer" for why in reasons.values()):
         routes.append("stages.fuse.method: kinematic needs no accelerometer.")
     channels = [word for axis, word in ONE_CHANNEL.items() if first["excitation"][axis]["excited"]]
+    if {IDLE, PASSIVE} & set(reasons.values()):
+        routes.append(
+            "stages.residual.allow_no_actuation: true goes on where nothing drives the vehicle"
+            " (towed, gliding, drifting)."
+        )
+    if any(why.startswith("no ") and why.split()[1] in NEEDED for why in reasons.values()):
+        maps = first["formats"] == ["CSV"]
+        routes.append(
+            "Columns of a CSV log reach a stream through its column map."
+            if maps
+            else "docs/streams.md lists the messages that fill a stream."
+        )
     needs_velocity = any("no velocity" in why or "no newtons" in why for why in reasons.values())
     if needs_velocity and channels and "actuators" in first["streams"]:
         routes.append(

@@ -193,10 +193,10 @@ def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
     if not moved or any(agreement.correlation[axis, axis] < SAME_TURN for axis in moved):
         return
     scale = float(np.median(agreement.scale[moved]))
-    known = next((size for size in UNIT_SCALES if abs(np.log(scale / size)) < 0.15), None)
-    if known is None or np.ptp(np.log(agreement.scale[moved])) > 0.4:
+    factor = next((size for size in UNIT_SCALES if abs(np.log(scale / size)) < 0.15), None)
+    if factor is None or np.ptp(np.log(agreement.scale[moved])) > 0.4:
         return
-    cause, unit = UNIT_SCALES[known]
+    cause, unit = UNIT_SCALES[factor]
     yield finding(
         "gyro_scale",
         f"The gyro ({log.source('imu')}) turns {significant(scale)} times as much as the attitude"

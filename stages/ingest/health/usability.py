@@ -25,6 +25,7 @@ SHORTEST_S = 5.0
 FEWEST = 5
 NO_STATE, NO_FORCE = "no fused state", "no residual force"
 IDLE = "no actuator acts"
+PASSIVE = "the vehicle file names no actuator"
 CAVEATS = {
     "low_actuator_rate": "commands are recorded too slowly",
     "estimated_velocity": "velocity is the estimate of the navigation filter",
@@ -239,6 +240,8 @@ def longest_common_s(log: CheckedLog, window: tuple[float, float] = (-np.inf, np
 
 def _forces(log: CheckedLog) -> str | None:
     """Return why the commands of a log cannot become forces; None if they can."""
+    if log.vehicle is not None and not _listened(log):
+        return PASSIVE
     if not log.has("actuators"):
         return "no actuators"
     if log.under_water is False:

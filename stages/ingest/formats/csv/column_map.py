@@ -236,8 +236,10 @@ def _mapped(
 def _by_other_name(name: str, fields: Iterable[str]) -> str | None:
     """Return the remedy for a field that is called by another name of its axis."""
     words = name.lower().split("_")
-    known = [field for word in words for field in OTHER_NAMES.get(word, ()) if field in fields]
-    return f"Did you mean '{known[0]}'?" if known else None
+    fields_of_axis = [
+        field for word in words for field in OTHER_NAMES.get(word, ()) if field in fields
+    ]
+    return f"Did you mean '{fields_of_axis[0]}'?" if fields_of_axis else None
 
 
 def _check_header(column: str, header: Sequence[str], path: str, faults: MapFaults) -> None:

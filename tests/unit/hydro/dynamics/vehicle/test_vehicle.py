@@ -10,6 +10,7 @@ import pytest
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from tests.support.motions import vehicle_document
 
 ROOT = Path(__file__).parents[5]
 DOCUMENTS = {
@@ -114,7 +115,6 @@ def put(value, *path):
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [
-        ("vt690", put({}, "actuators"), "no actuator"),
         ("vt690", drop("rigid_body", "mass"), "rigid_body.mass"),
         ("vt690", drop("added_mass", "N_rdot"), "added_mass.N_rdot"),
         ("vt690", put(0.6673, "added_mass", "X_udot", "value"), "added mass is positive"),
@@ -166,6 +166,15 @@ def test_what_cannot_be_a_vehicle_is_refused(name, change, message):
     change(document)
     with pytest.raises(PipelineError, match=message):
         vehicle_from_document(document)
+
+
+def test_a_vehicle_may_have_no_actuator():
+    """A glider or a towed body: its logs can be checked and its motion fused."""
+    document = vehicle_document("vt690")
+    for actuators in ({"actuators": {}}, {}):
+        bare = {key: value for key, value in document.items() if key != "actuators"} | actuators
+        vehicle = vehicle_from_document(bare)
+        assert vehicle.propeller is vehicle.fins is vehicle.thrusters is None
 
 
 def test_the_fault_names_the_field():
