@@ -143,12 +143,13 @@ def fly_freely(
         raise DataError(
             "a model has terms with the propulsion ratio, but the propeller speed is not known"
         )
+    # Copies: numba compiles the loop once more for arrays that cannot be written to.
     course = Course(
         motion.state.flatten(),
         motion.inputs(vehicle).flatten(),
-        np.asarray(first, dtype=np.int64),
-        np.asarray(steps, dtype=np.int64),
-        np.zeros(12) if imposed is None else np.asarray(imposed, dtype=np.float64),
+        np.array(first, dtype=np.int64),
+        np.array(steps, dtype=np.int64),
+        np.zeros(12) if imposed is None else np.array(imposed, dtype=np.float64),
         LIMITS,
         len(motion.t_s),
         motion.step_s,

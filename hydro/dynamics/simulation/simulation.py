@@ -168,8 +168,9 @@ def integrate_open_loop(
     batch, knots = start.shape[:-1], actuation.propeller_rev_s.shape[-1]
 
     def rows(values: Array, *size: int) -> Array:
+        # Copies: numba compiles the loop once more for arrays that cannot be written to.
         full = np.broadcast_to(values, (*batch, *size))
-        return np.ascontiguousarray(full, dtype=np.float64).reshape(-1, *size)
+        return np.array(full, dtype=np.float64, order="C").reshape(-1, *size)
 
     x0, n = rows(start, start.shape[-1]), rows(actuation.propeller_rev_s, knots)
     fins, force = rows(actuation.fins_rad, knots, 4), rows(actuation.force, knots, 6)
@@ -277,7 +278,8 @@ def simulate_autopilot(
     from auvid.hydro.dynamics.simulation.compiled import integrate
 
     limits = limits or StopLimits()
-    n, force = np.ascontiguousarray(propeller_rev_s), np.ascontiguousarray(force)
+    # Copies, as in integrate_open_loop.
+    n, force = np.array(propeller_rev_s, order="C"), np.array(force, order="C")
     level, tables, step_s = simulated.level_speed(n), simulated.tables, tick_s / steps_per_tick
     fins = np.zeros((len(n), 4))
     states = np.full(((len(n) - 1) * steps_per_tick + 1, simulated.states), np.nan)

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from auvid.data_schemas.errors import PipelineError, nearest
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
@@ -95,6 +94,8 @@ def envelope(low: ArrayLike, high: ArrayLike, *, points: int = 2048) -> Array:
     the six alone (the rest 0, or as near as the box comes): a weakly damped axis shows
     where no other moves. The same at each call.
     """
+    from scipy.stats import qmc  # scipy.stats takes a second to import
+
     a, b = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     unit = 2.0 * qmc.Sobol(6, rng=0).random(points) - 1.0
     unit[: points // 2] /= np.abs(unit[: points // 2]).max(axis=1)[:, None]
