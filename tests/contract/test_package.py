@@ -19,6 +19,17 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "pipeline", "vehicles")
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel({!r}))"
 MAIN = "from auvid.pipeline.cli import main; main()"
+COMMANDS = """
+import auvid, auvid.stages, stages, pipeline, hydro
+from auvid.pipeline.cli import app
+from typer.testing import CliRunner
+assert stages.MINE and pipeline.MINE and hydro.MINE
+print(auvid.__file__, auvid.stages.__file__)
+for words in ("--help", "vehicles"):
+    done = CliRunner().invoke(app, [words], catch_exceptions=False)
+    assert done.exit_code == 0, (words, done.output)
+    print(done.output)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -69,25 +80,25 @@ def test_wheel_holds_every_file_of_the_package(site: Path) -> None:
     assert sorted(map(str, expected - installed)) == []
 
 
-def test_installed_package_ignores_files_of_its_names(site: Path, tmp_path: Path) -> None:
+def test_installed_commands_work_beside_files_of_its_names(site: Path, tmp_path: Path) -> None:
     """A stages.py beside a notebook neither harms the package nor is harmed."""
-    for floor in FLOORS:
-        (tmp_path / f"{floor}.py").write_text("MINE = True\n")
-    code = (
-        "import auvid, auvid.stages, auvid.pipeline.cli, stages, pipeline, hydro;"
-        "assert stages.MINE and pipeline.MINE and hydro.MINE;"
-        "print(auvid.__file__, auvid.stages.__file__)"
-    )
-    out = python("-c", code, folder=tmp_path, path=site)
-    assert out.split() == [str(site / "auvid/__init__.py"), str(site / "auvid/stages/__init__.py")]
-
-
-def test_installed_commands_work(site: Path, tmp_path: Path) -> None:
     assert python("-c", MAIN, "--version", folder=tmp_path, path=site) == (
         f"auvid {auvid.__version__}\n"
     )
-    assert "reproduce" in python("-c", MAIN, "--help", folder=tmp_path, path=site)
-    assert "vt690" in python("-c", MAIN, "vehicles", folder=tmp_path, path=site)
+    for floor in FLOORS:
+        (tmp_path / f"{floor}.py").write_text("MINE = True\n")
+    places, _, printed = python("-c", COMMANDS, folder=tmp_path, path=site).partition("\n")
+    assert places.split() == [
+        str(site / "auvid/__init__.py"),
+        str(site / "auvid/stages/__init__.py"),
+    ]
+    assert "reproduce" in printed
+    assert "vt690" in printed
+
+
+@pytest.mark.release
+def test_installed_package_makes_a_workspace(site: Path, tmp_path: Path) -> None:
+    """Its example is simulated by loops that a fresh package compiles first."""
     python("-c", MAIN, "new", "workspace", folder=tmp_path, path=site)
     assert (tmp_path / "workspace/campaigns/example/logs").is_dir()
 

@@ -60,8 +60,8 @@ def hashes(workspace: Path, *stages: str) -> dict[str, str]:
     }
 
 
-def test_report_and_tables_are_there(example_workspace: Path) -> None:
-    names = set(hashes(example_workspace))
+def test_report_and_tables_are_there(short_workspace: Path) -> None:
+    names = set(hashes(short_workspace))
     assert {
         "report/report_html.html",
         "validate/error_table.parquet",
@@ -69,7 +69,7 @@ def test_report_and_tables_are_there(example_workspace: Path) -> None:
         "synthesise/model_card/fossen.json",
     } <= names
     assert {f"{stage}/manifest.json" for stage in CHAIN} <= names
-    printed = campaign_runs.auvid("report", "example", folder=example_workspace)
+    printed = campaign_runs.auvid("report", "example", folder=short_workspace)
     assert printed.strip().endswith("report_html.html")
 
 
