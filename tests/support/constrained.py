@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cvxpy
 import numpy as np
 
 from auvid.hydro.arrays import AXES, VELOCITIES
@@ -76,6 +75,8 @@ def design(dive, equations):
 
 def oracle(dive, equations, noise, constrain=lambda x: [], prior=None, tolerance=1e-12):
     """Return CVXPY's minimum with Clarabel, in units of each column's length."""
+    import cvxpy  # here, since it takes seconds
+
     A, b = design(dive, equations)
     weight = np.repeat(1.0 / np.asarray(noise), len(dive.nu))
     A, b = A * weight[:, None], b * weight
@@ -92,6 +93,8 @@ def oracle(dive, equations, noise, constrain=lambda x: [], prior=None, tolerance
 
 def solve(problem, tolerance=1e-12):
     """Solve by Clarabel to its gap and feasibility of `tolerance`."""
+    import cvxpy  # here, since it takes seconds
+
     problem.solve(
         solver=cvxpy.CLARABEL,
         tol_gap_abs=tolerance,

@@ -1,6 +1,5 @@
 """The active set method against Clarabel and scipy, and contradictions."""
 
-import cvxpy
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -16,6 +15,8 @@ def rows_of(G, h):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_minimum_is_that_of_clarabel(seed):
+    import cvxpy  # here, since it takes seconds
+
     random = np.random.default_rng(seed)
     p, c = 12, 400
     A = random.normal(size=(60, p)) * 10.0 ** random.uniform(-3, 3, size=p)

@@ -1,6 +1,5 @@
 """Fits within limits against CVXPY with Clarabel on all samples, to 1e-7 of the scale."""
 
-import cvxpy
 import numpy as np
 import pytest
 
@@ -31,6 +30,12 @@ from auvid.hydro.identification.regression.least_squares import solve_axis
 from tests.support.constrained import AXES, VELOCITIES, Dive, index, oracle
 
 LOW, HIGH = np.full(6, -0.3), np.full(6, 0.3)
+
+
+SEMIDEFINITE = 1e-9
+"""Tolerance of Clarabel under semidefinite constraints: near them its equations are so
+ill-conditioned that later steps go astray (measured on two kernels: within 6e-9 of the
+fit at this tolerance, up to 4e-6 at 1e-13)."""
 
 
 def close(fit, expected, scale, rtol=1e-7):
@@ -108,6 +113,8 @@ def test_cuts_hold_the_power_between_the_points(factor):
 
 
 def test_linear_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive, factor):
+    from cvxpy import bmat  # here, since it takes seconds
+
     equations = viscous_equations(symmetric(), trim=True)
     unknowns = equations.unknowns
     fit = fit_within(factor, equations, cuts=[linear_dissipation(unknowns)])
@@ -120,11 +127,11 @@ def test_linear_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive,
             ]
             for a in AXES
         ]
-        K = cvxpy.bmat(K)
+        K = bmat(K)
         size = np.diag([7.0, 10.0, 8.0, 0.3, 0.3, 2.0])
         return [-np.linalg.inv(size) @ (K + K.T) @ np.linalg.inv(size) >> 0]
 
-    expected, scale = oracle(dive, equations, fit.noise, constrain)
+    expected, scale = oracle(dive, equations, fit.noise, constrain, tolerance=SEMIDEFINITE)
     close(fit, expected, scale)
     K = np.zeros((6, 6))
     for u, value in zip(unknowns, fit.values, strict=True):
@@ -134,6 +141,8 @@ def test_linear_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive,
 
 
 def test_total_inertia_stays_positive_definite_as_clarabel_has_it():
+    from cvxpy import bmat  # here, since it takes seconds
+
     change = np.zeros((6, 6))
     change[1, 5] = change[5, 1] = 30.0
     dive = Dive(change=change, noise=2.0)
@@ -155,9 +164,9 @@ def test_total_inertia_stays_positive_definite_as_clarabel_has_it():
             if i != j:
                 M[j][i] = M[j][i] - x[k]
         size = np.diag(np.diag(mass) ** -0.5)
-        return [size @ cvxpy.bmat(M) @ size >> 0]
+        return [size @ bmat(M) @ size >> 0]
 
-    expected, scale = oracle(dive, equations, fit.noise, constrain, tolerance=1e-10)
+    expected, scale = oracle(dive, equations, fit.noise, constrain, tolerance=SEMIDEFINITE)
     close(fit, expected, scale)
     assert {limit.name for limit in fit.active} == {"total inertia positive definite"}
     total = mass - added_mass_change(dict(zip(unknowns, fit.values, strict=True)))

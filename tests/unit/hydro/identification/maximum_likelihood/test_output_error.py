@@ -57,16 +57,24 @@ def test_it_finds_what_scipy_finds_on_the_exact_solution() -> None:
     assert fit.information_covariance[0, 0] == pytest.approx(covariance[0, 0], rel=1e-3)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    # 60 runs: 95 % +- 2.8 % (one standard deviation); 9 misses have a chance of 0.2 %.
+@pytest.mark.parametrize(
+    ("runs", "most"),
+    [
+        # 95 % +- 5.6 % (one standard deviation); 4 misses have a chance of 0.5 %.
+        (15, 3),
+        # 95 % +- 2.8 %; 9 misses have a chance of 0.2 %.
+        pytest.param(60, 8, marks=pytest.mark.release),
+    ],
+)
+def test_intervals_hold_the_truth_as_often_as_they_say(runs: int, most: int) -> None:
     misses = 0
-    for seed in range(60):
+    for seed in range(runs):
         measured, thrust = noisy_run(seed, 250)
         fit = fit_output_error([sway_leg(measured, thrust)], SWAY, {"Y v": -15.0}, window_s=2.0)
         low, high = fit.intervals[0]
         misses += not low < DAMPING < high
         assert fit.noise.sensor_sd[10] == pytest.approx(SD, rel=0.2)
-    assert misses <= 8
+    assert misses <= most
 
 
 def test_a_bound_holds_and_is_named() -> None:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import statsmodels.api as sm
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
@@ -34,6 +33,8 @@ def data(n=400, *, noise=1.0, outliers=0.0, seed=0):
 
 
 def test_huber_is_that_of_statsmodels():
+    import statsmodels.api as sm  # here, since it takes seconds
+
     _, rows, force = data(outliers=0.1)
     fit = huber(rows, force)
     model = sm.RLM(force, rows.T, M=sm.robust.norms.HuberT(t=HUBER_THRESHOLD))

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from sklearn.linear_model import orthogonal_mp
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
@@ -77,6 +76,8 @@ def test_one_leg_is_judged_by_information_and_says_so(legs):
 
 @pytest.mark.parametrize("axis", ["Y", "M"])
 def test_pursuit_takes_the_terms_of_scikit_learn(axis):
+    from sklearn.linear_model import orthogonal_mp  # here, since it takes seconds
+
     dive = Dive(800, seed=5, noise=0.2)
     factor = dive.factor()
     names = allowed_terms()[axis]
