@@ -26,16 +26,25 @@ VEHICLE = vehicle_from_document(
 
 
 def flown(
-    campaign: str, name: str, step_s: float, flights: tuple[str, ...], card: Any = None
+    campaign: str,
+    name: str,
+    step_s: float,
+    flights: tuple[str, ...],
+    *,
+    duration_s: float | None = None,
+    legs: int | None = None,
+    card: Any = None,
 ) -> list[Flown]:
-    """Some flights of a trajectory of a campaign, at a coarser step so that the test is
-    quick.
-    """
+    """Return some flights of a trajectory, with coarser steps and shorter: tests are quick."""
     cases = copy.deepcopy(
         read_yaml((ROOT / f"campaigns/{campaign}/cases.yaml").read_text(encoding="utf-8"))
     )
     entry = cases["trajectories"][name]
     entry["step"]["value"] = step_s
+    if duration_s is not None:
+        entry["duration"] = {"value": duration_s, "unit": "s", "source": "this test"}
+    if legs is not None:
+        entry["path"]["legs"]["value"] = legs
     entry["flights"] = {key: entry["flights"][key] for key in flights}
     cases["trajectories"] = {name: entry}
     if campaign == "hauv":
@@ -54,7 +63,7 @@ def flown(
 
 
 def test_helix_undisturbed_and_in_a_field_of_225_newtons() -> None:
-    calm, pushed = flown("hauv", "helix", 0.1, ("undisturbed", "side_force"))
+    calm, pushed = flown("hauv", "helix", 0.1, ("undisturbed", "side_force"), duration_s=60)
     assert float(calm.errors.steady_m) < 0.1  # m, asked
     assert calm.errors.at_limit[1:].max() < 0.05  # share of the time, asked
     assert calm.schedule.frozen_eigenvalues.real.max() < 0.0
@@ -71,7 +80,12 @@ def test_dubins_path_undisturbed() -> None:
 
 def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
     calm, pushed, observed = flown(
-        "hauv", "saw_tooth", 0.2, ("undisturbed", "side_force", "side_force_observer")
+        "hauv",
+        "saw_tooth",
+        0.2,
+        ("undisturbed", "side_force", "side_force_observer"),
+        duration_s=120,
+        legs=5,
     )
     assert float(calm.errors.cross_track_rms_m) < 0.1
     assert calm.errors.at_limit[1:].max() < 0.05
@@ -87,7 +101,7 @@ def test_a_controller_on_the_identified_model_is_as_good_as_one_on_the_true_mode
     )
     results = {
         (item.designed_on, item.flight.name): item
-        for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, card)
+        for item in flown("hauv_redesign", "helix", 0.1, FLIGHTS, duration_s=45, card=card)
     }
     assert {name for name, _ in results} == {TRUE, IDENTIFIED, "corrected"}
     for flight in FLIGHTS:
