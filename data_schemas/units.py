@@ -52,8 +52,11 @@ def _registry() -> pint.UnitRegistry[float]:
 def convertible(unit: str, target: str) -> bool:
     """Return whether values in `unit` can be expressed in `target`.
 
-    rad/s and 1/s count as the same, as in SI.
+    rad/s and 1/s count as the same, as in SI. The unit itself is not looked up: loading
+    pint's registry takes a second.
     """
+    if unit == target:
+        return True
     if not _harmless(unit):
         return False
     try:
@@ -71,6 +74,8 @@ def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
     """
     if target == "1/s" and unit.strip() in TURNS:
         return TURNS[unit.strip()], 0.0
+    if unit == target:
+        return 1.0, 0.0
     if not convertible(unit, target):
         raise SchemaError("unit cannot be converted", value=unit, allowed=f"a unit of {target}")
     quantity = _registry().Quantity
