@@ -124,7 +124,7 @@ MANIFEST_FAULTS |= {
     ),
     "SURROGATE_IN_A_FILE_NAME": (
         MANIFEST.replace("file: a.log", 'file: "\\ud800.log"'),
-        ["row 4", "'logs[0].file'", "character"],
+        ["row 4", "character"],  # the compiled parser refuses it, the other hands it on
     ),
     "LEG_OF_300_LETTERS": (
         MANIFEST.replace("id: two", f"id: {'t' * 300}"),

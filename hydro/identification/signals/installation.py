@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
@@ -141,13 +140,16 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     start = np.concatenate([z[:1], velocity[0], np.zeros(3)])
     prior = np.array([*START_VARIANCES, *np.full(3, used.bias**2)])
 
+    # Imported here, since numba takes a second.
+    from auvid.hydro.identification.signals.compiled_filter import run_filter
+
     def filtered(inputs: Array, values: Array, variance: Array) -> tuple[Array, Array, Array]:
         x = np.zeros((7, inputs.shape[2]))
         x[:, 0] = start
         innovations, scaled = np.empty((len(steps), inputs.shape[2])), np.empty(len(steps))
-        _filter(
-            transitions, gains, processes, np.ascontiguousarray(inputs), x, np.diag(prior),
-            steps, sensor, np.ascontiguousarray(values[order]), variance, innovations, scaled,
+        run_filter(
+            transitions, gains, processes, np.array(inputs, order="C"), x, np.diag(prior),
+            steps, sensor, values[order], variance, innovations, scaled,
         )  # fmt: skip
         return innovations, scaled, x[4:, 0]
 
@@ -225,41 +227,6 @@ def _process(
     Q[:, 1 + place, 1 + place] = dt[:, None] ** 2 * noise.accel**2
     Q[:, 4 + place, 4 + place] = dt[:, None] * noise.bias_density
     return transition, np.ascontiguousarray(integral[:, :, 1:4]), Q
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _filter(
-    transitions,
-    gains,
-    processes,
-    inputs,
-    x,
-    P,
-    steps,
-    sensor,
-    values,
-    variance,
-    innovations,
-    scaled,
-):  # type: ignore[no-untyped-def]
-    """Run the filter over all columns at once, one scalar measurement at a time."""
-    size = x.shape[0]
-    row, gain = 0, np.zeros(size)
-    for step in range(len(transitions)):
-        if step > 0:
-            F = transitions[step]
-            x[:] = F @ x + gains[step] @ (0.5 * (inputs[step] + inputs[step - 1]))
-            P[:] = F @ P @ F.T + processes[step]
-        while row < len(steps) and steps[row] == step:
-            entry = sensor[row] + 1 if sensor[row] < 3 else 0  # velocity v, depth z
-            s = variance[sensor[row]] + P[entry, entry]
-            gain[:] = P[:, entry] / s
-            innovations[row] = values[row] - x[entry]
-            scaled[row] = s
-            for i in range(size):
-                x[i] += gain[i] * innovations[row]
-                P[i] -= gain[i] * gain * s
-            row += 1
 
 
 def _nearest_step(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
