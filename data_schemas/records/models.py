@@ -183,6 +183,10 @@ class ModelCard(Model):
     """Whether standard errors and covariance allow for errors of the velocities;
     absent: no.
     """
+    coverage_on_twins: dict[str, float] = Field(default_factory=dict)
+    """True model of a twin -> share of the 95 % intervals of identified coefficients that
+    held the truth there, where it was measured for this method.
+    """
     left_out: list[str] = Field(default_factory=list)
     """Training legs left out in turn to see whether signs hold; none where there is one.
     """

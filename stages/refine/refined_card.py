@@ -59,6 +59,7 @@ def refined_card(
             "title": f"{card.title} ({words})",
             "method": words,
             "velocity_errors": None,
+            "coverage_on_twins": {},
             "axes": {
                 axis: _axis(axis, part, fit, status, force_errors[axis])
                 for axis, part in card.axes.items()

@@ -28,6 +28,7 @@ from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
 from auvid.hydro.identification.regression.verdicts import (
     INSEPARABLE,
+    LEAST_SQUARES_COVERAGE,
     NOT_EXCITED,
     strongest,
 )
@@ -101,6 +102,7 @@ def model_card(
         trim=trim,
         velocity_errors=data.errors.velocities is not None,
         left_out=list(left_out),
+        coverage_on_twins=dict(LEAST_SQUARES_COVERAGE),
         assumed=list(vehicle.assumed),
         spreads=dict(vehicle.spreads),
         axes=axes,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from auvid.data_schemas.records.models import ModelCard, PriorCard, TermCard
+from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.assumed_figures import FIGURES
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
@@ -99,6 +100,15 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
         )
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
+    if card.coverage_on_twins:
+        held = [
+            f"{100.0 * part:.0f} % where the truth is {model_named(name).title}"
+            for name, part in card.coverage_on_twins.items()
+        ]
+        note += (
+            " On twins, 95 % intervals of identified coefficients held the truth in"
+            f" {' and '.join(held)}."
+        )
     if not card.left_out:
         note += " There is one training leg: whether signs hold without it is not tested."
     if card.spreads:

@@ -117,6 +117,7 @@ def within_limits(
     return card.model_copy(
         update={
             "method": "within limits",
+            "coverage_on_twins": {},
             "damping": limits.damping,
             "limits": [
                 LimitCard(name=item.name, unknowns=[str(u) for u in item.unknowns])

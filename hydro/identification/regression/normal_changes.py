@@ -154,5 +154,5 @@ def smoothed_force(left: ArrayLike, passed: ArrayLike, mass: Array, index: int) 
 
 
 def widened(covariance: Array, shifts: Sequence[Array]) -> Array:
-    """Return the covariance (k, k) about the truth, with shifts (k,) of unknown size."""
+    """Return the covariance (k, k) about the truth, by shifts (k,) of either sign."""
     return np.asarray(covariance + sum(np.outer(shift, shift) for shift in shifts))

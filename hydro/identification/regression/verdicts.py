@@ -40,9 +40,14 @@ T_LIMIT = 4.0
 every axis under 5 % (`discovery_limit`), however many basis terms a model has. On the VT
 690 twin whose truth is Linear, 2 calls terms identified that are zero but for noise.
 """
-MAY_IDENTIFY = frozenset({"least squares", "within limits", "maximum likelihood"})
+MAY_IDENTIFY = frozenset({"least squares", "within limits", "output error", "filter error"})
 """Methods (of `ModelCard`) whose coefficients may be called identified; of others the
 strongest word is weak.
+"""
+LEAST_SQUARES_COVERAGE = {"linear": 0.96, "gertler_hagen": 0.92}
+"""Share of the 95 % intervals of coefficients called identified that hold the truth, by
+the true model: twins of the VT 690, plan default, smoother, 20 and 8 seeds
+(benchmarks/coverage_least_squares.py).
 """
 VIF_LIMIT = 100.0
 """A column of which less than a tenth is its own: its standard error is ten times what

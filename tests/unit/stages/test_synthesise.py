@@ -729,3 +729,11 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     )
     shift = surge.assumed_shifts["thrust"]
     assert rows[0][-2].startswith(f"± {shift:.3g} scale of the thrust curve")
+
+
+def test_only_methods_that_were_measured_state_their_coverage() -> None:
+    found = run(noisy_legs(), models=("linear", "diagonal"))
+    assert set(found.model_card["linear"].coverage_on_twins) == {"linear", "gertler_hagen"}
+    assert not found.model_card["diagonal"].coverage_on_twins
+    notes = [block["note"] for block in found.section["blocks"] if block.get("note")]
+    assert sum("% where the truth is Linear and" in note for note in notes) == 1
