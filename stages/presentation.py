@@ -54,16 +54,19 @@ def table(
     rows: Sequence[Sequence[Any]],
     *,
     note: str = "",
+    fold: bool = False,
 ) -> Block:
     """Return a sortable table; a column is a name or (name, unit).
 
-    Cells are text, numbers or None.
+    Cells are text, numbers or None. fold: the page shows its title until it is opened.
     """
     heads = [
         {"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]}
         for item in columns
     ]
+    folded = {"fold": True} if fold else {}
     return {
+        **folded,
         "kind": "table",
         "title": title,
         "columns": heads,

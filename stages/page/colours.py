@@ -81,9 +81,12 @@ COMPONENTS: Mapping[str, Ink] = {
     "thrusters": Ink(*VERMILLION),
 }
 MODELS: Mapping[str, Ink] = {
+    "symmetric": Ink(*VERMILLION, width=1.8),
+    "diagonal": Ink(GREEN[0], GREEN[0], dash="6 3"),
+    "symmetric_quadratic": Ink(PURPLE[0], PURPLE[0], dash="6 3"),
     "linear": Ink(*BLUE),
-    "mcfarland": Ink(*VERMILLION),
-    "mcfarland_whitcomb": Ink(*VERMILLION),
+    "mcfarland": Ink(VERMILLION[0], VERMILLION[0], dash="2 3"),
+    "mcfarland_whitcomb": Ink(VERMILLION[0], VERMILLION[0], dash="2 3"),
     "gertler_hagen": Ink(*GREEN),
     "prestero": Ink(*PURPLE),
     "pitch_yaw": Ink(*ORANGE),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from auvid.data_schemas.records.models import ModelCard, PriorCard, TermCard
-from auvid.hydro.dynamics.viscous.models import model_named
+from auvid.hydro.dynamics.viscous.models import MODELS, model_named
 from auvid.hydro.identification.regression.assumed_figures import FIGURES
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
@@ -49,8 +49,10 @@ def synthesise_section(
             "Every model is a choice of terms of the viscous basis xi (McCarter 3.12).",
         )
     )
-    for card in cards.values():
-        blocks += _model_blocks(card)
+    published = {model.name for model in MODELS}
+    has_structures = any(name not in published for name in cards)
+    for name, card in cards.items():
+        blocks += _model_blocks(card, fold=has_structures and name in published)
     return section(
         "Models and coefficients",
         blocks,
@@ -77,7 +79,7 @@ def budget_text(item: TermCard) -> str:
     return ", ".join(f"± {shift:.3g} {FIGURES[name]}" for name, shift in shifts if shift >= least)
 
 
-def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
+def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
     rows = []
     for axis, part in card.axes.items():
         for item in part.terms:
@@ -118,7 +120,7 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
         )
     elif card.assumed:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
-    blocks = [table(title, heads, rows, note=note)]
+    blocks = [table(title, heads, rows, note=note, fold=fold)]
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))
     blocks += _limit_blocks(card)
@@ -130,7 +132,12 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     if sums:
         heads = ["axis", "combination of coefficients: value", "standard error"]
         blocks.append(
-            table(f"{card.title}: what the data determine of inseparable terms", heads, sums)
+            table(
+                f"{card.title}: what the data determine of inseparable terms",
+                heads,
+                sums,
+                fold=fold,
+            )
         )
     if card.not_applicable:
         words = (

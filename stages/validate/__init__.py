@@ -12,6 +12,7 @@ written.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,6 +41,15 @@ from auvid.hydro.identification.selection.information import inflation
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, VELOCITY, clock, force_columns, forces, named
 from auvid.stages.presentation import Block
+from auvid.stages.validate.flight import (
+    Flight,
+    ModelDraws,
+    calibrated,
+    draw_models,
+    fly,
+    force_errors,
+)
+from auvid.stages.validate.flight_presentation import flight_blocks
 from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
@@ -52,6 +62,9 @@ from auvid.stages.validate.presentation import (
 )
 from auvid.stages.validate.ranking import rank, reference_model, resting_velocities
 from auvid.stages.validate.tables import ALL, Group, RangeCovered, error_metrics, error_rows
+
+SEED = 1
+"""Of the draws, so that a run gives the same band again."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +95,13 @@ class Params:
     free_run_every_s: float = param(
         "s", 5.0, meaning="time between starting points", low=0.1, high=1000.0
     )
+    free_run_draws: int = param(
+        "1",
+        1000,
+        meaning="draws of the chosen model's coefficients that fly with it, for its band; 0: none",
+        low=0,
+        high=100_000,
+    )
     minimum_speed_m_s: float = param(
         "m/s", 0.05, meaning="lower bound of U in eta = u_c(n)/U in a free run", low=1e-3, high=1.0
     )
@@ -94,6 +114,7 @@ class Outputs:
     error_metrics: Document = port("error_metrics")
     free_run: pa.Table = port("free_run")
     ranking: RankingRecord = port("ranking")
+    simulated_motion: Mapping[str, pa.Table] = port("simulated_motion", many=True)
     tables_text: bytes = port("tables_text")
     section: Document = port("section")
     views: Document = port("views")
@@ -210,12 +231,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     error_table = error_rows(errors_of, cards)
     free_run = free_run_table(free, list(models))
-    ranking = rank(
-        cards,
-        error_table.to_pylist(),
-        free_run.to_pylist(),
-        _samples_per_one(inputs, models[reference_model(cards)], segments),
-    )
+    per_one = _samples_per_one(inputs, models[reference_model(cards)], segments)
+    ranking = rank(cards, error_table.to_pylist(), free_run.to_pylist(), per_one)
+    flights, flight_parts = _flights(inputs, params, models, cards, ranking.choice, per_one)
     titles = {name: card.title for name, card in cards.items()}
     return Outputs(
         predictions=Collection(
@@ -232,9 +250,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             covered,
             outside,
             [*free_run_blocks(free_run, titles), *cause_blocks(causes, free_run, titles), *plots],
+            first=flight_parts,
             failed_ratio=params.failed_ratio,
         ),
-        views=validate_views(segments, cards),
+        simulated_motion={key: flight.table() for key, flight in flights.items()},
+        views=validate_views(segments, cards, ranking.choice, list(flights)),
     )
 
 
@@ -257,6 +277,51 @@ def _forces(
     return {name: model.force(residual, fused) for name, model in models.items()}
 
 
+def _flights(
+    inputs: Inputs,
+    params: Params,
+    models: Mapping[str, Predictor],
+    cards: Mapping[str, ModelCard],
+    choice: str | None,
+    samples_per_one: Mapping[str, float],
+) -> tuple[dict[str, Flight], list[Block]]:
+    """Return the chosen model's flight over each validation segment, and its blocks."""
+    if choice is None or not params.free_run_draws or not _can_fly(inputs, params):
+        return {}, []
+    assert inputs.fused is not None  # _can_fly
+    assert inputs.controls is not None
+    assert inputs.vehicle is not None
+    segments = {
+        key: segment for key, segment in inputs.segment.items() if segment.use == "validation"
+    }
+    chosen, card = models[choice], cards[choice]
+    model = ModelDraws((chosen.viscous,), chosen.trim[None], chosen.added_mass[None])
+    draws = draw_models(card, count=params.free_run_draws, seed=SEED)
+    window_s = params.free_run_horizons_s[-1]
+    windows = sum(math.ceil(segment.duration_s / window_s) for segment in segments.values())
+    flights: dict[str, Flight] = {}
+    for key, segment in segments.items():
+        flight = fly(
+            inputs.vehicle,
+            model,
+            draws,
+            measured_motion(inputs.fused[key], inputs.controls[key]),
+            window_s=window_s,
+            errors=force_errors(card, samples_per_one, 1.0 / segment.rate_hz),
+            windows=windows,
+            minimum_speed=params.minimum_speed_m_s,
+        )
+        if flight is not None:
+            flights[key] = flight
+    flights = dict(zip(flights, calibrated(list(flights.values())), strict=True))
+    blocks = flight_blocks(choice, card.title, flights, segments, draws, window_s=window_s)
+    return flights, blocks
+
+
+def _can_fly(inputs: Inputs, params: Params) -> bool:
+    return bool(params.free_run and inputs.fused and inputs.controls and inputs.vehicle)
+
+
 def _samples_per_one(
     inputs: Inputs, model: Predictor, segments: Mapping[str, SegmentRecord]
 ) -> dict[str, float]:
@@ -275,8 +340,11 @@ def _samples_per_one(
 def _free_runs(
     inputs: Inputs, params: Params, models: Mapping[str, Predictor], key: str, as_measured: str
 ) -> FreeRuns | None:
-    if not (params.free_run and inputs.fused and inputs.controls and inputs.vehicle is not None):
+    if not _can_fly(inputs, params):
         return None
+    assert inputs.fused is not None  # _can_fly
+    assert inputs.controls is not None
+    assert inputs.vehicle is not None
     return run_segment(
         inputs.vehicle,
         [model.viscous for model in models.values()],

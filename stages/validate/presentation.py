@@ -26,6 +26,7 @@ from auvid.stages.presentation import (
     unit_of,
     view,
 )
+from auvid.stages.validate.flight_presentation import flight_views
 from auvid.stages.validate.free_run import LONG_S, NAMES
 from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
 
@@ -47,11 +48,13 @@ def validate_section(
     runs_and_plots: Sequence[Block],
     *,
     failed_ratio: float,
+    first: Sequence[Block] = (),
 ) -> dict[str, Any]:
-    """Return the section: verdicts, error tables, ranges, free runs, then the plots."""
+    """Return the section: flight, verdicts, error tables, ranges, free runs, plots."""
     titles = {name: str(card.title) for name, card in cards.items()}
     reference = mean_force_errors(covered)
     blocks = [
+        *first,
         *_verdicts(errors, cards, reference.get("validation", {}), failed_ratio),
         *[block for use in LAYOUT for block in _error_tables(use, errors, cards, reference)],
         *_leg_table(errors, titles),
@@ -161,6 +164,7 @@ def _error_tables(
                 "Over all six axes together, N and N m mixed; MAD is the sum of the medians of the"
                 " six axes."
             ),
+            fold=True,
         ),
     ]
 
@@ -239,7 +243,7 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             for row in bounded
         ]
         if cells:
-            blocks.append(table(title, heads, cells, note=note))
+            blocks.append(table(title, heads, cells, note=note, fold=True))
     free = [row for row in rows if not row["as_measured"]]
     lost = [title for model, title in titles.items() if _is_lost(model, free)]
     if lost:
@@ -271,7 +275,7 @@ def cause_blocks(
     heads: list[str | tuple[str, str]] = [
         "model", ("first lost", "s"), "axis", ("growth", "1/s"), "cause", ("adds", "1/s"),
     ]  # fmt: skip
-    return [table("Why free runs are lost", heads, rows, note=note)]
+    return [table("Why free runs are lost", heads, rows, note=note, fold=True)]
 
 
 def _put_in(velocities: str) -> str:
@@ -305,10 +309,12 @@ def prediction_plot(
     )
 
 
-def validate_views(segments: Iterable[str], models: Iterable[str]) -> dict[str, Any]:
-    """Return the force of every model beside the measured one, and its error."""
+def validate_views(
+    segments: Iterable[str], models: Iterable[str], choice: str | None, flown: Sequence[str]
+) -> dict[str, Any]:
+    """Return forces and their errors of every model, and the flight of the chosen one."""
     names = list(models)
-    groups = []
+    groups = [] if choice is None else flight_views(choice, flown)
     for key in segments:
         for axis, column, measured in zip(
             AXES, force_columns("tau"), force_columns("tau_bar"), strict=True

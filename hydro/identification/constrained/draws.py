@@ -53,10 +53,7 @@ def draw_within(
     >>> bool(drawn.values.max() <= 0.0), 450 < drawn.moved < 550, list(drawn.outside)
     (True, True, ['K_p <= 0'])
     """
-    share, vectors = np.linalg.eigh(covariance)
-    half = vectors * np.sqrt(np.maximum(share, 0.0))
-    random = np.random.default_rng(seed)
-    drawn = values + random.standard_normal((count, len(values))) @ half.T
+    drawn = normal_draws(values, covariance, count=count, seed=seed)
     metric = covariance.copy()
     metric[np.diag_indices_from(metric)] = np.where(
         np.diag(covariance) > 0.0, np.diag(covariance), np.nan
@@ -69,3 +66,14 @@ def draw_within(
         moved += bool(nearest.active)
         outside.update({item.name for item in nearest.active})
     return PosteriorDraws(drawn, moved, dict(outside))
+
+
+def normal_draws(values: Array, covariance: Array, *, count: int, seed: int) -> Array:
+    """Return draws (count, p) of a normal distribution; its covariance may be singular.
+
+    The same at each call with one seed.
+    """
+    share, vectors = np.linalg.eigh(covariance)
+    half = vectors * np.sqrt(np.maximum(share, 0.0))
+    random = np.random.default_rng(seed)
+    return np.asarray(values + random.standard_normal((count, len(values))) @ half.T)

@@ -137,6 +137,27 @@ def linear_dissipation(unknowns: Sequence[Unknown]) -> Cuts:
     return semidefinite("damping matrix", np.zeros((6, 6)), parts, unknowns)
 
 
+def damping_limits(
+    unknowns: Sequence[Unknown], kind: str, reach: ArrayLike
+) -> tuple[list[InequalityRows], list[Cuts]]:
+    """Return limits on damping: none (`free`), along each axis, or `dissipative`.
+
+    reach (6,): largest velocity either way [m/s, rad/s] of the range in which no motion
+    gains energy; of linear terms alone none does anywhere.
+    """
+    if kind == "free":
+        return [], []
+    viscous = [u for u in unknowns if u.term in BASIS_TERMS]
+    if kind != "dissipative" or not viscous:
+        return [damping(unknowns)], []
+    if all(u.term in VELOCITIES for u in viscous):
+        # Of linear terms the power has one sign in every direction or at none.
+        return [damping(unknowns)], [linear_dissipation(unknowns)]
+    high = np.asarray(reach, dtype=np.float64)
+    rows = [damping(unknowns), dissipation(unknowns, envelope(-high, high))]
+    return rows, [dissipation_cuts(unknowns, -high, high)]
+
+
 def positive_inertia(
     unknowns: Sequence[Unknown], mass_matrix: ArrayLike, *, share: float = 0.01
 ) -> Cuts:

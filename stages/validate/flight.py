@@ -1,0 +1,281 @@
+"""The chosen model flown over the measured motion, with a band of what it does not know.
+
+Draws of its coefficients fly beside it, each under a force that wanders as the error of
+training did. Ten or more validation legs widen the band to what legs really did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
+from auvid.hydro.dynamics.simulation.free_run import (
+    MeasuredMotion,
+    WanderingForce,
+    fly_freely,
+    wrapped,
+)
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.constrained.draws import draw_within, normal_draws
+from auvid.hydro.identification.constrained.equations import (
+    Unknown,
+    added_mass_change,
+    added_mass_unknown,
+)
+from auvid.hydro.identification.constrained.limits import damping_limits
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
+from auvid.stages.columns import ATTITUDE, VELOCITY
+from auvid.stages.validate.free_run import COMPARED
+
+LEVEL = 0.9
+"""Share of the time that a band is to hold."""
+SHOWN_S = 0.1
+SHORTEST_S = 2.0
+"""A window that the end of the data cuts shorter than this is left out."""
+WINDOWS, FEWEST = 4, 50
+"""All draws fly over this many windows; over more, fewer of them, at least so many."""
+TINY = 1e-12
+NAMES = (*VELOCITY, *ATTITUDE)
+LOW, HIGH = (tuple(name.replace("_", f"_{edge}_", 1) for name in NAMES) for edge in ("low", "high"))
+
+
+@dataclass(frozen=True)
+class ModelDraws:
+    """Models drawn from a posterior, with constant forces (n, 6) and inertia (n, 6, 6).
+
+    rejected: how many of `drawn` lay outside the physical limits. Where nearly all do,
+    `moved` ones stand in for them: the nearest points within.
+    """
+
+    models: tuple[IdentifiedModel, ...]
+    trims: Array
+    added_mass: Array
+    drawn: int = 1
+    rejected: int = 0
+    moved: bool = False
+
+    def first(self, count: int) -> ModelDraws:
+        """Return the first so many."""
+        return replace(
+            self,
+            models=self.models[:count],
+            trims=self.trims[:count],
+            added_mass=self.added_mass[:count],
+        )
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A free run over one segment: times (k,), and states (k, 9) of `NAMES`.
+
+    Restarted from the measured state at `starts_s`, with a row of nan before. low, high:
+    edges of the band. flown, lost: draws in the first window, and how many of them left
+    all bounds in any.
+    """
+
+    t_s: Array
+    measured: Array
+    simulated: Array
+    low: Array
+    high: Array
+    starts_s: tuple[float, ...]
+    flown: int
+    lost: int
+
+    def coverage(self) -> Array:
+        """Return the share (9,) of the time that the measured state is in the band."""
+        there = np.isfinite(self.low) & np.isfinite(self.high)
+        inside = (self.low <= self.measured) & (self.measured <= self.high)
+        return np.asarray(np.sum(inside & there, axis=0) / np.maximum(np.sum(there, axis=0), 1))
+
+    def score(self) -> Array:
+        """Return by how much (9,) the band must widen to hold `LEVEL` of this segment."""
+        half = np.maximum(self.high - self.low, 1e-12) / 2.0
+        return np.nanquantile(np.abs(self.measured - self.simulated) / half, LEVEL, axis=0)
+
+    def widened(self, scale: Array) -> Flight:
+        """Return the flight with a band scale (9,) times as wide, about the run."""
+        half = scale * (self.high - self.low) / 2.0
+        return replace(self, low=self.simulated - half, high=self.simulated + half)
+
+    def table(self) -> pa.Table:
+        """Return the artefact `simulated_motion`."""
+        columns = {"t_s": self.t_s}
+        for names, values in ((NAMES, self.simulated), (LOW, self.low), (HIGH, self.high)):
+            columns |= {name: values[:, i] for i, name in enumerate(names)}
+        return make_table("simulated_motion", columns)
+
+
+def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
+    """Return models drawn from the coefficients of a card, those within its limits.
+
+    Each axis has its covariance, in the size of the printed standard errors; axes and
+    inertia count as independent. What the card has no error of stays as it is. Where
+    fewer than `FEWEST` draws lie within, so many are moved onto the limits.
+    """
+    unknowns = [Unknown(axis, term) for axis, row in card.predictor.items() for term in row]
+    values = [card.predictor[unknown.axis][unknown.term] for unknown in unknowns]
+    unknowns += [added_mass_unknown(item.name) for item in card.inertia]
+    values += [item.change for item in card.inertia]
+    covariance = np.zeros((len(unknowns), len(unknowns)))
+    for axis, part in card.axes.items():
+        terms = part.covariance.terms
+        places = [unknowns.index(Unknown(axis, term)) for term in terms]
+        block = np.zeros((len(terms), len(terms)))
+        for i, row in enumerate(part.covariance.lower):
+            block[i, : i + 1] = block[: i + 1, i] = row
+        errors = {item.term: item.standard_error for item in part.terms}
+        own = np.sqrt(np.maximum(np.diag(block), 0.0))
+        printed = np.array([errors.get(term) or sd for term, sd in zip(terms, own, strict=True)])
+        scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
+        covariance[np.ix_(places, places)] = block * np.outer(scale, scale)
+    for item in card.inertia:
+        i = unknowns.index(added_mass_unknown(item.name))
+        covariance[i, i] = item.standard_error**2
+    flown = {name: card.conditions[name] for name in VELOCITIES}
+    reach = [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
+    rows, cuts = damping_limits(unknowns, card.damping, reach)
+    plain = normal_draws(np.array(values), covariance, count=count, seed=seed)
+    within = np.all(np.isfinite(plain), axis=1)
+    for limit in rows:
+        within &= np.all(plain @ limit.rows.T <= limit.bounds + TINY, axis=1)
+    if all(unknown.term in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
+        # Of other terms the rows hold the power at many velocities already.
+        for cut in cuts:
+            within &= np.array([not len(cut(draw).rows) for draw in plain])
+    rejected, moved = int(np.sum(~within)), int(np.sum(within)) < FEWEST
+    kept = plain[within]
+    if moved:
+        kept = draw_within(
+            unknowns, np.array(values), covariance, rows, cuts, count=FEWEST, seed=seed
+        ).values
+    models: list[IdentifiedModel] = []
+    trims, added_mass = np.zeros((len(kept), 6)), np.zeros((len(kept), 6, 6))
+    for number, draw in enumerate(kept):
+        coefficients: dict[str, dict[str, float]] = {axis: {} for axis in AXES}
+        inertia = {}
+        for unknown, value in zip(unknowns, draw.tolist(), strict=True):
+            if unknown.term == CONSTANT:
+                trims[number, AXES.index(unknown.axis)] = value
+            elif unknown.term in card.predictor.get(unknown.axis, {}):
+                coefficients[unknown.axis][unknown.term] = value
+            else:
+                inertia[unknown] = value
+        models.append(IdentifiedModel(card.name, coefficients))
+        added_mass[number] = added_mass_change(inertia)
+    return ModelDraws(tuple(models), trims, added_mass, count, rejected, moved)
+
+
+def force_errors(
+    card: ModelCard, samples_per_one: Mapping[str, float], step_s: float
+) -> tuple[Array, Array]:
+    """Return size (6,) [N, N m] and memory (6,) [s] of a card's force error in training.
+
+    A first-order autoregression of which R samples count as one has the coefficient
+    (R - 1) / (R + 1) from sample to sample.
+    """
+    ratio = np.maximum([samples_per_one.get(axis, 1.0) for axis in AXES], 1.001)
+    memory = step_s / np.log((ratio + 1.0) / (ratio - 1.0))
+    return np.array([card.axes[axis].j for axis in AXES]), memory
+
+
+def fly(
+    vehicle: Vehicle,
+    model: ModelDraws,
+    draws: ModelDraws,
+    motion: MeasuredMotion,
+    *,
+    window_s: float,
+    errors: tuple[Array, Array],
+    windows: int,
+    minimum_speed: float,
+) -> Flight | None:
+    """Return the flight of a model (draws of one) over a segment, None if too short.
+
+    windows: how many there are in all segments, which decides how many draws fly.
+    """
+    stride = max(1, round(SHOWN_S / motion.step_s))
+    starts = starts_of(motion, window_s)
+    if not len(starts):
+        return None
+    count = min(len(draws.models), max(FEWEST, len(draws.models) * WINDOWS // windows))
+    some = draws.first(count)
+    lost = np.zeros(count, dtype=bool)
+    parts = []
+    for number, start in enumerate(motion.samples(starts)):
+        last = min(start + motion.samples(window_s), len(motion.t_s) - 1)
+        # The next window has the last moment of this one.
+        steps = np.arange(0, last - start + (number == len(starts) - 1), stride)
+
+        def states(
+            flown: ModelDraws,
+            disturbance: WanderingForce | None,
+            start: int = start,
+            steps: Index = steps,
+        ) -> tuple[Array, Array]:
+            flights, gone = fly_freely(
+                vehicle,
+                flown.models,
+                flown.trims,
+                motion,
+                first=np.array([start]),
+                steps=steps,
+                added_mass=flown.added_mass,
+                minimum_speed=minimum_speed,
+                disturbance=disturbance,
+            )
+            return flights[:, 0][..., COMPARED], gone[:, 0]
+
+        (run,), _ = states(model, None)
+        wander = WanderingForce(np.tile(errors[0], (count, 1)), errors[1], seed=number * count)
+        around, gone = states(some, wander)
+        lost |= np.isfinite(gone)
+        measured = motion.state[start + steps][:, COMPARED]
+        measured[:, 8] = np.unwrap(measured[:, 8])
+        off, spread = run - measured, around - run
+        off[:, 8], spread[..., 8] = wrapped(off[:, 8]), wrapped(spread[..., 8])
+        if lost.any():
+            spread[np.isnan(spread)] = np.inf  # a lost draw is outside of any band
+        edges = np.quantile(spread, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0], axis=0)
+        run = measured + off
+        times = motion.t_s[start + steps] - motion.t_s[0]
+        part = [times, measured, run, run + edges[0], run + edges[1]]
+        if parts:  # a row of nan lets lines end before the run starts again
+            gap = np.full((1, 9), np.nan)
+            part = [np.append(times[0] - 0.5 * motion.step_s, times)] + [
+                np.vstack([gap, values]) for values in part[1:]
+            ]
+        parts.append(part)
+    t_s, measured, run, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Flight(t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost)))
+
+
+def starts_of(motion: MeasuredMotion, window_s: float) -> Array:
+    """Return when a run starts again: every window that is not too short."""
+    length = float(motion.t_s[-1] - motion.t_s[0])
+    starts = np.arange(0.0, length, window_s)
+    return starts[starts + min(SHORTEST_S, window_s) <= length]
+
+
+def calibrated(flights: Sequence[Flight]) -> list[Flight]:
+    """Return flights whose band each has the width that the other legs ask for.
+
+    As they are for fewer than `LEAST_LEGS`.
+    """
+    if len(flights) < LEAST_LEGS:
+        return list(flights)
+    scores = np.array([flight.score() for flight in flights])
+    return [
+        flight.widened(conformal_scale(np.delete(scores, i, axis=0), LEVEL))
+        for i, flight in enumerate(flights)
+    ]

@@ -1,0 +1,109 @@
+"""What the page and the recording show of the chosen model's flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.hydro.identification.selection.conformal import LEAST_LEGS
+from auvid.stages.columns import ATTITUDE, VELOCITY
+from auvid.stages.presentation import Block, panel, plot, series, symbol, table, unit_of, view
+from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, Flight, ModelDraws
+
+SHOWN = 3
+"""Segments with a picture on the page; the recording has all of them."""
+TAB = "Free run"
+
+
+def flight_blocks(
+    name: str,
+    title: str,
+    flights: Mapping[str, Flight],
+    segments: Mapping[str, SegmentRecord],
+    draws: ModelDraws,
+    *,
+    window_s: float,
+) -> list[Block]:
+    """Return a picture per segment of the chosen model's flight, and how far it holds."""
+    blocks = [
+        _picture(name, title, segments[key], flight, window_s)
+        for key, flight in list(flights.items())[:SHOWN]
+    ]
+    if flights:
+        blocks.append(_coverage(title, list(flights.values()), draws, window_s))
+    return blocks
+
+
+def _picture(
+    name: str, title: str, segment: SegmentRecord, flight: Flight, window_s: float
+) -> Block:
+    t = flight.t_s + float(segment.leg_start_s)
+    panels = [
+        panel(
+            symbol(column),
+            unit_of("simulated_motion", column),
+            [
+                series("lower edge", t, flight.low[:, i], "band"),
+                series("upper edge", t, flight.high[:, i], "band"),
+                series("measured", t, flight.measured[:, i], "measured"),
+                series(name, t, flight.simulated[:, i], name),
+            ],
+        )
+        for i, column in enumerate(NAMES)
+    ]
+    return plot(
+        f"Free run of {title} on {segment.id}, from measured controls",
+        panels,
+        group="time",
+        look_for=(
+            f"Started from the measured state every {window_s:g} s, then by itself: near the"
+            " measured line the model moves as the vehicle did. It has not seen this leg."
+        ),
+    )
+
+
+def _coverage(title: str, flights: Sequence[Flight], draws: ModelDraws, window_s: float) -> Block:
+    shares = np.mean([flight.coverage() for flight in flights], axis=0)
+    lost, flown = max(flight.lost for flight in flights), max(flight.flown for flight in flights)
+    legs = len(flights)
+    if legs >= LEAST_LEGS:
+        kind = f"split conformal over {legs} legs, each band from the other {legs - 1}"
+    else:
+        kind = "the model's own, from the covariance of its coefficients and its force error in"
+        kind += f" training, not calibrated: that takes {LEAST_LEGS} validation legs"
+    words = f"Band for {100 * LEVEL:g} % of the time: {kind}."
+    words += f" Of {draws.drawn} draws of {title}'s coefficients {draws.rejected} were rejected"
+    words += " before flight (not dissipative)"
+    if draws.moved:
+        words += f", and {len(draws.models)} moved onto the limits stand in for them"
+    words += f"; of {flown} that flew {window_s:g} s each, {lost} diverged."
+    heads = ["", "all", *map(symbol, NAMES)]
+    cells = [f"{100 * share:.0f} %" for share in (float(np.mean(shares)), *shares.tolist())]
+    return table(
+        "Share of the time that the measured state lies in the band",
+        heads,
+        [["in the band", *cells]],
+        note=words,
+    )
+
+
+def flight_views(name: str, segments: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the groups of the recording: run, band and measured state, by quantity."""
+    groups = []
+    for key in segments:
+        for columns in (VELOCITY[:3], VELOCITY[3:], ATTITUDE):
+            for column in columns:
+                i, table_name = NAMES.index(column), f"simulated_motion/{key}"
+                entity = f"free_run/{key}/{symbol(column)}"
+                groups += [
+                    view(f"{entity}/measured", f"fuse/{key}/fused", [column], ["measured"],
+                         tab=TAB, names=[f"{symbol(column)} measured"]),
+                    view(f"{entity}/run", table_name, [column], [name], tab=TAB,
+                         names=[f"{symbol(column)} {name}"]),
+                    view(f"{entity}/band", table_name, [LOW[i], HIGH[i]], ["band", "band"],
+                         tab=TAB, names=["lower edge", "upper edge"]),
+                ]  # fmt: skip
+    return groups
