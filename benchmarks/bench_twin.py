@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.plans.plan import TankRunEntry
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
@@ -56,7 +57,7 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
         (ROOT / "campaigns/thaus_twin/plans/thesis.yaml").read_text(encoding="utf-8")
     )
     plan = bench_plan(written, vehicle)
-    legs = {leg["id"]: leg for leg in bench_entries(written, format="bin")[1]}
+    legs = {leg["id"]: LegEntry(**leg) for leg in bench_entries(written, format="bin")[1]}
     for experiment in plan.experiments:
         if not isinstance(experiment.entry, TankRunEntry) or experiment.entry.truth != TRUTH:
             continue

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
@@ -87,7 +88,7 @@ def legs_of(plan: Plan, simulated: SimulatedVehicle, seed: int) -> dict[str, Leg
         streams = {name: make_table(name, values) for name, values in log.streams.items()}
         vehicle = simulated.vehicle
         cut = resample.run(
-            resample.Inputs(entry, info, vehicle, **streams),  # type: ignore[arg-type]
+            resample.Inputs(LegEntry(**entry), info, vehicle, **streams),  # type: ignore[arg-type]
             resample.Params(),
         )
         for name, segment in cut.segment.items():

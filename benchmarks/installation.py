@@ -29,6 +29,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import beta
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.data_schemas.tables import make_table
@@ -96,7 +97,7 @@ def checked(
         entry = {"id": leg, "log": leg, "use": "training", **span}
         streams = {name: make_table(name, values) for name, values in log.streams.items()}
         cut = resample.run(
-            resample.Inputs(entry, infos[leg], vehicle, **streams),  # type: ignore[arg-type]
+            resample.Inputs(LegEntry(**entry), infos[leg], vehicle, **streams),  # type: ignore[arg-type]
             resample.Params(),
         )
         for port, tables in ports.items():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
@@ -70,20 +71,19 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
 
-def leg_window(leg: Mapping[str, object], start_us: int, end_us: int) -> Span:
+def leg_window(leg: LegEntry, start_us: int, end_us: int) -> Span:
     """Return the leg in seconds from the start of the log.
 
     Raises `DataError` for a leg that lies outside the log.
     """
     length = (end_us - start_us) / 1e6
-    start, end = leg.get("start_s"), leg.get("end_s")
-    first = 0.0 if start is None else float(start)  # type: ignore[arg-type]
-    last = length if end is None else float(end)  # type: ignore[arg-type]
+    first = leg.start_s or 0.0
+    last = length if leg.end_s is None else leg.end_s
     if first >= length or last <= first:
         raise DataError(
-            f"leg '{leg['id']}' lies outside log '{leg['log']}'",
+            f"leg '{leg.id}' lies outside log '{leg.log}'",
             field="start_s" if first >= length else "end_s",
-            value=f"from {first:g} s on" if end is None else f"{first:g} to {last:g} s",
+            value=f"from {first:g} s on" if leg.end_s is None else f"{first:g} to {last:g} s",
             allowed=f"0 to {length:.3f} s from the first time-stamped record",
         )
     return first, last

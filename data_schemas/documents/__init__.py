@@ -55,6 +55,7 @@ DELIVERED = frozenset(
         "apparatus",
         "control_cases",
         "fusion",
+        "leg",
         "installation",
         "log_info",
         "model_card",

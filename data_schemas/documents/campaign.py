@@ -80,7 +80,7 @@ class LegEntry(Model):
     """Seconds from the first time-stamped record."""
     end_s: Annotated[float, Range(0)] | None = None
     """Seconds from the first time-stamped record."""
-    use: Literal["training", "validation"] | None = None
+    use: Literal["training", "validation"] = "training"
     """Fit or judge."""
     role: str | None = None
     """Role in a bench campaign."""

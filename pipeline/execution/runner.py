@@ -276,7 +276,10 @@ class Run:
         if feed.schema in MANIFEST_PORTS:
             if feed.schema == "vehicle":
                 return vehicle_source(self.campaign.vehicle)
-            return Value(self._manifest_document(feed.schema, place))
+            document = self._manifest_document(feed.schema, place)
+            if feed.schema == "leg":
+                return Value(delivered(document, "leg"), document)
+            return Value(document)
         if feed.every:
             return Many(self._collected(feed))
         if not feed.producers:

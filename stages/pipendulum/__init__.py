@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.documents.apparatus import ApparatusDocument
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -64,7 +65,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     if apparatus is None:
         return Outputs()
     vehicle = inputs.vehicle
-    legs = {str(leg["id"]): leg for leg in inputs.campaign["legs"]}
+    legs = {leg.id: leg for leg in map(LegEntry.model_validate, inputs.campaign["legs"])}
     logs = Logs(legs, inputs.log_info, inputs.imu, inputs.attitude)
     tray, pendulum = apparatus.quadrifilar, apparatus.free_decay
     swings = [] if tray is None else swings_of(tray, logs, vehicle)

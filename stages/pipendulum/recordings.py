@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import has_columns
@@ -23,7 +24,7 @@ from auvid.hydro.identification.bench.swing import (
     swing_axis,
 )
 from auvid.hydro.identification.signals.splines import smoothing_spline
-from auvid.stages.base import Collection, Document
+from auvid.stages.base import Collection
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, Samples, leg_window, samples_within
 
 MIN_SAMPLES = 50
@@ -68,7 +69,7 @@ class SwingRecording:
 class Logs:
     """The legs of a campaign and what its logs hold."""
 
-    legs: Mapping[str, Document]
+    legs: Mapping[str, LegEntry]
     log_info: Mapping[str, LogInfo]
     imu: Collection[pa.Table] | None
     attitude: Collection[pa.Table] | None
@@ -91,7 +92,7 @@ class Logs:
                 remedy=remedy,
             )
         leg = self.legs[leg_id]
-        log = str(leg["log"])
+        log = leg.log
         info = self.log_info[log]
         start_us = int(info.start_us)
         window = leg_window(leg, start_us, int(info.end_us))
@@ -119,7 +120,7 @@ class Logs:
 
 
 def _recording(
-    leg: Document,
+    leg: LegEntry,
     gyro: Samples | None,
     attitude: Samples | None,
     accel: Samples | None,
@@ -128,7 +129,7 @@ def _recording(
     notes: list[str] = []
     warnings: list[str] = []
     if gyro is not None:
-        usable = _unclipped(gyro.values, str(leg["id"]), warnings)
+        usable = _unclipped(gyro.values, leg.id, warnings)
         axis = swing_axis(gyro.values[usable])
         t, rate = gyro.t_s, gyro.values @ axis.axis
     else:
@@ -150,8 +151,8 @@ def _recording(
         angle = _agreeing(angle, t, rate, warnings)
     _judge_axis(axis, accel, upright, notes, warnings)
     return SwingRecording(
-        str(leg["id"]),
-        leg.get("use") == "validation",
+        leg.id,
+        leg.use == "validation",
         t,
         rate,
         usable,

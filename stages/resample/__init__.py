@@ -20,12 +20,13 @@ from functools import partial
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import LegGap, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.resampling import hold, linear
-from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import Span, leg_window
 from auvid.stages.resample.segments import (
     COVERING,
@@ -48,7 +49,7 @@ from auvid.stages.resample.uniform import SAMPLES, ResampledSegment, Smoothing, 
 class Inputs:
     """One leg, its log, its streams, and the vehicle with the lags of its sensors."""
 
-    leg: Document = port("leg")
+    leg: LegEntry = port("leg")
     log_info: LogInfo = port("log_info")
     vehicle: Vehicle = port("vehicle")
     imu: pa.Table | None = port("imu", optional=True)
@@ -154,7 +155,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             smoothing=Smoothing(params.smoothing, params.cutoff_hz),
             between=partial(interpolation, max_gap_s=params.max_gap_s),
         )
-        for name, span in zip(segment_ids(str(inputs.leg["id"]), long), long, strict=True)
+        for name, span in zip(segment_ids(inputs.leg.id, long), long, strict=True)
     }
     leg_gaps = gap_list(covering, params.max_gap_s, window)
     samples = {
@@ -260,9 +261,9 @@ def _record(
     inside = (t_s >= 0.0) & (t_s <= part.span[1] - part.span[0] + 1e-9)
     return SegmentRecord(
         id=name,
-        leg=inputs.leg["id"],
-        log=inputs.leg["log"],
-        use=inputs.leg.get("use", "training"),
+        leg=inputs.leg.id,
+        log=inputs.leg.log,
+        use=inputs.leg.use,
         start_us=inputs.log_info.start_us + round(part.span[0] * 1e6),
         leg_start_s=part.span[0],
         duration_s=float(t_s[inside][-1]),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
@@ -171,23 +172,23 @@ def gap_list(signals: Sequence[Signal], max_gap_s: float, window: Span) -> list[
     return sorted(pauses, key=lambda gap: (gap.start_s, gap.stream))
 
 
-def missing_stream(stream: str, leg: Mapping[str, object], *, logged: bool) -> DataError:
+def missing_stream(stream: str, leg: LegEntry, *, logged: bool) -> DataError:
     """Return the error for a stream that the chain cannot do without."""
     reason = "has fewer than five samples of it in the leg" if logged else "has none"
     return DataError(
-        f"leg '{leg['id']}' needs stream '{stream}', and log '{leg['log']}' {reason}",
+        f"leg '{leg.id}' needs stream '{stream}', and log '{leg.log}' {reason}",
         field=stream,
         remedy=f"What could supply it: {supply_text(stream)}.",
     )
 
 
 def too_short(
-    leg: Mapping[str, object], signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
+    leg: LegEntry, signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
 ) -> DataError:
     """Return the error for a leg of which no part is covered for long enough."""
     cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
     return DataError(
-        f"no part of leg '{leg['id']}' is covered by all sensors for {min_segment_s:g} s",
+        f"no part of leg '{leg.id}' is covered by all sensors for {min_segment_s:g} s",
         value=cover,
         allowed=f"pauses up to {max_gap_s:g} s",
         remedy=(

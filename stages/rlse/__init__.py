@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
@@ -22,7 +23,7 @@ from auvid.hydro.identification.bench.single_channel import (
     estimate_channel,
     unexcited,
 )
-from auvid.stages.base import Document, Stage, param, port
+from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import leg_window, stacked
 from auvid.stages.rlse.figures import channel_results, dry_mass, no_results
 from auvid.stages.rlse.presentation import channel_section, channel_views, unexcited_section
@@ -33,7 +34,7 @@ from auvid.stages.rlse.run_of_leg import LegRun, Streams, run_of_leg
 class Inputs:
     """One leg, its log, the vehicle, and the raw streams of the log."""
 
-    leg: Document = port("leg")
+    leg: LegEntry = port("leg")
     log_info: LogInfo = port("log_info")
     vehicle: Vehicle = port("vehicle")
     velocity: pa.Table | None = port("velocity", optional=True)
@@ -97,7 +98,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `DataError` when a stream that its channel needs is missing or too short.
     """
-    channel, leg = inputs.leg.get("channel"), str(inputs.leg["id"])
+    channel, leg = inputs.leg.channel, inputs.leg.id
     if channel is None:
         return Outputs()
     vehicle, direction_note = with_logged_directions(inputs.vehicle, inputs.log_info.parameters)

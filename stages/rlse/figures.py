@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
@@ -106,15 +107,15 @@ def channel_results(
     return {"title": f"{leg_run.channel} of leg {leg}", "rows": rows}
 
 
-def dry_mass(channel: str, vehicle: Vehicle, leg: Mapping[str, Any]) -> float:
+def dry_mass(channel: str, vehicle: Vehicle, leg: LegEntry) -> float:
     """Return the mass [kg] or inertia [kg m^2] to subtract for the added mass.
 
     That of the leg, else of the vehicle file.
     """
     index = CHANNELS.index(channel)
-    own = leg.get("mass_kg" if index < 3 else "inertia_kg_m2")
+    own = leg.mass_kg if index < 3 else leg.inertia_kg_m2
     if own is not None:
-        return float(own)
+        return own
     return vehicle.mass_kg if index < 3 else float(vehicle.inertia[index - 3, index - 3])
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -68,7 +69,7 @@ def decode(inputs: DecodeInputs, params: DecodeParams) -> DecodeOutputs:
 
 @dataclass(frozen=True)
 class CutInputs:
-    leg: Document = port("leg")
+    leg: LegEntry = port("leg")
     depth: pa.Table = port("depth")
 
 
@@ -83,7 +84,7 @@ class CutOutputs:
 
 
 def cut(inputs: CutInputs, params: CutParams) -> CutOutputs:
-    name = inputs.leg["id"]
+    name = inputs.leg.id
     keys = [name] if params.parts == 1 else [f"{name}.{part + 1}" for part in range(params.parts)]
     pieces = np.array_split(inputs.depth["depth_m"].to_numpy(), max(params.parts, 1))
     tables = [

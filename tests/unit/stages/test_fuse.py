@@ -13,6 +13,7 @@ import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.arrays import Array
@@ -119,7 +120,7 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     dense = resampled_table(motion, sensors, sensor_axes=True)
     streams = sampled(dense, lag)
     log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)
-    given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
+    given = resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams)
     cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
     assert cut.samples_imu is not None
     given_fuse = fuse.Inputs(
@@ -379,7 +380,7 @@ def test_views_draw_raw_and_fused_in_the_same_axes(motion: Motion, mounting: str
                 place, streams[stream].schema.field(name), pa.array(noisy)
             )
     cut = resample.run(
-        resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams),
+        resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams),
         resample.Params(smoothing="none", rate_hz=RATE_HZ),
     )
     found = fuse.run(

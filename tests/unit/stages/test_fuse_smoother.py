@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
@@ -48,7 +49,7 @@ def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fus
     log = log_document(
         end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention
     )
-    given = resample.Inputs({"id": "one", "log": "log", "use": "training"}, log, vehicle, **streams)
+    given = resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams)
     cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
     samples = {
         name: getattr(cut, name)["one"]

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
@@ -114,7 +115,7 @@ def run(
 ) -> resample.Outputs:
     info = log_document(start_us=START_US, end_us=START_US + 60_000_000)
     inputs = resample.Inputs(
-        leg={"id": "leg", "log": "dive", "use": "training", **(leg or {})},
+        leg=LegEntry(**{"id": "leg", "log": "dive", "use": "training", **(leg or {})}),
         log_info=info,
         vehicle=vehicle,
         **streams(**changes),

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pytest
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
@@ -119,7 +120,8 @@ def run(
     end = max(int(column(table, "time_us")[-1]) for table in tables.values())
     info = log_document(start_us=START_US, end_us=end)
     return rlse.run(
-        rlse.Inputs(leg, info, vehicle_from_document(vehicle), **tables), rlse.Params(**params)
+        rlse.Inputs(LegEntry(**leg), info, vehicle_from_document(vehicle), **tables),
+        rlse.Params(**params),
     )
 
 

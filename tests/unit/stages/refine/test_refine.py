@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
@@ -79,7 +80,8 @@ def chain(model: str, *, duration_s: float = 20.0, seed: int = 1, **params: Any)
     log = log_document(log="log", start_us=START_US, end_us=end_us)
     leg = {"id": "a", "log": "log", "start_s": 0.0, "end_s": duration_s, "use": "training"}
     cut = resample.run(
-        resample.Inputs(leg=leg, log_info=log, vehicle=VEHICLE, **tables), resample.Params()
+        resample.Inputs(leg=LegEntry(**leg), log_info=log, vehicle=VEHICLE, **tables),
+        resample.Params(),
     )
     (key,) = cut.segment
     fused = fuse.run(

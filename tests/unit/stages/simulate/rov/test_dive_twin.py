@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import CampaignError
@@ -183,7 +184,7 @@ def test_the_chain_finds_the_force_of_exact_sensors() -> None:
     outputs = simulate.run(simulate.Inputs(HEAVY, twin(plan=exact)), simulate.Params())
     file = RawFile("a.BIN", np.frombuffer(outputs.logs["a.BIN"], np.uint8), None)
     log = ingest.run(ingest.Inputs(RawLog("a", (file,)), None, HEAVY), ingest.Params())
-    leg = dive_entries(exact, format="bin")[1][0]
+    leg = LegEntry(**dive_entries(exact, format="bin")[1][0])
     streams = ("imu", "attitude", "depth", "velocity", "actuators", "battery")
     resampled = resample.run(
         resample.Inputs(leg, log.log_info, HEAVY, **{name: getattr(log, name) for name in streams}),
