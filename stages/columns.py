@@ -43,6 +43,8 @@ GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 UNIX_TIME_US = 1_000_000_000_000_000
 """A clock beyond this (September 2001) counts from 1970; below it, from boot."""
+ACTUATORS = ("fins", "propeller", "thrusters")
+"""Components of the residual force that a lag of the actuators delays."""
 AXIS_UNITS = {"X": "N", "Y": "N", "Z": "N", "K": "N m", "M": "N m", "N": "N m"}
 
 

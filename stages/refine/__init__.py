@@ -19,13 +19,10 @@ import pyarrow as pa
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard
-from auvid.data_schemas.records.motion import (
-    FusionRecord,
-    InstallationRecord,
-    SegmentRecord,
-)
+from auvid.data_schemas.records.motion import FusionRecord, InstallationRecord, SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -34,7 +31,7 @@ from auvid.hydro.identification.maximum_likelihood.output_error import WINDOW_S
 from auvid.hydro.identification.maximum_likelihood.records import LegRecord
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import ACCELERATION, VELOCITY, forces
+from auvid.stages.columns import ACCELERATION, ACTUATORS, VELOCITY, clock, force_columns, forces
 from auvid.stages.refine.fitting import ESTIMATORS, CardUnknowns, SensorFit, fit_card
 from auvid.stages.refine.legs import SegmentSamples, leg_record
 from auvid.stages.refine.presentation import refine_section
@@ -198,8 +195,9 @@ def _kept(card: ModelCard, reason: str) -> str:
 def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> dict[str, float]:
     """Return axis -> RMS error of the residual force on the legs [N, N m].
 
-    tau_bar is formed with the inertia of the vehicle file, so a model with another one
-    also predicts dM_A nu_dot + C(dM_A, nu) nu.
+    tau_bar is formed with the inertia of the vehicle file and actuators without a lag,
+    so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and tau_U with
+    its lag less tau_U without.
     """
     terms = {
         axis: {term: value for term, value in row.items() if term != CONSTANT}
@@ -210,6 +208,7 @@ def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> 
     change = added_mass_change(
         {u: float(fit.limited.values[problem.unknowns.index(u)]) for u in problem.inertia}
     )
+    lag_s = problem.parameters.lag_s(fit.estimate.theta)
     squares, n = np.zeros(6), 0
     for leg in legs:
         residual = inputs.residual[leg.name]
@@ -219,6 +218,10 @@ def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> 
             ratio = column(residual, "eta_ratio")
         force = constant + IdentifiedModel("refined", terms).force(nu, ratio)
         force = force + nu_dot @ change.T + coriolis_force(change, nu)
+        names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+        acting = np.sum([forces(residual, name) for name in names], axis=0)
+        step_s = float(np.mean(np.diff(clock(residual))))
+        force = force + first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting
         squares += np.sum((forces(residual, "tau_bar") - force) ** 2, axis=0)
         n += len(nu)
     return dict(zip(AXES, np.sqrt(squares / n).tolist(), strict=True))

@@ -26,6 +26,7 @@ from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.simulation.growth import Growth, growth
@@ -39,7 +40,15 @@ from auvid.hydro.identification.regression.error_measures import ErrorSums, Midd
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.information import inflation
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.columns import ACCELERATION, VELOCITY, clock, force_columns, forces, named
+from auvid.stages.columns import (
+    ACCELERATION,
+    ACTUATORS,
+    VELOCITY,
+    clock,
+    force_columns,
+    forces,
+    named,
+)
 from auvid.stages.presentation import Block
 from auvid.stages.validate.flight import (
     Flight,
@@ -124,12 +133,14 @@ class Outputs:
 class Predictor:
     """A model of a card: viscous terms, constant force `trim` (6,), fitted inertia.
 
-    added_mass (6, 6) is what the card's inertia adds to M_A of the vehicle file.
+    added_mass (6, 6) is what the card's inertia adds to M_A of the vehicle file; lag_s
+    a lag of the actuators that was fitted with it.
     """
 
     viscous: IdentifiedModel
     trim: Array
     added_mass: Array
+    lag_s: float = 0.0
 
     @classmethod
     def of(cls, card: ModelCard) -> Predictor:
@@ -142,13 +153,20 @@ class Predictor:
             {added_mass_unknown(item.name): item.change for item in card.inertia}
         )
         trim = [card.predictor.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
-        return cls(IdentifiedModel(card.name, terms), np.array(trim), change)
+        lag = None if card.likelihood is None else card.likelihood.lag
+        return cls(
+            IdentifiedModel(card.name, terms),
+            np.array(trim),
+            change,
+            0.0 if lag is None else lag.value_s,
+        )
 
     def force(self, residual: pa.Table, fused: pa.Table | None) -> Array:
         """Return the residual force (n, 6) that the model predicts on a segment.
 
-        tau_bar is formed with the inertia of the vehicle file, so a model with another
-        one also predicts dM_A nu_dot + C(dM_A, nu) nu.
+        tau_bar is formed with the inertia of the vehicle file and actuators without a
+        lag, so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and
+        tau_U with its lag less tau_U without.
         """
         nu, force = matrix(residual, VELOCITY), np.tile(self.trim, (residual.num_rows, 1))
         if self.viscous.terms:
@@ -158,6 +176,11 @@ class Predictor:
             assert fused is not None  # the inertia was fitted with it
             force += matrix(fused, ACCELERATION) @ self.added_mass.T
             force += coriolis_force(self.added_mass, nu)
+        if self.lag_s > 0.0:
+            names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+            acting = np.sum([forces(residual, name) for name in names], axis=0)
+            step_s = float(np.mean(np.diff(clock(residual))))
+            force += first_order_lag(acting, lag_s=self.lag_s, step_s=step_s) - acting
         return force
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
@@ -355,6 +378,7 @@ def _free_runs(
         every_s=params.free_run_every_s,
         minimum_speed=params.minimum_speed_m_s,
         as_measured=as_measured.split(),
+        lags_s=np.array([model.lag_s for model in models.values()]),
     )
 
 

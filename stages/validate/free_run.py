@@ -52,11 +52,13 @@ def run_segment(
     every_s: float,
     minimum_speed: float,
     as_measured: Sequence[str] = (),
+    lags_s: Array | None = None,
 ) -> FreeRuns | None:
     """Return free runs over one segment, None if shorter than the shortest horizon.
 
     added_mass (m, 6, 6): what the inertia of each model adds to the vehicle's.
-    as_measured: velocities put in as measured, with their angles.
+    as_measured: velocities put in as measured, with their angles. lags_s (m,): lag of
+    the actuators of each model.
     """
     length = motion.t_s[-1] - motion.t_s[0]
     if length < horizons_s[0]:
@@ -71,6 +73,7 @@ def run_segment(
         minimum_speed=minimum_speed,
         added_mass=added_mass,
         imposed=imposed_states(as_measured),
+        lags_s=lags_s,
     )
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.equations_of_motion import Control, actuator_force
 from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -124,14 +125,16 @@ def fly_freely(
     imposed: Mask | None = None,
     minimum_speed: float = 0.05,
     disturbance: WanderingForce | None = None,
+    lags_s: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return states (m, w, k, 12) at `steps` (k,) after each start, and losses (m, w).
 
     RK4 with the steps of the clock. first (w,): samples of the starts; steps ascending
     from 0. added_mass (m, 6, 6): what each model adds to M_A of the vehicle; imposed
-    (12,): states put in as measured. A loss is seconds after the start until a velocity
+    (12,): states put in as measured. lags_s (m,): by which the actuators of each model
+    are late, over all of the motion. A loss is seconds after the start until a velocity
     is beyond its limit, nan for never; states after a loss, and after the end of the
-    motion, are nan. Models of one set of terms fly as one batch.
+    motion, are nan. Models of one set of terms and one lag fly as one batch.
     """
     # Imported here, since numba takes a second.
     from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, THREADS
@@ -143,27 +146,31 @@ def fly_freely(
         raise DataError(
             "a model has terms with the propulsion ratio, but the propeller speed is not known"
         )
-    # Copies: numba compiles the loop once more for arrays that cannot be written to.
-    course = Course(
-        motion.state.flatten(),
-        motion.inputs(vehicle).flatten(),
-        np.array(first, dtype=np.int64),
-        np.array(steps, dtype=np.int64),
-        np.zeros(12) if imposed is None else np.array(imposed, dtype=np.float64),
-        LIMITS,
-        len(motion.t_s),
-        motion.step_s,
-    )
     count = len(coefficients)
+    inputs, lags = motion.inputs(vehicle), np.zeros(count) if lags_s is None else lags_s
+    # Copies: numba compiles the loop once more for arrays that cannot be written to.
+    courses = {
+        lag_s: Course(
+            motion.state.flatten(),
+            first_order_lag(inputs, lag_s=lag_s, step_s=motion.step_s).flatten(),
+            np.array(first, dtype=np.int64),
+            np.array(steps, dtype=np.int64),
+            np.zeros(12) if imposed is None else np.array(imposed, dtype=np.float64),
+            LIMITS,
+            len(motion.t_s),
+            motion.step_s,
+        )
+        for lag_s in set(lags.tolist())
+    }
     states = np.full((count, len(first), len(steps), 12), np.nan)
     lost = np.empty((count, len(first)))
     masses = np.broadcast_to(vehicle.mass_matrix, (count, 6, 6))
     if added_mass is not None:
         masses = masses - added_mass
-    batches: dict[tuple[str, ...], list[int]] = {}
+    batches: dict[tuple[tuple[str, ...], float], list[int]] = {}
     for i, model in enumerate(coefficients):
-        batches.setdefault(model.terms, []).append(i)
-    for members in batches.values():
+        batches.setdefault((model.terms, float(lags[i])), []).append(i)
+    for (_, lag_s), members in batches.items():
         tables = [
             plant_tables(vehicle, coefficients[i], lag_s=0.0, minimum_speed=minimum_speed)
             for i in members
@@ -189,6 +196,7 @@ def fly_freely(
             out: Array = out,
             gone: Array = gone,
             share: int = share,
+            course: Course = courses[lag_s],
         ) -> None:
             scratch, factors = np.empty((6, 12)), np.empty(FACTOR_COUNT + tables.counts[0])
             stop = min(start + share, len(out))
@@ -211,6 +219,7 @@ def free_runs(
     minimum_speed: float = 0.05,
     added_mass: Array | None = None,
     imposed: Mask | None = None,
+    lags_s: Array | None = None,
 ) -> FreeRuns:
     """Simulate every model from every start, and compare at horizons.
 
@@ -239,6 +248,7 @@ def free_runs(
         added_mass=added_mass,
         imposed=imposed,
         minimum_speed=minimum_speed,
+        lags_s=lags_s,
     )
     last = len(motion.t_s) - 1
     reached = first[:, None] + after <= last

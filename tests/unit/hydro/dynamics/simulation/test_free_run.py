@@ -233,3 +233,36 @@ def test_a_wandering_force_spreads_models_as_it_should(
     assert spread(0)[:, 0].std() == pytest.approx(expected, rel=0.1)
     np.testing.assert_array_equal(spread(0), spread(0))
     assert np.abs(spread(1) - spread(0)).max() > 0.0
+
+
+def test_a_model_with_a_lag_flies_with_late_actuators(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
+    t, thrust, state = run
+    lag_s = 0.4
+    late = np.empty_like(thrust)  # T y' = u - y between the samples, by an integrator
+    late[0] = thrust[0]
+    for k, (left, right) in enumerate(pairwise(t)):
+        slope = (thrust[k + 1] - thrust[k]) / (right - left)
+        late[k + 1] = solve_ivp(
+            lambda s, y, k=k, left=left, slope=slope: (thrust[k] + (s - left) * slope - y) / lag_s,
+            (left, right),
+            late[k],
+            rtol=1e-10,
+            atol=1e-12,
+        ).y[:, -1]
+    model = IdentifiedModel("model", STABLE)
+    options = {"first": np.array([0, 100]), "steps": np.array([0, 400])}
+    both = fly_freely(
+        vehicle,
+        [model, model],
+        np.stack([TRIM, TRIM]),
+        MeasuredMotion(t, state, Control(thruster_force_N=thrust)),
+        lags_s=np.array([0.0, lag_s]),
+        **options,
+    )[0]
+    for number, force in enumerate((thrust, late)):
+        motion = MeasuredMotion(t, state, Control(thruster_force_N=force))
+        one = fly_freely(vehicle, [model], TRIM[None], motion, **options)[0]
+        np.testing.assert_allclose(both[number], one[0], atol=1e-7)
+    assert np.abs(both[0] - both[1])[:, 1].max() > 1e-3
