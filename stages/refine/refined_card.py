@@ -59,7 +59,10 @@ def refined_card(
             "title": f"{card.title} ({words})",
             "method": words,
             "velocity_errors": None,
+            # What least squares says of legs left out is not said of this fit.
             "coverage_on_twins": {},
+            "left_out": [],
+            "held_out": {},
             "axes": {
                 axis: _axis(axis, part, fit, status, force_errors[axis])
                 for axis, part in card.axes.items()
@@ -132,7 +135,9 @@ def _term(
 ) -> TermCard:
     """Return a term; one that was not fitted keeps its verdict and has no number."""
     unknown = Unknown(axis, item.term)
-    bare = {"value": None, "standard_error": None, "free_value": None, "inseparable_from": None}
+    bare = dict.fromkeys(
+        ("value", "standard_error", "free_value", "inseparable_from", "turns_without")
+    )
     if unknown not in status:
         return item.model_copy(update={**bare, "inseparable_from": item.inseparable_from})
     i = fit.problem.unknowns.index(unknown)
