@@ -156,6 +156,10 @@ class StreamRecord(Model):
     """Half the range of the steps from the 5th to the 95th percentile."""
     longest_gap_s: float
     """Longest step."""
+    start_s: float
+    """First sample, from the first time-stamped record."""
+    end_s: float
+    """Last sample, likewise."""
 
 
 class CapabilityRecord(Model):
@@ -211,6 +215,8 @@ class HealthRecord(Model):
     """What was found, the severe first."""
     streams: dict[str, StreamRecord]
     """The streams that the log has."""
+    shared_spans_s: list[list[float]]
+    """From and to of each stretch that all sensors and commands cover without a gap."""
     capabilities: list[CapabilityRecord]
     """What can be done with the log."""
     excitation: dict[str, ExcitationRecord]

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def source_stamp() -> str:
-    """Return the hash of names, sizes and times of all files that a stage may depend on."""
+    """Return the hash of names, sizes and times of the files that stages depend on."""
     lines = []
     for floor in FOLDERS:
         for folder, inner, names in os.walk(ROOT / floor):
@@ -31,7 +31,7 @@ def source_stamp() -> str:
 
 
 def hashes_of(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Return the hash of each file of these names in a folder, without those that lack."""
+    """Return the hash of each file of these names that a folder has."""
     paths = {name: folder / name for name in names}
     return {
         name: hashlib.sha256(path.read_bytes()).hexdigest()
@@ -58,5 +58,5 @@ def unchanged(folder: Path, names: Iterable[str] | None = None) -> bool:
 
 
 def stamp_file(folder: Path, stamp: str, names: Iterable[str]) -> bytes:
-    """Return the content of `FILE`: the stamp of the sources, and the files made of them."""
+    """Return the content of `FILE`: stamp of the sources, hashes of the files."""
     return json.dumps({"stamp": stamp, "files": hashes_of(folder, names)}).encode()

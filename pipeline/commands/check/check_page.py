@@ -20,6 +20,7 @@ from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
 from auvid.stages.number_format import fixed, percent, significant
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
+MOST_SPANS = 5
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
 
 
@@ -33,6 +34,7 @@ def print_pages(pages: Sequence[LogPage]) -> None:
         else:
             show(_header(page.health), "")
             _print_streams(page.health["streams"])
+            show(Text.assemble(("all run together: ", "dim"), shared_spans(page.health)))
             show("", *_findings(page.health["findings"]), "", *_uses(page.health))
             _print_legs(page.legs)
         print()
@@ -47,7 +49,7 @@ def _header(health: Mapping[str, Any]) -> Text:
 
 def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
     rejected = any(item["rejected"] for item in streams.values())
-    columns = ("stream", "source", "samples", "Hz", "jitter ms", "gap s")
+    columns = ("stream", "source", "samples", "from s", "to s", "Hz", "jitter ms", "gap s")
     rows = []
     for name, item in streams.items():
         # Jitter has three digits, none beyond the microseconds of the clock.
@@ -56,6 +58,8 @@ def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
                 name,
                 item["source"],
                 item["rows"],
+                fixed(item["start_s"], 1),
+                fixed(item["end_s"], 1),
                 significant(item["rate_hz"], empty=""),
                 "" if item["jitter_s"] is None else significant(round(item["jitter_s"] * 1e3, 3)),
                 "" if item["rate_hz"] is None else significant(item["longest_gap_s"]),
@@ -64,6 +68,15 @@ def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
             )
         )
     table((*columns, *(["rejected"] if rejected else []), "also there"), rows)
+
+
+def shared_spans(health: Mapping[str, Any]) -> str:
+    """Return in words when all sensors and commands run together."""
+    spans = health["shared_spans_s"]
+    words = [f"{start:.1f} to {end:.1f} s" for start, end in spans[:MOST_SPANS]]
+    if len(spans) > MOST_SPANS:
+        words.append(f"{len(spans) - MOST_SPANS} more")
+    return ", ".join(words) or "never"
 
 
 def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
@@ -153,6 +166,7 @@ def html(pages: Sequence[LogPage], alignment: ClockAlignment | None = None) -> s
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["plain"] = plain
+    environment.filters["shared_spans"] = shared_spans
     environment.filters["plain_lines"] = plain_lines
     source = (resources.files(__package__) / "check_page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source).render(

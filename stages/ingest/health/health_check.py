@@ -33,6 +33,7 @@ from auvid.stages.ingest.health.sensor_agreement import (
 )
 from auvid.stages.ingest.health.usability import (
     capabilities,
+    common_spans,
     excitation,
     excitation_findings,
     verdict,
@@ -106,6 +107,7 @@ def check_health(
         "duration_s": (info.end_us - info.start_us) / 1e6,
         "findings": findings,
         "streams": {name: _stream(log, name) for name in tables},
+        "shared_spans_s": [list(span) for span in common_spans(log) if np.isfinite(span).all()],
         "verdict": verdict(uses, findings),
         "capabilities": uses,
         "excitation": excited,
@@ -161,6 +163,8 @@ def _stream(log: CheckedLog, name: str) -> dict[str, Any]:
         "rate_hz": None if clock is None or not math.isfinite(clock.rate_hz) else clock.rate_hz,
         "jitter_s": None if clock is None else clock.jitter_s,
         "longest_gap_s": about.longest_gap_s,
+        "start_s": float(log.t_s(name)[0]),
+        "end_s": float(log.t_s(name)[-1]),
     }
 
 

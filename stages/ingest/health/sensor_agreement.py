@@ -14,6 +14,7 @@ from auvid.hydro.identification.signals.signal_checks import (
     Following,
     RateAgreement,
     attitude_difference,
+    attitude_jumps,
     following,
     gravity,
     rate_agreement,
@@ -30,6 +31,7 @@ from auvid.stages.ingest.health.finding import (
 from auvid.stages.ingest.streams.mapping import OtherSource
 from auvid.stages.number_format import significant
 
+MOST_JUMPS = 20
 SMALLEST_TURN_RAD_S = 0.03
 """Standard deviation of a body rate below which the rounding of the attitude decides
 and nothing is compared.
@@ -98,7 +100,7 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
         text = (
             f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
             f" without the gyro, by up to {math.degrees(agreement.largest_jump):.0f} degrees (at"
-            f" {agreement.jump_at_s:.1f} s)."
+            f" {agreement.jump_at_s:.1f} s).{_all_jumps(attitude_jumps(t_s, angles, *gyro)[0])}"
         )
         yield finding(
             "attitude_jumps",
@@ -107,6 +109,15 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
             value=math.degrees(agreement.largest_jump),
             at_s=agreement.jump_at_s,
         )
+
+
+def _all_jumps(begins: Array) -> str:
+    """Return a sentence with the times [s] to keep legs away from, if several."""
+    if begins.size < 2:
+        return ""
+    times = ", ".join(f"{begin:.1f}" for begin in begins[:MOST_JUMPS])
+    more = f" and {begins.size - MOST_JUMPS} more" if begins.size > MOST_JUMPS else ""
+    return f" Jumps at {times}{more} s."
 
 
 def _moved(agreement: RateAgreement) -> list[int]:

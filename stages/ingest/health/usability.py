@@ -222,8 +222,10 @@ def _resample(log: CheckedLog) -> str | None:
     )
 
 
-def longest_common_s(log: CheckedLog, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
-    """Return the longest time [s] that all sensors and commands cover without a gap."""
+def common_spans(
+    log: CheckedLog, window: tuple[float, float] = (-np.inf, np.inf)
+) -> list[tuple[float, float]]:
+    """Return the spans [s] that all sensors and commands cover without a gap."""
     spans = [window]
     for stream in COVERING:
         if not log.has(stream):
@@ -235,7 +237,12 @@ def longest_common_s(log: CheckedLog, window: tuple[float, float] = (-np.inf, np
             if b - a >= FEWEST
         ]
         spans = [(max(a, c), min(b, d)) for a, b in spans for c, d in own if min(b, d) > max(a, c)]
-    return max((end - start for start, end in spans), default=0.0)
+    return spans
+
+
+def longest_common_s(log: CheckedLog, window: tuple[float, float] = (-np.inf, np.inf)) -> float:
+    """Return the longest time [s] that all sensors and commands cover without a gap."""
+    return max((end - start for start, end in common_spans(log, window)), default=0.0)
 
 
 def _forces(log: CheckedLog) -> str | None:

@@ -119,7 +119,7 @@ def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
 
 
 def late_columns(header: Sequence[str]) -> tuple[int, tuple[str, ...]] | None:
-    """Return place and names of columns that rows of a known program may have beyond this header.
+    """Return place and names of columns that rows may have beyond this header.
 
     None where the header has them, or no known program writes it.
     """

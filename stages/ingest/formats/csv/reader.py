@@ -183,10 +183,10 @@ def header(file: RawFile, delimiter: str | None) -> Head:
 
 def _late_columns(buffer: Buffer, head: Head) -> LateColumns | None:
     """Return the columns that the header lacks if any row has that many more cells."""
-    found = late_columns(head.names)
-    if found is None:
+    lacking = late_columns(head.names)
+    if lacking is None:
         return None
-    late, delimiter = LateColumns(*found), head.delimiter.encode()
+    late, delimiter = LateColumns(*lacking), head.delimiter.encode()
     wanted, place = len(head.names) + len(late.names), late.start + len(late.names)
     for row in buffer.tobytes().split(b"\n")[1:]:
         cells = row.split(delimiter)

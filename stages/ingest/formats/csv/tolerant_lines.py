@@ -57,7 +57,7 @@ class Form:
     late: LateColumns | None = None
 
     def filled(self, row: bytes) -> bytes:
-        """Return a row with empty cells for the late columns, if it lacks just these."""
+        """Return a row with empty cells for the late columns if it lacks these."""
         mark = self.delimiter.encode()
         if self.late is None or row.count(mark) + 1 != len(self.names) - len(self.late.names):
             return row

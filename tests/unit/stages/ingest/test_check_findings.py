@@ -5,6 +5,7 @@ the sound log has none.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -387,6 +388,30 @@ def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> No
         SPOIL[name](log)
         assert "attitude_jumps" not in log.ids(), name
         assert "gyro" in log.health()["verdict"].split("but ")[1], name
+
+
+def test_every_jump_of_the_attitude_has_its_time() -> None:
+    log = sound()
+    attitude, t_s = log.streams["attitude"], log.t_s("attitude")
+    attitude["psi_rad"] = attitude["psi_rad"] + (t_s > 33.0) + 1.0 * (t_s > 40.0)
+    text = log.finding("attitude_jumps")["text"]
+    assert "jumps 2 times" in text
+    assert re.search(r"Jumps at (32\.9|33\.0), (39\.9|40\.0) s\.$", text), text
+
+
+def test_span_of_each_stream_and_of_all_together() -> None:
+    log = sound()
+    t_s = log.t_s("attitude")
+    log.streams["attitude"] = {
+        name: values[(t_s > 12.0) & (t_s < 40.0)]
+        for name, values in log.streams["attitude"].items()
+    }
+    health = log.health()
+    attitude = health["streams"]["attitude"]
+    assert (attitude["start_s"], attitude["end_s"]) == pytest.approx((12.0, 40.0), abs=0.2)
+    assert health["shared_spans_s"] == [pytest.approx([12.0, 40.0], abs=0.2)]
+    assert health["streams"]["imu"]["start_s"] < 1.0
+    assert health["duration_s"] > 50.0
 
 
 def test_a_velocity_against_the_filters_own() -> None:
