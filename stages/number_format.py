@@ -95,7 +95,7 @@ def visible(value: Any) -> Any:
 
     Unpaired surrogates too, so that none of them can act.
     """
-    if not isinstance(value, str) or isinstance(value, Markup):
+    if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
         return value
     return "".join(
         _escaped_character(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c

@@ -3,8 +3,8 @@ BLAS kernels, other numbers of BLAS threads.
 
     python tools/dispatches.py [NAME]... [-- PYTEST ARGUMENTS]
 
-Numbers that a test holds may not depend on these. `all` of the names stands for each;
-the names and their environments are in `DISPATCHES`.
+Numbers that a test holds may not depend on these. Without a name, all of `DISPATCHES`
+run, each on the tests of `make test` that hold numbers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,16 +65,16 @@ def main() -> int:
         environment = supported(DISPATCHES[name])
         settings = " ".join(f"{key}={value!r}" for key, value in environment.items() if value)
         print(f"{name}: {settings}", flush=True)
-        with tempfile.TemporaryDirectory() as cache:
-            done = subprocess.run(
-                [
-                    *(sys.executable, "-m", "pytest", "-p", "no:cacheprovider"),
-                    *(arguments or ("-n", "auto", "--dist", "worksteal", *TESTS)),
-                ],
-                cwd=ROOT,
-                env=os.environ | environment | {"NUMBA_CACHE_DIR": cache},
-                check=False,
-            )
+        # numba keeps what it compiles by processor: the cache may be that of all runs.
+        done = subprocess.run(
+            [
+                *(sys.executable, "-m", "pytest", "-p", "no:cacheprovider"),
+                *(arguments or ("-n", "auto", "--dist", "worksteal", "-m", "not release", *TESTS)),
+            ],
+            cwd=ROOT,
+            env=os.environ | environment,
+            check=False,
+        )
         if done.returncode:
             failed.append(name)
     print(f"fail: {', '.join(failed)}" if failed else "all hold")
