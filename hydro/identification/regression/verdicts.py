@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ from scipy.stats import norm
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import AxisFit
 
+S = TypeVar("S", bound=str)
 TermStatus = Literal["identified", "weak", "not excited", "inseparable"]
 IDENTIFIED: TermStatus = "identified"
 WEAK: TermStatus = "weak"
@@ -132,7 +133,7 @@ def judge(
     return verdicts
 
 
-def strongest(status: str, method: str) -> str:
+def strongest(status: S, method: str) -> S | TermStatus:
     """Return a status, or weak for identified where the method may not say it."""
     return WEAK if status == IDENTIFIED and method not in MAY_IDENTIFY else status
 
