@@ -197,7 +197,7 @@ def _inertia_force(x: Any, rate: Any, row: int, column: int, force: Any) -> None
 
 
 @_compiled
-def _at(i: int, row: int, column: int, first: float, second: float) -> float:
+def _at(i: int, row: int, column: int, first: float, second: float) -> Any:
     if i == row:
         return first
     return second if i == column else 0.0

@@ -38,7 +38,8 @@ class LikelihoodEstimate:
     estimated. `log_likelihood`: after each step taken. `weighted_residual`: root mean
     square of errors in parts of their standard deviations, 1 for a model that explains
     its data; `channel_residuals` (13,) the same by channel, nan without samples.
-    `word`: `converged` or `no convergence`; `at_bound` (k,).
+    `word`: `converged`, or `no convergence` for the best point of the steps allowed;
+    `at_bound` (k,).
     """
 
     names: tuple[str, ...]

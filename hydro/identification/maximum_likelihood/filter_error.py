@@ -32,6 +32,7 @@ from auvid.hydro.identification.maximum_likelihood.likelihood import (
     BIASES,
     Likelihood,
     NoiseModel,
+    WindowRun,
 )
 from auvid.hydro.identification.maximum_likelihood.noise import (
     NoiseUnknowns,
@@ -77,7 +78,8 @@ def fit_filter_error(
     """Fit theta from `start`, by name or as vector, and the noise, to whole legs.
 
     `noise`: where it starts from; `sensor_sd` (13,): known standard deviations of the
-    samples, else estimated. `biases` (legs, 6): where they start from. Raises
+    samples, else estimated. `biases` (legs, 6): where they start from. After `STEPS`
+    steps without convergence the best point so far is kept, and `word` says so. Raises
     `DataError` where samples are fewer than unknowns, or the start diverges.
     """
     windows, dropped = cut_windows(legs, length_s=None)
@@ -101,6 +103,7 @@ def fit_filter_error(
     size, k, first_noise = len(common), len(theta), noise
     points: list[tuple[Array, Array]] = []
     objectives = [np.inf]
+    latest: list[tuple[list[WindowRun], Array]] = []
 
     def evaluate(values: Array, local: Array, sensitive: bool) -> Evaluation:
         moved = unknown.noise_at(values[size:], first_noise.sensor_sd)
@@ -109,11 +112,13 @@ def fit_filter_error(
         objective = sum(run.objective for run in runs) + likelihood.prior_objective(values[:size])
         if not sensitive or not np.isfinite(objective):
             return Evaluation(objective, None)
-        matrix, vector = scoring(likelihood, unknown, runs)
-        matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
+        information, vector = scoring(likelihood, unknown, runs)
         if prior is not None:
-            matrix[:k, :k] += prior.precision
+            information[:k, :k] += prior.precision
             vector[:k] += prior.precision @ (prior.mean - values[:k])
+        latest[:] = [(runs, information)]
+        matrix = information.copy()
+        matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
         if objective > objectives[-1] - NEAR:
             points.append((values, vector))
         objectives.append(objective)
@@ -132,10 +137,7 @@ def fit_filter_error(
         reach=np.concatenate([np.full(size, np.inf), np.full(unknown.size, LONGEST_STEP)]),
     )
     common, noise = optimum.common[:size], unknown.noise_at(optimum.common[size:], noise.sensor_sd)
-    runs = likelihood.run(common, starts, noise, sensitive=True, channels=unknown.channels)
-    information, _ = scoring(likelihood, unknown, runs)
-    if prior is not None:
-        information[:k, :k] += prior.precision
+    runs, information = latest[0]  # of the point that was taken last
     return estimate_from(
         likelihood,
         common,

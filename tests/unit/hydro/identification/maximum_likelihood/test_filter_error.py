@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.simulation.simulation import gauss_markov
+from auvid.hydro.identification.maximum_likelihood import filter_error
 from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
 from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
 from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
@@ -97,3 +101,20 @@ def test_short_runs_scatter_little_more_than_they_say_and_the_noise_is_recovered
     assert np.sqrt(np.mean(np.square(parts))) < 1.4
     assert np.median(sizes) == pytest.approx(FORCE_SD, rel=0.1)
     assert np.median(times) == pytest.approx(TIME_S, rel=0.25)
+
+
+def test_without_convergence_the_best_point_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(filter_error, "STEPS", 1)
+    leg = sway_leg(*pushed_run(4, 300))
+    wide = replace(noise_model(), force_sd=10.0 * np.full((1, 6), FORCE_SD))
+    fit = fit_filter_error([leg], SWAY, {"Y v": -60.0}, noise=wide)
+    assert fit.word == "no convergence"
+    assert len(fit.log_likelihood) == 2
+    assert fit.log_likelihood[1] > fit.log_likelihood[0]
+    assert np.isfinite(fit.standard_errors).all()
+
+
+def test_a_start_that_diverges_is_refused() -> None:
+    leg = sway_leg(*pushed_run(5, 300))
+    with pytest.raises(DataError, match="diverges at the starting values"):
+        fit_filter_error([leg], SWAY, {"Y v": 1e7}, noise=noise_model())
