@@ -38,6 +38,18 @@ This page is made from `data_schemas/formats/checks.yaml`:
 """
 
 
+MISTAKES = """
+## Mistakes and what finds them
+
+Each of these is made by a test, in a small healthy log or its column map; *refused*
+means that the log is not read, with file, row and field. All but `stuck_sensor` stop
+the run before anything is fitted.
+
+| mistake | found as |
+|---|---|
+"""
+
+
 @dataclass(frozen=True)
 class HealthCheck:
     """One kind of finding. `threshold` is None where it is a matter of yes or no.
@@ -114,6 +126,14 @@ def finding_lines(
     return tuple(lines)
 
 
+@cache
+def mistakes() -> Mapping[str, str]:
+    """Mistakes that tests make in column maps and logs: what stops or names each."""
+    folder = resources.files(__package__) / "formats"
+    raw: dict[str, str] = read_yaml((folder / "mistakes.yaml").read_text(encoding="utf-8"))
+    return MappingProxyType(raw)
+
+
 def documentation() -> str:
     """docs/checks.md: one section per finding, the severe ones first."""
     parts = [INTRODUCTION]
@@ -134,6 +154,11 @@ def documentation() -> str:
                     f"*Remedy:* {check.remedy}",
                 ):
                     parts.append(f"\n{fill(words, 88, break_on_hyphens=False)}\n")
+    parts.append(MISTAKES)
+    parts += [
+        f"| {mistake} | {name if name == 'refused' else f'`{name}`'} |\n"
+        for mistake, name in mistakes().items()
+    ]
     return "".join(parts)
 
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pytest
 import yaml
 
-from auvid.data_schemas.checks import checks
+from auvid.data_schemas.checks import checks, mistakes
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -343,3 +343,8 @@ def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
         and words in f"{item['text']} {item['remedy']}"
     ]
     assert hit, [(item["id"], item["text"], item["remedy"]) for item in stopping]
+    assert mistakes()[name] in [item["id"] for item in hit]
+
+
+def test_the_documentation_lists_these_mistakes() -> None:
+    assert list(mistakes()) == [*EXAMPLE, *DIVE_CASES]
