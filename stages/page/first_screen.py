@@ -71,6 +71,7 @@ class Summary:
     figures: tuple[Figure, ...] = ()
     bounds: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
+    rule: str = ""
     log_findings: tuple[str, ...] = ()
     horizon_s: float | None = None
     legs_left_out: int = 0

@@ -17,7 +17,7 @@ def answer_text(summary: Summary) -> str:
     Of a long remark the first sentence. Warnings, findings of logs, and figures of
     bench and control stages are printed by their own tables.
     """
-    lines = [summary.headline, *_wrapped(summary.explanation)]
+    lines = [summary.headline, *_wrapped(f"{summary.explanation} {summary.rule}")]
     lines += [
         line
         for use in summary.uses

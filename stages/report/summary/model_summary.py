@@ -59,6 +59,7 @@ def summarise(
         missing=(*missing, *assumed_figures(vehicle)),
         warnings=_warnings(sections),
         uses=_uses(ranking, chosen) if judged else (),
+        rule=f"Chosen as {ranking.rule}." if chosen is not None else "",
         horizon_s=ranking.horizon_s,
         legs_left_out=ranking.legs_left_out,
     )
@@ -100,7 +101,6 @@ def _verdict(
     words = f"On the validation legs J/J0 = {_decimals(validation)}"
     words += f" (training {_decimals(training)})" if training is not None else ""
     words += f": the error is {100 * (validation or 0):.0f} % of the force itself."
-    words += f" Chosen as {ranking.rule}."
     if best is not chosen and (best.axes[ALL].validation or 0) < 1:
         words += f" {best.title} has a smaller error ({_decimals(best.axes[ALL].validation)})"
         words += f" with {best.terms} terms"

@@ -41,7 +41,7 @@ def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) ->
     found = summary_of(run)
     assert found.recommended == "coe"
     assert found.headline.startswith("Coe: use it to predict forces")
-    assert "Chosen as " in found.explanation
+    assert found.rule.startswith("Chosen as the simplest")
     assert [use.label for use in found.uses] == ["Forces", "Simulation", "Control design", "Within"]
     assert "no free run" in found.uses[1].reason
 
