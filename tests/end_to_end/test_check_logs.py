@@ -267,7 +267,7 @@ def test_the_page_of_the_dive(
     printed = capsys.readouterr().out
     lines = printed.splitlines()
     assert len(lines) <= 45, "one screen"
-    assert re.search(r"velocity +VISO +1011 +7\.78 +65 +0\.41 +XKF1", printed)
+    assert re.search(r"velocity +VISO +1011 +0\.0 +129\.9 +7\.78 +65 +0\.41 +XKF1", printed)
     assert "complete" in lines[1]
     assert "cannot run: synthesise heave, roll, pitch: hardly any motion" in printed
     assert "motion RMS: u 0.0984" in printed
@@ -280,8 +280,10 @@ def test_on_a_narrow_screen_numbers_stay_whole(
     check([str(DATA / "bluerov2_ugps_small" / "small.tlog")])
     printed = capsys.readouterr().out
     assert "…" not in printed
-    assert re.search(r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+ +2 +[\d.]+ +0\.76", printed)
-    assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+ +3 ", printed)
+    assert re.search(
+        r"(?m)^actuators +SERVO_OUTPUT_RAW +\d+( +\d+\.\d){2} +2 +[\d.]+ +0\.76", printed
+    )
+    assert re.search(r"(?m)^velocity +LOCAL_POSITION_\w+ +\d+( +\d+\.\d){2} +3 ", printed)
 
 
 def test_a_campaign_with_its_legs_and_vehicle(
