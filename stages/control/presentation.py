@@ -459,8 +459,8 @@ def views_of(tables: Mapping[str, pa.Table], inputs: InputLimits) -> dict[str, A
         for entity, chosen, unit, tab in (
             ("errors", ["cross_track_m", "position_error_m"], "m", "Tracking"),
             ("attitude", [*ATTITUDE], "rad", "Attitude"),
-            ("drive", columns[:1], inputs.units[0], "InputLimits"),
-            ("fins", [c for c in columns if c.endswith("_rad")], "rad", "InputLimits"),
+            ("drive", columns[:1], inputs.units[0], "Inputs"),
+            ("fins", [c for c in columns if c.endswith("_rad")], "rad", "Inputs"),
         ):
             if chosen:
                 names = [name.rsplit("_", 1)[0] for name in chosen]
