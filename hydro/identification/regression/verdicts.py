@@ -47,7 +47,7 @@ strongest word is weak.
 """
 LEAST_SQUARES_COVERAGE = {"linear": 0.96, "gertler_hagen": 0.92}
 """Share of the 95 % intervals of coefficients called identified that hold the truth, by
-the true model: twins of the VT 690, plan default, smoother, 20 and 8 seeds
+the true model: twins of the VT 690, plan default, smoother, 20 and 17 seeds
 (benchmarks/coverage_least_squares.py).
 """
 VIF_LIMIT = 100.0
