@@ -17,11 +17,13 @@ from auvid.data_schemas.records.models import (
     TermCard,
     TermCombination,
 )
-from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import ALL_AXES, LAG, Unknown
 from auvid.hydro.identification.constrained.estimates import EstimateStatus, estimate_statuses
-from auvid.hydro.identification.constrained.statuses import AT_BOUND
+from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import Combination
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
@@ -82,9 +84,10 @@ def refined_card(
 def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
     """Return the status of every unknown; what the motion rules out stays so."""
     unknowns, estimate, signs = fit.problem.unknowns, fit.estimate, fit.problem.signs
+    card = fit.problem.card
     beforehand = {
-        Unknown(axis, item.term): _of_motion(item)
-        for axis, part in fit.problem.card.axes.items()
+        Unknown(axis, item.term): _of_motion(item, card)
+        for axis, part in card.axes.items()
         for item in part.terms
     }
     prior = fit.problem.prior
@@ -100,9 +103,14 @@ def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
     return dict(zip(unknowns, words, strict=True))
 
 
-def _of_motion(item: TermCard) -> str:
+def _of_motion(item: TermCard, card: ModelCard) -> str:
     """Return the verdict that no estimator changes; empty for none."""
     exact = item.verdict == INSEPARABLE and item.value is None
+    if item.verdict in (AT_BOUND, FROM_PRIOR) and item.term in BASIS_TERMS:
+        # They stand in place of what the motion says.
+        names = [factor.strip("|") for factor in BASIS_TERMS[item.term].factors]
+        ranges = [(card.conditions[n].rms, THRESHOLDS[n]) for n in names if n in VELOCITIES]
+        return NOT_EXCITED if any(rms < least for rms, least in ranges) else ""
     return item.verdict if item.verdict in (NOT_EXCITED, "not applicable") or exact else ""
 
 
