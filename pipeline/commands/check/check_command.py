@@ -64,12 +64,12 @@ def check(
         if alignment is not None:
             print(alignment.text)
     stopped = [
-        fault
+        refusal
         for target, group in by_target.items()
-        if names_campaign(target) and (fault := campaign_refusal(target, group)) is not None
+        if names_campaign(target) and (refusal := campaign_refusal(target, group)) is not None
     ]
-    for fault in stopped:
-        print(plain_lines(f"auvid run would stop: {fault}"), file=sys.stderr)
+    for refusal in stopped:
+        print(plain_lines(f"auvid run would stop: {refusal}"), file=sys.stderr)
     if alignment_fault is not None:
         raise alignment_fault
     if refused or stopped:

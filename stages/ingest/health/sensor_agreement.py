@@ -94,9 +94,9 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
                 yield item
                 return
     unit = list(_unit(log, agreement))
-    compared = unit or list(_axes(agreement))
-    yield from compared
-    if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in compared):
+    wrong = unit or list(_axes(agreement))
+    yield from wrong
+    if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
         text = (
             f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
             f" without the gyro, by up to {math.degrees(agreement.largest_jump):.0f} degrees (at"
