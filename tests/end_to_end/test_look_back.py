@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from auvid.pipeline import cli
 from auvid.pipeline.commands.history import run_history as history
+from auvid.pipeline.commands.inspect import rerun_viewer
 from tests.support.campaign_runs import copy_workspace
 from tests.support.pictures import assert_pictured
 
@@ -28,7 +29,7 @@ def test_second_run_is_remembered_and_equals_the_variant_of_the_first(
     manifest.write_text(manifest.read_text().replace("cutoff_hz: 2.0", "cutoff_hz: 1.0"))
     assert auvid("run", "example").exit_code == 0
     assert auvid("run", "example").exit_code == 0
-    assert_pictured(folder / "runs" / "example" / "report" / "recording.rrd", "identification")
+    rerun_viewer.verify(folder / "runs" / "example" / "report" / "recording.rrd")
     assert [entry.number for entry in history.read(folder / "runs" / "example")] == [1, 2]
     assert "fuse.cutoff_hz: 2.0 -> 1.0" in auvid("history", "example").output
     assert auvid("report", "example", "--compare").exit_code == 0
@@ -37,3 +38,10 @@ def test_second_run_is_remembered_and_equals_the_variant_of_the_first(
     assert "fuse.cutoff_hz: 2.0 -&gt; 1.0" in page
     same = auvid("diff", "example", "example@fuse.cutoff_hz=1.0")
     assert (same.exit_code, "equal within tolerance" in same.output) == (0, True), same.output
+
+
+@pytest.mark.release
+def test_recording_of_an_identification_opens_with_a_picture(short_workspace: Path) -> None:
+    assert_pictured(
+        short_workspace / "runs" / "example" / "report" / "recording.rrd", "identification"
+    )

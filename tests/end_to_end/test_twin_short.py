@@ -27,6 +27,7 @@ from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.pipeline import cli
+from auvid.pipeline.commands.inspect import rerun_viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.stages import simulate
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns
@@ -159,7 +160,14 @@ def test_run_of_a_twin_says_how_far_it_is_from_the_truth(
         assert "Estimate against truth" in page
         assert ("Against the truth of the twin" in page) == bool(status)
         if not status:
-            assert_pictured(runs / "report" / "recording.rrd", "twin")
+            rerun_viewer.verify(runs / "report" / "recording.rrd")
+
+
+@pytest.mark.release
+def test_recording_of_a_twin_opens_with_a_picture(noisy: Path, tmp_path: Path) -> None:
+    copy_workspace(noisy, tmp_path)
+    run_campaign(tmp_path, TWIN, "report")
+    assert_pictured(tmp_path / "runs" / TWIN / "report" / "recording.rrd", "twin")
 
 
 def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
