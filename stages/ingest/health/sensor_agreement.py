@@ -89,8 +89,8 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
         return
     if not _agrees(agreement):
         for other, item in _turned(log, angles):
-            compared = rate_agreement(t_s, other, *gyro)
-            if compared is not None and _agrees(compared):
+            again = rate_agreement(t_s, other, *gyro)
+            if again is not None and _agrees(again):
                 yield item
                 return
     unit = list(_unit(log, agreement))
