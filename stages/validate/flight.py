@@ -211,7 +211,7 @@ def fly(
     count = min(len(draws.models), max(FEWEST, len(draws.models) * WINDOWS // windows))
     some = draws.first(count)
     lost = np.zeros(count, dtype=bool)
-    parts = []
+    parts: list[list[Array]] = []
     for number, start in enumerate(motion.samples(starts)):
         last = min(start + motion.samples(window_s), len(motion.t_s) - 1)
         # The next window has the last moment of this one.

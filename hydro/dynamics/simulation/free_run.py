@@ -179,7 +179,7 @@ def fly_freely(
         rho = np.zeros(6) if disturbance is None else np.exp(-motion.step_s / disturbance.time_s)
         models = ModelRows(
             masses[members].reshape(-1, 36),
-            np.linalg.inv(masses[members]).reshape(-1, 36),
+            np.asarray(np.linalg.inv(masses[members]), dtype=np.float64).reshape(-1, 36),
             np.stack([item.coefficients for item in tables]),
             trims[members],
             np.ascontiguousarray(wander if disturbance is None else wander[members]),

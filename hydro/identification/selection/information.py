@@ -43,7 +43,7 @@ def inflation(residuals: Iterable[ArrayLike], *, lags: int | None = None) -> Arr
         raise DataError("no residual to count independent samples in")
     long_run, square = np.sum(sums, axis=0)
     ratio = np.divide(long_run, square, out=np.ones_like(square), where=square > 0.0)
-    return np.maximum(1.0, ratio)
+    return np.asarray(np.maximum(1.0, ratio))
 
 
 def bic(sse: float, terms: int, *, n_samples: int, samples_per_one: float = 1.0) -> float:

@@ -51,7 +51,7 @@ def error_ratios(leg: TriangularFactor, error: Array) -> Array:
         np.append(np.sqrt(np.mean(error**2)), error),
         np.append(np.sqrt(np.mean(force**2)), force),
     )
-    return np.divide(top, bottom, out=np.full(7, np.nan), where=bottom > 0.0)
+    return np.asarray(np.divide(top, bottom, out=np.full(7, np.nan), where=bottom > 0.0))
 
 
 def least_squares_error(fits: Sequence[AxisFit], leg: TriangularFactor) -> Array:
@@ -61,7 +61,7 @@ def least_squares_error(fits: Sequence[AxisFit], leg: TriangularFactor) -> Array
         leg.R[:, place[fit.axis]] - leg.R[:, [place[term] for term in fit.terms]] @ fit.solution
         for fit in fits
     ]
-    return np.linalg.norm(errors, axis=1) / np.sqrt(leg.n_samples)
+    return np.asarray(np.linalg.norm(errors, axis=1) / np.sqrt(leg.n_samples))
 
 
 def choose(candidates: Sequence[RankedModel]) -> Choice | None:
