@@ -162,7 +162,7 @@ def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> 
 def truth_force(
     truth: TruthEntry, plan: Plan, vehicle: Vehicle
 ) -> tuple[SimulatedVehicle, list[str]]:
-    """Return the vehicle of a truth (part `truth` of schema `twin`), and sentences about it.
+    """Return the vehicle of a truth of schema `twin`, and sentences about it.
 
     Raises `CampaignError` for coefficients of unknown axes or terms, or an unknown
     model.

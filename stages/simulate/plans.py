@@ -162,7 +162,7 @@ Entries = tuple[list[dict[str, Any]], list[dict[str, Any]]]
 
 
 def manifest_entries(document: object, *, format: str) -> Entries:
-    """Return the logs and legs of a manifest for the twin's log files: one log per leg."""
+    """Return the logs and legs of a manifest for a twin: one log per leg."""
     plan = parse(PlanDocument, document)
     legs = plan.legs or []
     return (

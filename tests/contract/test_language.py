@@ -47,7 +47,6 @@ LATER_NOT_YET: frozenset[str] = frozenset(
         "stages/ingest/formats/ulog/scan.py",
         "stages/ingest/health/finding.py",
         "stages/ingest/health/health_check.py",
-        "stages/ingest/health/sensor_agreement.py",
         "stages/ingest/health/vehicle.py",
         "stages/ingest/multi_file.py",
         "stages/ingest/rejection.py",
@@ -65,8 +64,8 @@ LATER_NOT_YET: frozenset[str] = frozenset(
         "stages/report/recording/path.py",
         "stages/report/recording/recording.py",
         "stages/report/summary/figure_summary.py",
-        "stages/report/summary/model_summary.py",
         "stages/synthesise/__init__.py",
+        "stages/validate/ranking.py",
     }
 )
 """Files with names of `LATER` still; one without any has to leave the list."""

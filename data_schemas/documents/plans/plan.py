@@ -47,7 +47,7 @@ def in_order(name: str, times_s: list[float], values: list[float]) -> None:
 
 
 def repeated_names(places: list[tuple[str, str]]) -> Iterator[PipelineError]:
-    """Yield a fault for each (place, name) whose name stood before, in any letter case."""
+    """Yield a fault for each (place, name) whose name stood before, in any case."""
     before: set[str] = set()
     for place, name in places:
         if name.lower() in before:
