@@ -46,7 +46,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross_components(a: tuple[Array, ...], b: tuple[Array, ...]) -> tuple[Array, ...]:
-    """Return the components of a x b: arrays of one shape, or numbers in a compiled loop."""
+    """Return the components of a x b: arrays of one shape, or compiled numbers."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -51,7 +51,7 @@ from auvid.stages.columns import (
 )
 from auvid.stages.presentation import Block
 from auvid.stages.validate.flight import (
-    Flight,
+    FreeFlight,
     ModelDraws,
     calibrated,
     draw_models,
@@ -307,7 +307,7 @@ def _flights(
     cards: Mapping[str, ModelCard],
     choice: str | None,
     samples_per_one: Mapping[str, float],
-) -> tuple[dict[str, Flight], list[Block]]:
+) -> tuple[dict[str, FreeFlight], list[Block]]:
     """Return the chosen model's flight over each validation segment, and its blocks."""
     if choice is None or not params.free_run_draws or not _can_fly(inputs, params):
         return {}, []
@@ -322,7 +322,7 @@ def _flights(
     draws = draw_models(card, count=params.free_run_draws, seed=SEED)
     window_s = params.free_run_horizons_s[-1]
     windows = sum(math.ceil(segment.duration_s / window_s) for segment in segments.values())
-    flights: dict[str, Flight] = {}
+    flights: dict[str, FreeFlight] = {}
     for key, segment in segments.items():
         flight = fly(
             inputs.vehicle,

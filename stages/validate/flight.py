@@ -75,7 +75,7 @@ class ModelDraws:
 
 
 @dataclass(frozen=True)
-class Flight:
+class FreeFlight:
     """A free run over one segment: times (k,), and states (k, 9) of `NAMES`.
 
     Restarted from the measured state at `starts_s`, with a row of nan before. low, high:
@@ -103,7 +103,7 @@ class Flight:
         half = np.maximum(self.high - self.low, 1e-12) / 2.0
         return np.nanquantile(np.abs(self.measured - self.simulated) / half, LEVEL, axis=0)
 
-    def widened(self, scale: Array) -> Flight:
+    def widened(self, scale: Array) -> FreeFlight:
         """Return the flight with a band scale (9,) times as wide, about the run."""
         half = scale * (self.high - self.low) / 2.0
         return replace(self, low=self.simulated - half, high=self.simulated + half)
@@ -199,7 +199,7 @@ def fly(
     errors: tuple[Array, Array],
     windows: int,
     minimum_speed: float,
-) -> Flight | None:
+) -> FreeFlight | None:
     """Return the flight of a model (draws of one) over a segment, None if too short.
 
     windows: how many there are in all segments, which decides how many draws fly.
@@ -257,7 +257,9 @@ def fly(
             ]
         parts.append(part)
     t_s, measured, run, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Flight(t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost)))
+    return FreeFlight(
+        t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost))
+    )
 
 
 def starts_of(motion: MeasuredMotion, window_s: float) -> Array:
@@ -267,7 +269,7 @@ def starts_of(motion: MeasuredMotion, window_s: float) -> Array:
     return starts[starts + min(SHORTEST_S, window_s) <= length]
 
 
-def calibrated(flights: Sequence[Flight]) -> list[Flight]:
+def calibrated(flights: Sequence[FreeFlight]) -> list[FreeFlight]:
     """Return flights whose band each has the width that the other legs ask for.
 
     As they are for fewer than `LEAST_LEGS`.

@@ -11,7 +11,7 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS
 from auvid.stages.columns import ATTITUDE, VELOCITY
 from auvid.stages.presentation import Block, panel, plot, series, symbol, table, unit_of, view
-from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, Flight, ModelDraws
+from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, FreeFlight, ModelDraws
 
 SHOWN = 3
 """Segments with a picture on the page; the recording has all of them."""
@@ -21,7 +21,7 @@ TAB = "Free run"
 def flight_blocks(
     name: str,
     title: str,
-    flights: Mapping[str, Flight],
+    flights: Mapping[str, FreeFlight],
     segments: Mapping[str, SegmentRecord],
     draws: ModelDraws,
     *,
@@ -38,7 +38,7 @@ def flight_blocks(
 
 
 def _picture(
-    name: str, title: str, segment: SegmentRecord, flight: Flight, window_s: float
+    name: str, title: str, segment: SegmentRecord, flight: FreeFlight, window_s: float
 ) -> Block:
     t = flight.t_s + float(segment.leg_start_s)
     panels = [
@@ -65,7 +65,9 @@ def _picture(
     )
 
 
-def _coverage(title: str, flights: Sequence[Flight], draws: ModelDraws, window_s: float) -> Block:
+def _coverage(
+    title: str, flights: Sequence[FreeFlight], draws: ModelDraws, window_s: float
+) -> Block:
     shares = np.mean([flight.coverage() for flight in flights], axis=0)
     lost, flown = max(flight.lost for flight in flights), max(flight.flown for flight in flights)
     legs = len(flights)

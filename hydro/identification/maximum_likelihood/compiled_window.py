@@ -586,7 +586,7 @@ def _sample_tangents(
 
 @_compiled
 def _turn(lever: Any, pull: Any, shift: Any, out: Any) -> None:
-    """Add what parameters change of an accelerometer's slopes times a shift of state."""
+    """Add the parameters' change of an accelerometer's slopes times a state shift."""
     for p in range(len(pull)):
         for row in range(6):
             for j in range(len(shift)):

@@ -97,7 +97,7 @@ def maximise(
     tolerance: float = 0.02,
     reach: Array | float = np.inf,
 ) -> Optimum:
-    """Return the optimum within bounds from a start; no step is longer than `reach` (g,).
+    """Return the optimum within bounds from a start; steps stay within `reach` (g,).
 
     A step is taken when the objective falls, or changes by less than `GAIN`. It has
     converged when no common unknown moves by more than `tolerance` of its standard

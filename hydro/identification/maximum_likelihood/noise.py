@@ -55,14 +55,14 @@ class NoiseUnknowns:
         return np.log(np.concatenate(parts))
 
     def noise_at(self, phi: Array, sensor_sd: Array) -> NoiseModel:
-        """Return the noise of phi; `sensor_sd` (13,) for channels that are none of it."""
+        """Return the noise of phi; `sensor_sd` (13,) for channels outside it."""
         values, c = np.exp(phi), len(self.channels)
         sensor = sensor_sd.copy()
         sensor[self.channels] = values[:c]
         return NoiseModel(sensor, values[c + 6 :].reshape(-1, 6), values[c : c + 6])
 
     def bounds(self, smallest_force: Array) -> tuple[Array, Array]:
-        """Return bounds of phi; `smallest_force` (6,): floor of the force's deviations."""
+        """Return bounds of phi; `smallest_force` (6,): floor of its deviations."""
         c = len(self.channels)
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         low[:c] = np.log(SMALLEST_SD[self.channels])
@@ -74,7 +74,7 @@ class NoiseUnknowns:
 def scoring(
     likelihood: Likelihood, unknown: NoiseUnknowns, runs: Sequence[WindowRun]
 ) -> tuple[Array, Array]:
-    """Return information (g, g) and minus the gradient (g,) by common unknowns and phi."""
+    """Return information (g, g), minus gradient (g,) by common unknowns and phi."""
     size = likelihood.unknowns + unknown.size
     matrix, vector = np.zeros((size, size)), np.zeros(size)
     for window, run in zip(likelihood.windows, runs, strict=True):

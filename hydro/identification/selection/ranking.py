@@ -55,7 +55,7 @@ def error_ratios(leg: TriangularFactor, error: Array) -> Array:
 
 
 def least_squares_error(fits: Sequence[AxisFit], leg: TriangularFactor) -> Array:
-    """Return the RMS force error (6,) [N, N m] of fits, one per axis, on another leg."""
+    """Return the RMS force error (6,) [N, N m] of six axes' fits on another leg."""
     place = {name: i for i, name in enumerate(leg.columns)}
     errors = [
         leg.R[:, place[fit.axis]] - leg.R[:, [place[term] for term in fit.terms]] @ fit.solution

@@ -1,4 +1,4 @@
-"""First screen of the report: the model to take and what for, findings, what is missing.
+"""First screen of the report: the model and its use, findings, what is missing.
 
 The ranking and the choice are those of `validate`; model cards and the documents of
 segments and logs give the rest.

@@ -19,7 +19,7 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.validate.flight import (
     LEVEL,
     NAMES,
-    Flight,
+    FreeFlight,
     ModelDraws,
     calibrated,
     draw_models,
@@ -74,7 +74,7 @@ def drive(seed: int, seconds: float = 14.0) -> MeasuredMotion:
     return replace(still, state=states[0, 0])
 
 
-def flown(seed: int, *, force_sd: np.ndarray = FORCE_SD, windows: int = 2) -> Flight:
+def flown(seed: int, *, force_sd: np.ndarray = FORCE_SD, windows: int = 2) -> FreeFlight:
     model = ModelDraws((IdentifiedModel("true", TRUE),), np.zeros((1, 6)), np.zeros((1, 6, 6)))
     draws = ModelDraws(model.models * 300, np.zeros((300, 6)), np.zeros((300, 6, 6)), 300)
     flight = fly(
