@@ -95,7 +95,9 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Return the installation that all legs together show."""
     sums: InstallationSums | None = None
-    legs, left_out, conventions = [], {}, set()
+    legs: list[str] = []
+    left_out: dict[str, str] = {}
+    conventions: set[str] = set()
     for key, segment in inputs.segment.items():
         convention = inputs.log_info[str(segment.log)].accelerometer or inputs.vehicle.accelerometer
         try:
@@ -107,8 +109,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         sums = item if sums is None else sums.merge(item)
         legs.append(key)
         conventions.add(convention)
-    convention = conventions.pop() if len(conventions) == 1 else None
-    record = _record(sums, inputs.vehicle, params, convention, legs, left_out)
+    common = conventions.pop() if len(conventions) == 1 else None
+    record = _record(sums, inputs.vehicle, params, common, legs, left_out)
     return Outputs(record, installation_section(record))
 
 

@@ -103,13 +103,13 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
     if card.coverage_on_twins:
-        held = [
+        shares = [
             f"{100.0 * part:.0f} % where the truth is {model_named(name).title}"
             for name, part in card.coverage_on_twins.items()
         ]
         note += (
             " On twins, 95 % intervals of identified coefficients held the truth in"
-            f" {' and '.join(held)}."
+            f" {' and '.join(shares)}."
         )
     if not card.left_out:
         note += " There is one training leg: whether signs hold without it is not tested."

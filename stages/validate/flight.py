@@ -1,4 +1,4 @@
-"""The chosen model flown over the measured motion, with a band of what it does not know.
+"""The chosen model flown over the measured motion, with a band of its doubt.
 
 Draws of its coefficients fly beside it, each under a force that wanders as the error of
 training did. Ten or more validation legs widen the band to what legs really did.
@@ -99,7 +99,7 @@ class FreeFlight:
         return np.asarray(np.sum(inside & there, axis=0) / np.maximum(np.sum(there, axis=0), 1))
 
     def score(self) -> Array:
-        """Return by how much (9,) the band must widen to hold `LEVEL` of this segment."""
+        """Return how much (9,) the band must widen to hold `LEVEL` of a segment."""
         half = np.maximum(self.high - self.low, 1e-12) / 2.0
         return np.nanquantile(np.abs(self.measured - self.simulated) / half, LEVEL, axis=0)
 
@@ -179,7 +179,7 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
 def force_errors(
     card: ModelCard, samples_per_one: Mapping[str, float], step_s: float
 ) -> tuple[Array, Array]:
-    """Return size (6,) [N, N m] and memory (6,) [s] of a card's force error in training.
+    """Return size (6,) [N, N m] and memory (6,) [s] of a card's training error.
 
     A first-order autoregression of which R samples count as one has the coefficient
     (R - 1) / (R + 1) from sample to sample.

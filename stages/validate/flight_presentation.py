@@ -13,7 +13,7 @@ from auvid.stages.columns import ATTITUDE, VELOCITY
 from auvid.stages.presentation import Block, panel, plot, series, symbol, table, unit_of, view
 from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, FreeFlight, ModelDraws
 
-SHOWN = 3
+SEGMENTS_DRAWN = 3
 """Segments with a picture on the page; the recording has all of them."""
 TAB = "Free run"
 
@@ -27,10 +27,10 @@ def flight_blocks(
     *,
     window_s: float,
 ) -> list[Block]:
-    """Return a picture per segment of the chosen model's flight, and how far it holds."""
+    """Return a picture per segment of the chosen model's flight, and its reach."""
     blocks = [
         _picture(name, title, segments[key], flight, window_s)
-        for key, flight in list(flights.items())[:SHOWN]
+        for key, flight in list(flights.items())[:SEGMENTS_DRAWN]
     ]
     if flights:
         blocks.append(_coverage(title, list(flights.values()), draws, window_s))

@@ -312,7 +312,7 @@ def prediction_plot(
 def validate_views(
     segments: Iterable[str], models: Iterable[str], choice: str | None, flown: Sequence[str]
 ) -> dict[str, Any]:
-    """Return forces and their errors of every model, and the flight of the chosen one."""
+    """Return forces and errors of every model, and the flight of the chosen one."""
     names = list(models)
     groups = [] if choice is None else flight_views(choice, flown)
     for key in segments:

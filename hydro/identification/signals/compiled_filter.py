@@ -6,7 +6,7 @@ Import this module only where a filter runs: numba takes a second.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -17,8 +17,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F) -> F:
-    result: F = numba.njit(cache=True, error_model="numpy")(function)
-    return result
+    compiled: Any = numba.njit(cache=True, error_model="numpy")(function)
+    return cast(F, compiled)
 
 
 @_compiled

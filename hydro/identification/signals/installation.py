@@ -198,7 +198,7 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
         rows = weighted[blocks[steps] == block]
         gram[block] = rows.T @ rows
     squares = np.bincount(sensor, (first[:, 0] ** 2) / first_scaled, minlength=len(SENSORS))
-    return InstallationSums(gram, squares, counts.astype(np.float64))
+    return InstallationSums(gram, squares, np.asarray(counts, dtype=np.float64))
 
 
 def _process(

@@ -26,7 +26,7 @@ MAX_LINES = 20
 
 
 def print_summary(run: Run) -> None:
-    """Print losses, warnings, errors in short, the answer, and where the results are."""
+    """Print losses, warnings, errors in short, the answer, and the result files."""
     for title, lines in (("lost", losses(run)), ("warnings", warnings(run))):
         if lines:
             print(f"\n{title} ({len(lines)}):")
