@@ -198,7 +198,8 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
         rows = weighted[blocks[steps] == block]
         gram[block] = rows.T @ rows
     squares = np.bincount(sensor, (first[:, 0] ** 2) / first_scaled, minlength=len(SENSORS))
-    return InstallationSums(gram, squares, np.asarray(counts, dtype=np.float64))
+    as_floats = np.asarray(squares, dtype=np.float64), np.asarray(counts, dtype=np.float64)
+    return InstallationSums(gram, *as_floats)
 
 
 def _process(

@@ -69,7 +69,8 @@ def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
     sd = np.sqrt(variance * np.maximum(np.diag(inverse), 0.0))[:-1]
     sd = np.where(x[keep].std(axis=0) > 0.0, sd, np.inf)
     explained = 1.0 - variance / spread_y if spread_y > 0.0 else 0.0
-    return AxisGains(gain[:-1], np.asarray(sd, dtype=np.float64), explained, used.shape[0])
+    gains = np.asarray(gain[:-1], dtype=np.float64)
+    return AxisGains(gains, np.asarray(sd, dtype=np.float64), explained, used.shape[0])
 
 
 def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_S) -> Array:
