@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from auvid.data_schemas.records.models import ModelCard, PriorCard, TermCard
+from auvid.data_schemas.records.models import ModelCard, PriorCard
 from auvid.hydro.dynamics.viscous.models import MODELS, model_named
-from auvid.hydro.identification.regression.assumed_figures import FIGURES
+from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -61,24 +61,6 @@ def synthesise_section(
     )
 
 
-def budget_text(item: TermCard) -> str:
-    """Return what assumed figures add to a coefficient, largest first.
-
-    As `± 12 scale of the thrust curve`; those below a tenth of its standard error and
-    of the largest are left out.
-
-    >>> item = TermCard(term="u", unit="N*s/m", value=-58.0, standard_error=0.9,
-    ...                 verdict="identified", assumed_shifts={"mass": 0.01, "thrust": 11.6})
-    >>> budget_text(item)
-    '± 11.6 scale of the thrust curve'
-    """
-    shifts = sorted(item.assumed_shifts.items(), key=lambda pair: -pair[1])
-    if not shifts:
-        return ""
-    least = 0.1 * max(shifts[0][1], item.standard_error or 0.0)
-    return ", ".join(f"± {shift:.3g} {FIGURES[name]}" for name, shift in shifts if shift >= least)
-
-
 def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
     rows = []
     for axis, part in card.axes.items():
@@ -88,7 +70,17 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
             if item.turns_without:
                 verdict += f"; its sign turns without {', '.join(item.turns_without)}"
             row = [axis, item.term, item.value, item.standard_error, item.unit]
-            rows.append([*row, *([budget_text(item)] if card.spreads else []), verdict])
+            rows.append(
+                [
+                    *row,
+                    *(
+                        [shift_words(item.assumed_shifts, item.standard_error or 0.0)]
+                        if card.spreads
+                        else []
+                    ),
+                    verdict,
+                ]
+            )
     budget = ["by assumed figures"] if card.spreads else []
     heads = ["axis", "term", "value", "standard error", "unit", *budget, "verdict"]
     title = f"{card.title}: {card.n_bar} terms, rank {card.rank}" + (

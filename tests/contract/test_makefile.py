@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -40,8 +41,15 @@ def folder(tmp_path: Path) -> Path:
 
 
 def make(folder: Path) -> subprocess.CompletedProcess[str]:
+    # Without what a make around the tests hands on: its level and its flags.
+    settings = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     return subprocess.run(
-        ["make", "campaign", "NAME=mydive"], cwd=folder, capture_output=True, text=True, check=False
+        ["make", "campaign", "NAME=mydive"],
+        cwd=folder,
+        env=settings,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 

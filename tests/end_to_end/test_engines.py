@@ -20,8 +20,16 @@ RECORDING = "report/recording.rrd"
 """The one artefact that is not the same bytes twice: it is compared by `rerun rrd
 compare`, and the report's manifest holds its hash.
 """
-CHAIN = ("ingest", "resample", "fuse", "residual", "synthesise", "validate")
-SHORT_CHAIN = CHAIN[:4]
+CHAIN = (
+    "ingest",
+    "resample",
+    "check_installation",
+    "fuse",
+    "residual",
+    "synthesise",
+    "validate",
+)
+SHORT_CHAIN = CHAIN[:5]
 """Runs by log and by leg, with results that feed the next stage: enough to compare ways."""
 
 

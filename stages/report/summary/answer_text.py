@@ -24,7 +24,10 @@ def answer_text(summary: Summary) -> str:
         for line in _item(f"{use.label}: {use.axes}" if use.axes else use.label, use.reason)
     ]
     if summary.identified:
-        lines += ["", "identified (95 %; assumed figures of the vehicle as exact):"]
+        lines += [
+            "",
+            "identified (95 % by noise; beside it by assumed figures of the vehicle):",
+        ]
         for entry in summary.identified:
             lines += _item(entry.label, "; ".join(entry.figures))
     if summary.missing:

@@ -12,6 +12,7 @@ from auvid.data_schemas.records.models import AxisCard, ModelCard, VelocityRange
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
+from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
@@ -111,6 +112,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
     """
     lines = [
         _figure(_symbol(axis, term), value, error, _unit(axis, term), interval=True)
+        + _by_assumed_figures(part, term)
         for term, value, error in _identified(part)
         if _own(axis, term)
     ]
@@ -137,6 +139,13 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
                     )
                 )
     return tuple(lines)
+
+
+def _by_assumed_figures(part: AxisCard, term: str) -> str:
+    """Return what assumed figures of the vehicle add to the interval of a term."""
+    item = next(item for item in part.terms if item.term == term)
+    words = shift_words(item.assumed_shifts, item.standard_error or 0.0, factor=NORMAL_95)
+    return f", and {words} (assumed, 95 %)" if words else ""
 
 
 def _identified(part: AxisCard) -> list[tuple[str, float, float]]:

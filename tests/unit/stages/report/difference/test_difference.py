@@ -15,13 +15,19 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
 from auvid.pipeline import cli
 from auvid.pipeline.commands.diff import diff_command as diff
 from auvid.pipeline.commands.diff import diff_operands
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.graph import Port
 from auvid.pipeline.store.artefacts import encode
+from auvid.pipeline.store.fingerprints import hash_file
+from auvid.pipeline.store.manifest import Manifest, Record
+from auvid.stages import STAGES
+from auvid.stages.base import ports
 from auvid.stages.report.difference.signals import (
     Side,
     coefficient_changes,
@@ -67,11 +73,39 @@ def write(folder: Path, run: ExampleRun) -> Path:
             run.tables[f"validate/predictions/{name}"],
             "predictions",
         )
-    for name, (artefact, schema) in files.items():
+    for name, (artefact, kind) in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(encode(artefact, schema, file=path))
+        path.write_bytes(encode(artefact, kind, file=path))
+    vouch(folder)
     return folder
+
+
+def vouch(folder: Path) -> None:
+    """Write the manifests of what lies in the folder of a run."""
+    for stage in STAGES:
+        home = folder / stage.name
+        records: dict[str, dict[str, Any]] = {}
+        if not home.is_dir():
+            continue
+        manifest = Manifest(home)
+        for name, spec in ports(stage.outputs).items():
+            port = Port(stage, name, spec["port"], bool(spec["many"]))
+            for path in sorted(home.rglob(f"{name}{schema(port.schema).suffix}")) + sorted(
+                home.glob(f"{name}/*{schema(port.schema).suffix}")
+            ):
+                place = path.relative_to(home).parts
+                key = None
+                if port.many:
+                    key = place[0] if stage.yields else path.stem
+                item = "campaign" if stage.maps_over == "campaign" else place[0]
+                outputs = records.setdefault(item, {})
+                digest = hash_file(path)
+                outputs[name] = digest if key is None else {**outputs.get(name, {}), key: digest}
+        manifest.write(
+            {item: Record("", "", {}, {}, outputs, {}) for item, outputs in records.items()},
+            records,
+        )
 
 
 def test_run_against_itself_has_no_change_and_no_lonely_signal() -> None:
@@ -261,6 +295,7 @@ def bench_folder(folder: Path, *, shift: float = 0.0, value: float = -13.5) -> P
     (leg / "results.json").write_bytes(
         encode({"title": "surge of leg tank", "rows": [row]}, "results", file=leg)
     )
+    vouch(folder)
     return folder
 
 
