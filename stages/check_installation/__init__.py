@@ -57,6 +57,8 @@ CONVENTIONS = {"specific_force": (1.0, 1.0), "inertial": (1.0, 0.0), "derivative
 """Convention -> share of omega x v, and of gravity, that the reading holds."""
 CERTAIN = 3.0
 """Standard errors beyond which a departure counts."""
+CERTAIN_SCALE = 6.0
+"""That of a scale, whose standard error is half of its error on clean twins (0025)."""
 POWER = 1.645
 """Normal quantile of 95 %: how often a departure of twice the limit is seen."""
 ANOTHER_CONVENTION = 0.5
@@ -224,8 +226,9 @@ def _figures(
     figures = []
     for name, value, sd in zip(faults.names, faults.value, faults.sd, strict=True):
         limit, written = limits[name], file_values.get(name)
-        departs = abs(value) > max(CERTAIN * sd, limit)
-        clear = (CERTAIN + POWER) * sd <= 2.0 * limit
+        certain = CERTAIN_SCALE if name in SCALES else CERTAIN
+        departs = abs(value) > max(certain * sd, limit)
+        clear = (certain + POWER) * sd <= 2.0 * limit
         figures.append(
             InstallationFigure(
                 name=name.replace("_", " "),

@@ -11,7 +11,7 @@ from auvid.stages.presentation import Block, remark, section, table
 
 AXES_OF = {"x": "forward", "y": "to starboard", "z": "down"}
 TURN_OF = {"x": "roll", "y": "pitch", "z": "yaw"}
-LARGE_INNOVATION = 2.0
+LARGE_INNOVATION = 9.0
 """Mean squared innovation over its variance that is worth a word."""
 
 
