@@ -41,8 +41,8 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
 
     Damping per axis where a term in that axis's own velocity is identified.
 
-    Standard errors are those of the model card and take the assumed figures of the
-    vehicle as exact.
+    Standard errors are those of the model card; what assumed figures of the vehicle add
+    stands beside them.
     """
     entries = [
         CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))
