@@ -184,9 +184,9 @@ def in_a_process(work: Callable[[], str]) -> str:
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader, "rb") as pipe:
-        said = pipe.read().decode()
+        outcome = pipe.read().decode()
     os.waitpid(child, 0)
-    return said or "killed"
+    return outcome or "killed"
 
 
 def attempt(case: Case, workspace: Path, faults: Faults) -> str:
@@ -248,14 +248,14 @@ def strike(case: Case, clean: dict[str, str], folder: Path, place: int, fault: s
     workspace = folder / f"{place}_{fault.replace(' ', '_')}"
     shutil.copytree(case.workspace, workspace, symlinks=True)
     runs = workspace / "runs"
-    said = attempt(case, workspace, Faults(runs, place, fault))
+    outcome = attempt(case, workspace, Faults(runs, place, fault))
     wrong = []
-    if said.startswith("internal") or (said == "killed") != (fault in ("kill", "torn")):
-        wrong.append(said)
-    if said.startswith("refused") and not any(
-        os.strerror(getattr(errno, name)) in said for name in REFUSALS
+    if outcome.startswith("internal") or (outcome == "killed") != (fault in ("kill", "torn")):
+        wrong.append(outcome)
+    if outcome.startswith("refused") and not any(
+        os.strerror(getattr(errno, name)) in outcome for name in REFUSALS
     ):
-        wrong.append(f"not named: {said}")
+        wrong.append(f"not named: {outcome}")
     if vouched := falsely_vouched(workspace):
         wrong.append(f"vouched for: {vouched}")
     again = attempt(case, workspace, Faults(runs, UNFAULTED, fault))
@@ -276,9 +276,9 @@ def campaign(case: Case, folder: Path, *, every: int, first: int = 1) -> tuple[i
     """
     work = folder / "clean"
     shutil.copytree(case.workspace, work, symlinks=True)
-    said = attempt(case, work, Faults(work / "runs", UNFAULTED, "none"))
-    assert said.startswith("fine"), said
-    places, clean = int(said.split()[1]), files(work)
+    outcome = attempt(case, work, Faults(work / "runs", UNFAULTED, "none"))
+    assert outcome.startswith("fine"), outcome
+    places, clean = int(outcome.split()[1]), files(work)
     wrong, tried = [], 0
     for turn, place in enumerate(range(first, places + 1, every)):
         for fault in FAULTS if every == 1 else (FAULTS[turn % len(FAULTS)],):

@@ -23,11 +23,11 @@ def motions() -> list[Motion]:
 
 
 def inputs(
-    motions: list[Motion], sensors: Sensors, told: Sensors | None = None
+    motions: list[Motion], sensors: Sensors, by_file: Sensors | None = None
 ) -> check_installation.Inputs:
     legs: dict[str, fuse.Inputs] = {}
     for name, motion in zip(("one", "two"), motions, strict=True):
-        legs[name] = fuse_inputs(motion, sensors, told)
+        legs[name] = fuse_inputs(motion, sensors, by_file)
 
     def each(port: str) -> Any:
         return collection({name: getattr(leg, port) for name, leg in legs.items()})
@@ -44,9 +44,9 @@ def inputs(
 
 
 def run(given: check_installation.Inputs) -> InstallationRecord:
-    found = check_installation.run(given, check_installation.Params())
-    check_document(found.installation, "installation")
-    return found.installation
+    result = check_installation.run(given, check_installation.Params())
+    check_document(result.installation, "installation")
+    return result.installation
 
 
 def departing(record: InstallationRecord) -> dict[str, float]:
@@ -66,32 +66,32 @@ def test_a_right_file_agrees(motions: list[Motion]) -> None:
 
 
 def test_a_wrong_arm_is_named_with_the_right_one(motions: list[Motion]) -> None:
-    told = replace(ODD, dvl_arm=ODD.dvl_arm - [0.5, 0.0, 0.0])
-    found = check_installation.run(inputs(motions, ODD, told), check_installation.Params())
-    record = found.installation
+    by_file = replace(ODD, dvl_arm=ODD.dvl_arm - [0.5, 0.0, 0.0])
+    result = check_installation.run(inputs(motions, ODD, by_file), check_installation.Params())
+    record = result.installation
     assert departing(record) == pytest.approx({"arm x": 0.5}, abs=0.02)
     arm = next(item for item in record.figures if item.name == "arm x")
     assert arm.corrected == pytest.approx(ODD.dvl_arm[0], abs=0.02)
     (words,) = findings(record)
     assert "arm forward departs by +0.5" in words
     assert "stages.fuse.installation: estimate" in words
-    assert words in str(found.section)
+    assert words in str(result.section)
     assert record.estimate is not None
     np.testing.assert_allclose(record.estimate.arm_m, ODD.dvl_arm, atol=0.02)
 
 
 def test_a_turned_log_is_named_in_degrees(motions: list[Motion]) -> None:
     # The mounting is given in Euler angles: a further yaw is a further turn about z.
-    told = replace(ODD, dvl_mounting=ODD.dvl_mounting - [0.0, 0.0, 0.05])
-    record = run(inputs(motions, ODD, told))
+    by_file = replace(ODD, dvl_mounting=ODD.dvl_mounting - [0.0, 0.0, 0.05])
+    record = run(inputs(motions, ODD, by_file))
     turned = np.array([departing(record).get(f"angle {axis}", 0.0) for axis in "xyz"])
     assert np.linalg.norm(turned) == pytest.approx(0.05, abs=0.01)
     assert "deg" in " ".join(findings(record))
 
 
 def test_the_other_convention_is_named(motions: list[Motion]) -> None:
-    told = replace(ODD, convention="inertial")
-    given = inputs(motions, ODD, told)
+    by_file = replace(ODD, convention="inertial")
+    given = inputs(motions, ODD, by_file)
     info = given.log_info["log"].model_copy(update={"accelerometer": None})
     record = run(replace(given, log_info=collection({"log": info})))
     assert (record.convention, record.convention_found) == ("inertial", "specific_force")

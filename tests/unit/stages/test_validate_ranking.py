@@ -58,11 +58,11 @@ def test_a_rotation_is_of_use_only_with_its_angle() -> None:
 
 def test_with_one_leg_the_bic_chooses_and_the_record_says_so(run: ExampleRun) -> None:
     set_sse(run, dict.fromkeys(run.cards, 900.0) | {"prestero": 100.0})
-    found = ranked(run)
-    assert found.choice == "prestero"
-    assert found.legs_left_out == 0
-    assert "one training leg leaves none to leave out" in found.rule
-    merit = {model.name: model.axes["all"] for model in found.models}
+    record = ranked(run)
+    assert record.choice == "prestero"
+    assert record.legs_left_out == 0
+    assert "one training leg leaves none to leave out" in record.rule
+    merit = {model.name: model.axes["all"] for model in record.models}
     assert merit["prestero"].bic == 0.0
     assert merit["coe"].bic > 100.0
     assert merit["coe"].left_out is None
@@ -74,10 +74,12 @@ def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
         held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two", "three")}
         run.cards[name] = card.model_copy(update={"held_out": held_out})
     set_sse(run, {"prestero": 1.0})
-    found = ranked(run)
-    assert found.choice == "coe"
-    assert found.legs_left_out == 3
-    assert next(m for m in found.models if m.name == "coe").axes["X"].left_out == pytest.approx(0.2)
+    record = ranked(run)
+    assert record.choice == "coe"
+    assert record.legs_left_out == 3
+    assert next(m for m in record.models if m.name == "coe").axes["X"].left_out == pytest.approx(
+        0.2
+    )
 
 
 def test_a_model_of_which_runs_are_lost_stands_back(run: ExampleRun) -> None:
@@ -94,9 +96,9 @@ def test_nothing_is_chosen_where_no_model_beats_no_force(run: ExampleRun) -> Non
     for row in run.errors:
         if row["axis"] == "all":
             row["ratio"] = 1.2
-    found = ranked(run)
-    assert found.choice is None
-    assert found.usable is None
+    record = ranked(run)
+    assert record.choice is None
+    assert record.usable is None
 
 
 def test_damping_that_gives_energy_is_a_fault(run: ExampleRun) -> None:
@@ -114,12 +116,12 @@ def test_control_needs_damping_from_the_data_and_a_small_error(run: ExampleRun) 
         if row["model"] == "coe" and row["use"] == "validation":
             row["ratio"] = 0.7 if row["axis"] == "Y" else 0.3
     set_sse(run, {"coe": 1.0})
-    found = ranked(run, rows("coe", ALWAYS))
-    assert found.choice == "coe"
-    assert found.usable is not None
+    record = ranked(run, rows("coe", ALWAYS))
+    assert record.choice == "coe"
+    assert record.usable is not None
     # Of the made-up coefficients u alone is identified, and it is damping in surge alone.
-    assert found.usable.control == ["X"]
-    assert found.usable.forces == list(AXES)
+    assert record.usable.control == ["X"]
+    assert record.usable.forces == list(AXES)
 
 
 def test_velocities_whose_damping_rests_on_prior_or_bound_are_named(run: ExampleRun) -> None:

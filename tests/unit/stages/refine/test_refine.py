@@ -123,16 +123,16 @@ LAG_S = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH)).loss.lag_s
 
 
 def outputs(inputs: refine.Inputs, **params: Any) -> refine.Outputs:
-    found = refine.run(inputs, refine.Params(**{"models": ("symmetric",), **params}))
-    for card in found.model_card.values():
+    refined = refine.run(inputs, refine.Params(**{"models": ("symmetric",), **params}))
+    for card in refined.model_card.values():
         check_document(card, "model_card")
-    check_document(found.section, "section")
-    return found
+    check_document(refined.section, "section")
+    return refined
 
 
-def warned(found: refine.Outputs) -> str:
-    assert found.section is not None
-    blocks = [block for block in found.section["blocks"] if block["kind"] == "remark"]
+def warned(refined: refine.Outputs) -> str:
+    assert refined.section is not None
+    blocks = [block for block in refined.section["blocks"] if block["kind"] == "remark"]
     return "\n".join(block["text"] for block in blocks if block["level"] == "warning")
 
 
@@ -149,8 +149,8 @@ def limited() -> refine.Inputs:
 
 @pytest.mark.parametrize("estimator", ["output_error", "filter_error"])
 def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estimator: str) -> None:
-    found = outputs(twin, estimator=estimator)
-    (name,), (card,) = found.model_card, found.model_card.values()
+    refined = outputs(twin, estimator=estimator)
+    (name,), (card,) = refined.model_card, refined.model_card.values()
     assert name == card.name == f"symmetric_{estimator}"
     assert card.title == f"Symmetric ({estimator.replace('_', ' ')})"
     first = twin.model_card["symmetric"]
@@ -173,7 +173,7 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert noise["velocity x"] == pytest.approx(0.005, rel=0.2)
     assert noise["depth"] == pytest.approx(0.004, rel=0.2)
     assert (fit.force_time_s is None) == (estimator == "output_error")
-    assert warned(found) == ""
+    assert warned(refined) == ""
 
 
 def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:
@@ -201,8 +201,8 @@ def test_limits_prior_and_inertia_of_the_card_hold(limited: refine.Inputs) -> No
 
 
 def test_without_models_nothing_is_said(twin: refine.Inputs) -> None:
-    found = refine.run(twin, refine.Params())
-    assert found == refine.Outputs({}, None)
+    refined = refine.run(twin, refine.Params())
+    assert refined == refine.Outputs({}, None)
 
 
 def test_a_model_that_was_not_fitted_is_named(twin: refine.Inputs) -> None:
@@ -217,16 +217,16 @@ def test_a_model_that_was_not_fitted_is_named(twin: refine.Inputs) -> None:
     [("samples_velocity", "a body velocity"), ("samples_imu", "angular rates")],
 )
 def test_a_leg_without_a_sensor_is_left_out(twin: refine.Inputs, stream: str, words: str) -> None:
-    found = outputs(replace(twin, **{stream: None}))
-    assert found.model_card == {}
-    assert f"leaves out segment 'a' lacks {words}" in warned(found)
-    assert "Symmetric: not fitted to the sensors, the card of synthesise stays" in warned(found)
+    refined = outputs(replace(twin, **{stream: None}))
+    assert refined.model_card == {}
+    assert f"leaves out segment 'a' lacks {words}" in warned(refined)
+    assert "Symmetric: not fitted to the sensors, the card of synthesise stays" in warned(refined)
 
 
 def test_windows_longer_than_legs_are_named(twin: refine.Inputs) -> None:
-    found = outputs(twin, estimator="output_error", window_s=60.0)
-    assert found.model_card == {}
-    assert "No leg is as long as a window" in warned(found)
+    refined = outputs(twin, estimator="output_error", window_s=60.0)
+    assert refined.model_card == {}
+    assert "No leg is as long as a window" in warned(refined)
 
 
 def test_too_few_samples_are_named(twin: refine.Inputs) -> None:
@@ -235,20 +235,20 @@ def test_too_few_samples_are_named(twin: refine.Inputs) -> None:
         name: collection({"a": getattr(twin, name)["a"].slice(150, 2)})
         for name in ("samples_imu", "samples_velocity", "samples_attitude", "samples_depth")
     }
-    found = outputs(replace(twin, **few))
-    assert found.model_card == {}
-    assert "card of synthesise stays" in warned(found)
+    refined = outputs(replace(twin, **few))
+    assert refined.model_card == {}
+    assert "card of synthesise stays" in warned(refined)
 
 
 def test_a_start_that_diverges_is_named(twin: refine.Inputs) -> None:
     card = twin.model_card["symmetric"]
     pushed = {**card.predictor, "N": {**card.predictor["N"], "r": 500.0}}
     wild = card.model_copy(update={"predictor": pushed, "damping": "free"})
-    found = outputs(
+    refined = outputs(
         replace(twin, model_card=collection({"symmetric": wild})), estimator="output_error"
     )
-    assert found.model_card == {}
-    assert "The motion diverges at the starting values" in warned(found)
+    assert refined.model_card == {}
+    assert "The motion diverges at the starting values" in warned(refined)
 
 
 def test_a_fit_that_does_not_converge_leaves_the_card_of_synthesise(
@@ -258,9 +258,9 @@ def test_a_fit_that_does_not_converge_leaves_the_card_of_synthesise(
         return replace(fit_output_error(*arguments, **options), word="no convergence")
 
     monkeypatch.setattr(fitting, "fit_output_error", unsettled)
-    found = outputs(twin, estimator="output_error")
-    assert found.model_card == {}
-    assert "did not converge in" in warned(found)
+    refined = outputs(twin, estimator="output_error")
+    assert refined.model_card == {}
+    assert "did not converge in" in warned(refined)
 
 
 def test_without_an_accelerometer_the_rest_is_used(twin: refine.Inputs) -> None:
@@ -271,8 +271,8 @@ def test_without_an_accelerometer_the_rest_is_used(twin: refine.Inputs) -> None:
     imu = make_table(
         "samples_imu", {**{n: bare[n].to_numpy() for n in bare.column_names}, **nothing}
     )
-    found = outputs(replace(twin, samples_imu=collection({"a": imu})), estimator="output_error")
-    (card,) = found.model_card.values()
+    refined = outputs(replace(twin, samples_imu=collection({"a": imu})), estimator="output_error")
+    (card,) = refined.model_card.values()
     assert card.likelihood is not None
     assert not [c for c in card.likelihood.channels if c.channel.startswith("accel")]
     assert card.likelihood.legs[0].accel_bias_m_s2 is None

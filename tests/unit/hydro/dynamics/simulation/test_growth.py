@@ -15,11 +15,11 @@ DAMPED = {axis: {x: -4.0} for axis, x in zip("XYZKMN", "uvwpqr", strict=True)}
 
 def test_positive_roll_damping_grows_at_its_rate_and_is_named() -> None:
     model = IdentifiedModel("wild", {**DAMPED, "K": {"p": 2.9, "p*|p|": -1.0}})
-    found = growth(VEHICLE, model, np.zeros(6))
+    rates = growth(VEHICLE, model, np.zeros(6))
     # One equation about rest: (I_x - K_pdot) p_dot = 2.9 p.
-    assert found.rate == pytest.approx(2.9 / VEHICLE.mass_matrix[3, 3], rel=1e-12)
-    assert (found.axis, found.cause) == ("K", "K_p")
-    assert found.adds == pytest.approx(found.rate, rel=1e-12), "nothing else adds"
+    assert rates.rate == pytest.approx(2.9 / VEHICLE.mass_matrix[3, 3], rel=1e-12)
+    assert (rates.axis, rates.cause) == ("K", "K_p")
+    assert rates.adds == pytest.approx(rates.rate, rel=1e-12), "nothing else adds"
 
 
 def test_growth_of_a_quadratic_term_follows_the_speed() -> None:
@@ -36,12 +36,12 @@ def test_a_coupling_that_feeds_the_growth_is_named_with_what_it_adds() -> None:
     by what it adds, per its own size.
     """
     coefficients = {**DAMPED, "K": {"p": -1.0, "v": 40.0}, "Y": {"v": -4.0, "p": 5.0}}
-    found = growth(VEHICLE, IdentifiedModel("coupled", coefficients), np.zeros(6))
-    assert found.rate > 0.0
-    axis, term = found.cause.split("_")
+    rates = growth(VEHICLE, IdentifiedModel("coupled", coefficients), np.zeros(6))
+    assert rates.rate > 0.0
+    axis, term = rates.cause.split("_")
     assert {axis, term} in ({"K", "v"}, {"Y", "p"})
     step = 1e-6
     changed = {a: dict(row) for a, row in coefficients.items()}
     changed[axis][term] *= 1.0 + step
     moved = growth(VEHICLE, IdentifiedModel("coupled", changed), np.zeros(6)).rate
-    assert (moved - found.rate) / step == pytest.approx(found.adds, rel=1e-4)
+    assert (moved - rates.rate) / step == pytest.approx(rates.adds, rel=1e-4)

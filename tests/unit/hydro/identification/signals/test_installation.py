@@ -77,8 +77,8 @@ def motion() -> Motion:
 def test_each_fault_is_found_and_no_other(
     motion: Motion, fault: dict[str, Array], name: str, size: float
 ) -> None:
-    found = installation_faults(installation_sums(sensors(motion, 1, **fault)), PLACE)
-    for fault_name, value, sd in zip(found.names, found.value, found.sd, strict=True):
+    estimate = installation_faults(installation_sums(sensors(motion, 1, **fault)), PLACE)
+    for fault_name, value, sd in zip(estimate.names, estimate.value, estimate.sd, strict=True):
         truth = size if fault_name == name else 0.0
         # Four standard errors, and what is of second order in the fault.
         assert abs(value - truth) < 4.0 * sd + 0.02 * abs(size), fault_name
@@ -90,8 +90,8 @@ def test_standard_errors_hold_the_truth(motion: Motion) -> None:
     for seed in range(12):
         # The attitude has no error here, so that the bias does not walk.
         sums = installation_sums(sensors(motion, seed), SmootherNoise(tilt_error_rad=1e-6))
-        found = installation_faults(sums, PLACE)
-        scores.append(found.value / found.sd)
+        estimate = installation_faults(sums, PLACE)
+        scores.append(estimate.value / estimate.sd)
     rms = float(np.sqrt(np.mean(np.square(scores))))
     # 108 figures of 12 legs: an rms of 1 scatters by 7 to 15 %
     assert 0.6 < rms < 1.35, rms
@@ -112,10 +112,10 @@ def test_what_the_accelerometer_holds_is_found(
         "as derivative": np.cross(leg.omega, motion.nu[:, :3]),
     }[taken]
     sums = installation_sums(replace(leg, acceleration=leg.acceleration + excess))
-    found = installation_faults(sums, (*PLACE, "gravity", "transport"))
+    estimate = installation_faults(sums, (*PLACE, "gravity", "transport"))
     # The velocity that the filter expects is wrong by the fault itself: a sixth is missing.
-    assert found.value[-2:] == pytest.approx([gravity, transport], abs=0.25)
-    assert np.all(found.sd[-2:] < 0.15)
+    assert estimate.value[-2:] == pytest.approx([gravity, transport], abs=0.25)
+    assert np.all(estimate.sd[-2:] < 0.15)
 
 
 def test_legs_add_up(motion: Motion) -> None:
@@ -137,9 +137,9 @@ def test_a_straight_run_shows_no_arm() -> None:
         t[::10], v[::10] + 0.005 * rng.standard_normal((300, 3)), np.zeros(3), t[::5],
         5.0 + 0.003 * rng.standard_normal(600),
     )  # fmt: skip
-    found = installation_faults(installation_sums(leg), PLACE)
-    assert np.isinf(found.sd[:3]).all()
-    assert np.isfinite(found.sd[PLACE.index("velocity_scale")])
+    estimate = installation_faults(installation_sums(leg), PLACE)
+    assert np.isinf(estimate.sd[:3]).all()
+    assert np.isfinite(estimate.sd[PLACE.index("velocity_scale")])
     # With a prior, what is not seen stays where it was.
     kept = installation_faults(installation_sums(leg), PLACE, np.full(9, 0.1))
     np.testing.assert_array_equal(kept.value[:3], 0.0)
