@@ -33,7 +33,7 @@ help:
 	@echo "make format               write all code in the one format"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
-	@echo "make declarations         write params.yaml, dvc.yaml and docs/equations.md from the code"
+	@echo "make declarations         write params.yaml, dvc.yaml, docs/equations.md and model_file.md from the code"
 	@echo "make lock                 pin the dependencies: one set for running, one for testing"
 	@echo "make clean                remove results and caches, not .venv"
 
@@ -140,6 +140,7 @@ format: $(TEST)
 declarations: $(RUN)
 	python -m auvid.pipeline.execution.generate_dvc
 	python tools/equations.py
+	python tools/model_file.py
 
 COMPILE = uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-annotate --no-emit-index-url --no-emit-find-links --quiet

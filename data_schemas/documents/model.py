@@ -132,6 +132,7 @@ class Quantity(Model):
     note: str | None = None
     """What is to be said of the number."""
     _si: npt.NDArray[np.float64] = PrivateAttr(default_factory=lambda: np.zeros(()))
+    _si_unit: str = PrivateAttr(default="")
 
     @model_validator(mode="wrap")
     @classmethod
@@ -205,6 +206,7 @@ class Unit:
         factor, offset = factor_and_offset(quantity.unit, self.unit)
         quantity._si = np.asarray(value * factor + offset)
         quantity._si.flags.writeable = False
+        quantity._si_unit = self.unit
         if self.positive and not np.all(quantity._si > 0.0):
             allowed = f"more than 0 {self.unit}"
             raise Faults(fault("must be positive", "value", quantity.value, allowed=allowed))
@@ -229,6 +231,23 @@ def assumed_quantities(
     elif isinstance(part, Model | dict):
         for key, value in part.items() if isinstance(part, dict) else part:
             yield from assumed_quantities(value, (*place, key))
+
+
+def in_schema_units(part: M) -> M:
+    """Return a checked document with each number in the unit of the schema."""
+    if isinstance(part, Quantity):
+        return part.model_copy(update={"value": part.array.tolist(), "unit": part._si_unit})
+    return part.model_copy(
+        update={key: _in_schema_units(getattr(part, key)) for key in part.model_fields_set}
+    )
+
+
+def _in_schema_units(value: object) -> object:
+    if isinstance(value, Model):
+        return in_schema_units(value)
+    if isinstance(value, dict):
+        return {key: _in_schema_units(item) for key, item in value.items()}
+    return value
 
 
 def parse(

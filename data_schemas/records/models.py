@@ -9,6 +9,16 @@ from pydantic import Field
 from auvid.data_schemas.documents.model import Model
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 
+Verdict = Literal[
+    "identified",
+    "weak",
+    "not excited",
+    "inseparable",
+    "not applicable",
+    "at its bound",
+    "from the prior",
+]
+
 
 class TermCard(Model):
     """Terms."""
@@ -21,15 +31,7 @@ class TermCard(Model):
     """Coefficient in that unit; null where the data determine none."""
     standard_error: float | None = None
     """Standard error for coloured residuals."""
-    verdict: Literal[
-        "identified",
-        "weak",
-        "not excited",
-        "inseparable",
-        "not applicable",
-        "at its bound",
-        "from the prior",
-    ]
+    verdict: Verdict
     """What the data say; where they say too little, what the value rests on."""
     free_value: float | None = None
     """The value without limits, where limits changed it."""

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.records.models import (
-    AxisCard,
     AxisMerit,
     MeritRecord,
     ModelCard,
     RankingRecord,
-    UsableFor,
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.viscous.basis import basis
@@ -25,13 +23,12 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import RankedModel, choose
+from auvid.stages.model_use import usable_for
 from auvid.stages.validate.free_run import ANGLE_OF, LONG_S, PERSISTENCE
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)
 RESTS = (AT_BOUND, FROM_PRIOR)
-HALF = 0.5
-"""J/J0 of an axis from which on a controller is not to be designed on the model."""
 Row = Mapping[str, Any]
 
 
@@ -93,28 +90,6 @@ def rank(
         legs_left_out=legs,
         horizon_s=horizon,
         usable=None if chosen is None else usable_for(chosen, cards[chosen.name]),
-    )
-
-
-def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
-    """Return what a model is usable for: forces, simulation and control, by axis."""
-
-    def below(value: float | None, limit: float) -> bool:
-        return value is not None and value < limit
-
-    merits = {axis: model.axes[axis] for axis in AXES}
-    forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
-    holds = model.runs > 0 and not model.faults
-    simulation = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
-    return UsableFor(
-        forces=forces,
-        simulation=simulation,
-        control=[
-            axis
-            for axis in simulation
-            if below(merits[axis].validation, HALF) and _damping_is_known(axis, card.axes[axis])
-        ],
-        speeds=card.conditions,
     )
 
 
@@ -275,14 +250,6 @@ def _losses(rows: Iterable[Row], model: str) -> tuple[int, int]:
             count, lost = starts.get(row["segment"], (0, 0))
             starts[row["segment"]] = (max(count, row["starts"]), max(lost, row["diverged"]))
     return sum(count for count, _ in starts.values()), sum(lost for _, lost in starts.values())
-
-
-def _damping_is_known(axis: str, part: AxisCard) -> bool:
-    own = OWN_VELOCITY[axis]
-    return any(
-        item.verdict == IDENTIFIED and item.term.replace("|", "").replace("*", "") in (own, own * 2)
-        for item in part.terms
-    )
 
 
 def _mean(values: Iterable[float | None]) -> float | None:

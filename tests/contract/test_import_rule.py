@@ -17,6 +17,7 @@ FLOORS = ("data_schemas", "hydro", "stages", "pipeline")
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
 SHARED_IN_STAGES = {
     "base",
+    "model_use",
     "presentation",
     "columns",
     "sensor_motion",

@@ -23,9 +23,10 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.base import collection
+from auvid.stages.model_use import usable_for
 from auvid.stages.presentation import equation, panel, plot, remark, section, series, table, text
 from auvid.stages.report import Inputs
-from auvid.stages.validate.ranking import rank, usable_for
+from auvid.stages.validate.ranking import rank
 from tests.support.motions import vehicle_document
 
 Array = npt.NDArray[np.float64]

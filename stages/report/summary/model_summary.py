@@ -13,13 +13,14 @@ from functools import partial
 
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, UsableFor
+from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
+from auvid.stages.model_use import axes_listed, failing_axes, listed, recommendation
 from auvid.stages.number_format import fixed, true_minus
-from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Fact, Level, Summary, Use
+from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Fact, Summary, Use
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
 _decimals = partial(fixed, places=2, empty="unknown")
@@ -42,7 +43,7 @@ def summarise(
     judged = any(model.axes[ALL].validation is not None for model in models)
     chosen = next((model for model in models if model.name == ranking.choice), None)
     card = next((card for card in cards.values() if card.name == ranking.choice), None)
-    level, headline, explanation = _verdict(ranking, chosen, judged)
+    level, headline, explanation = recommendation(ranking, chosen, judged)
     missing = [
         *_missing(models, chosen, card, cards, segments, logs, judged),
         *_notes_on(chosen, sections),
@@ -65,63 +66,6 @@ def summarise(
     )
 
 
-def _verdict(
-    ranking: RankingRecord, chosen: MeritRecord | None, judged: bool
-) -> tuple[Level, str, str]:
-    if not ranking.models:
-        return (
-            "poor",
-            "No model was identified",
-            "There is no error table: the chain did not reach validation.",
-        )
-    best = ranking.models[0]
-    if chosen is None or ranking.usable is None:
-        merit = best.axes[ALL]
-        ratio = merit.validation if judged else merit.training
-        where = "on the validation legs" if judged else "on the training legs"
-        return (
-            "poor",
-            "Use none of these models",
-            (
-                f"The best of them, {best.title}, has J/J0 = {_decimals(ratio)} {where}: predicting"
-                " no force at all does as well."
-            ),
-        )
-    validation, training = chosen.axes[ALL].validation, chosen.axes[ALL].training
-    if not judged:
-        return (
-            "poor",
-            f"{chosen.title} fits best, but nothing judges it",
-            (
-                "The campaign has no validation leg."
-                f" J/J0 = {_decimals(training)} is on the training legs alone"
-                " and says nothing about prediction."
-            ),
-        )
-    words = f"On the validation legs J/J0 = {_decimals(validation)}"
-    words += f" (training {_decimals(training)})" if training is not None else ""
-    words += f": the error is {100 * (validation or 0):.0f} % of the force itself."
-    if best is not chosen and (best.axes[ALL].validation or 0) < 1:
-        words += f" {best.title} has a smaller error ({_decimals(best.axes[ALL].validation)})"
-        words += f" with {best.terms} terms"
-        words += f", but {best.faults[-1]}." if best.faults else "."
-    failing = _failing(chosen)
-    level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    use = _use_words(ranking.usable, flown=chosen.runs > 0)
-    return level, f"{chosen.title}: {use}" + (", with care" if level == "fair" else ""), words
-
-
-def _use_words(usable: UsableFor, *, flown: bool) -> str:
-    """Return what a model is for, in one line: forces and simulation."""
-    if not usable.forces:
-        return "use it for nothing"
-    words = "use it to predict forces"
-    if not usable.simulation:
-        return f"{words}, not to simulate" if flown else words
-    named = "all axes" if len(usable.simulation) == len(AXES) else _axes_listed(usable.simulation)
-    return f"{words} and to simulate {named}"
-
-
 def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]:
     """Return a line per use with the axes and the limits of it; empty for no model."""
     usable = ranking.usable
@@ -140,7 +84,7 @@ def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]
     else:
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
         rest = [axis for axis in AXES if axis not in usable.simulation]
-        reason += f", {_axes_listed(rest)} not" if rest else ""
+        reason += f", {axes_listed(rest)} not" if rest else ""
     uses.append(Use("Simulation", _some(usable.simulation), reason))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
@@ -155,24 +99,14 @@ def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]
 
 
 def _some(axes: Sequence[str]) -> str:
-    return "no axis" if not axes else "all axes" if len(axes) == len(AXES) else _axes_listed(axes)
-
-
-def _axes_listed(axes: Sequence[str]) -> str:
-    return _listed([AXIS_WORDS[axis] for axis in axes])
+    return "no axis" if not axes else "all axes" if len(axes) == len(AXES) else axes_listed(axes)
 
 
 def _except(chosen: MeritRecord, forces: Sequence[str]) -> str:
-    failing = _failing(chosen)
+    failing = failing_axes(chosen)
     if failing:
-        return f"it does not hold in {_listed(failing)}: there its error is larger than the force"
+        return f"it does not hold in {listed(failing)}: there its error is larger than the force"
     return "the error is below the force on the validation legs"
-
-
-def _failing(model: MeritRecord) -> list[str]:
-    return [
-        f"{AXIS_WORDS[axis]} ({axis})" for axis in AXES if (model.axes[axis].validation or 0.0) > 1
-    ]
 
 
 def _facts(
@@ -254,7 +188,7 @@ def _missing(
         ]
         if never:
             missing.append(
-                f"No model predicts {_listed(never)} on the validation legs: every J/J0 is above 1."
+                f"No model predicts {listed(never)} on the validation legs: every J/J0 is above 1."
             )
     any_card = card or next(iter(cards.values()), None)
     if any_card is not None:
@@ -302,14 +236,14 @@ def _unexcited(card: ModelCard) -> list[str]:
             if item.excitation == state
         ]
         if axes:
-            sentences.append(f"{words} {_listed(axes)}: {so}.")
+            sentences.append(f"{words} {listed(axes)}: {so}.")
     return sentences
 
 
 def _undetermined(card: ModelCard) -> list[str]:
     counts = _verdicts(card)
     parts = [f"{counts[name]} {words}" for name, words in _OPEN.items() if counts[name]]
-    return [f"Of the coefficients of {card.title}, {_listed(parts)}."] if parts else []
+    return [f"Of the coefficients of {card.title}, {listed(parts)}."] if parts else []
 
 
 _OPEN = {
@@ -336,7 +270,3 @@ def remarks(sections: Mapping[str, Document], level: str) -> list[str]:
 
 def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

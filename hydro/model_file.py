@@ -1,0 +1,223 @@
+"""A model file as arrays: inertia, forces, vehicle. Equations of McCarter 2014."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auvid.data_schemas.documents.vehicle import ThrustersEntry
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.model_file import (
+    DynamicsFigures,
+    FinFigures,
+    ModelFile,
+    PropellerFigures,
+    ThrustCurveFigures,
+    ThrusterFigures,
+)
+from auvid.data_schemas.records.models import InertiaCard
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.actuators.propeller import Propeller
+from auvid.hydro.dynamics.actuators.thrusters import Thrusters
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import eta_ratio
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.constrained.equations import added_mass_change, added_mass_unknown
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+
+
+@dataclass(frozen=True)
+class ModelForces:
+    """Parts of M nu_dot + coriolis = viscous + restoring + tau, each (n, 6) [N, N m]."""
+
+    coriolis: Array
+    viscous: Array
+    restoring: Array
+
+
+def inertia(model: ModelFile) -> Array:
+    """Return M = M_RB - M_A (6, 6) (2.62), with the inertia that was fitted."""
+    return np.array(model.dynamics.mass)
+
+
+def forces(
+    model: ModelFile, nu: ArrayLike, eta: ArrayLike, propeller_rev_s: ArrayLike | None = None
+) -> ModelForces:
+    """Return Coriolis, viscous and restoring force of a model file.
+
+    C(nu) nu (2.23), tau_nu = K xi(nu) (3.12) with the constant force, and tau_G (2.44).
+
+    nu (n, 6) [m/s, rad/s], eta (n, 6) [m, rad], propeller_rev_s (n,) for coefficients
+    with the propulsion ratio. Raises `DataError` where these need it and it is None.
+    """
+    nu, dynamics = np.asarray(nu, dtype=np.float64), model.dynamics
+    identified, constant = viscous_model(model)
+    ratio = None
+    if propeller_rev_s is not None and dynamics.propeller is not None:
+        screw = dynamics.propeller
+        level = np.interp(
+            np.asarray(propeller_rev_s, dtype=np.float64),
+            screw.level_speed_rev_s,
+            screw.level_speed_m_s,
+            left=np.nan,
+            right=np.nan,
+        )
+        ratio = eta_ratio(level, nu, screw.minimum_speed_m_s)
+    viscous = np.broadcast_to(constant, nu.shape)
+    return ModelForces(
+        coriolis_force(dynamics.mass, nu),
+        viscous + identified.force(nu, ratio) if identified.terms else viscous,
+        restoring_force(
+            eta,
+            weight=dynamics.weight_N,
+            buoyancy=dynamics.buoyancy_N,
+            r_G=dynamics.centre_of_gravity_m,
+            r_B=dynamics.centre_of_buoyancy_m,
+        ),
+    )
+
+
+def viscous_model(model: ModelFile) -> tuple[IdentifiedModel, Array]:
+    """Return the viscous terms and the constant force (6,) of a model file."""
+    terms: dict[str, dict[str, float]] = {axis: {} for axis in AXES}
+    constant = np.zeros(6)
+    for item in model.coefficients:
+        if item.term == CONSTANT:
+            constant[AXES.index(item.axis)] = item.predictor
+        else:
+            terms[item.axis][item.term] = item.predictor
+    return IdentifiedModel(model.name, terms), constant
+
+
+def fitted_change(cards: Sequence[InertiaCard]) -> Array:
+    """Return what fitted inertia adds to M_A (6, 6) of the vehicle file."""
+    return added_mass_change({added_mass_unknown(item.name): item.change for item in cards})
+
+
+def vehicle_of(model: ModelFile) -> Vehicle:
+    """Return the vehicle of a model file, with the inertia that was fitted.
+
+    Raises `DataError` where `dynamics` is not what follows from it.
+    """
+    vehicle = vehicle_from_document(model.vehicle)
+    change, screw = fitted_change(model.fitted_inertia), model.dynamics.propeller
+    dynamics = dynamics_of(
+        vehicle,
+        change,
+        lag_s=model.dynamics.actuator_lag_s,
+        minimum_speed_m_s=0.0 if screw is None else screw.minimum_speed_m_s,
+    )
+    filed = model.dynamics.model_dump()
+    for name, value in dynamics.model_dump().items():
+        if not _same(value, filed[name]):
+            raise DataError(
+                "the dynamics of the model file do not follow from its vehicle and fitted inertia",
+                field=f"dynamics.{name}",
+                remedy="Change the vehicle file and run the campaign again.",
+            )
+    return replace(vehicle, added_mass=vehicle.added_mass + change)
+
+
+def dynamics_of(
+    vehicle: Vehicle, added_mass_change: Array, *, lag_s: float, minimum_speed_m_s: float
+) -> DynamicsFigures:
+    """Return inertia, buoyancy and actuators of a vehicle as figures of a model file.
+
+    added_mass_change (6, 6): what fitted inertia adds to M_A.
+    """
+    added = vehicle.added_mass + added_mass_change
+    thrusters, screw, fins = vehicle.thrusters, vehicle.propeller, vehicle.fins
+    return DynamicsFigures(
+        mass_kg=vehicle.mass_kg,
+        centre_of_gravity_m=vehicle.r_G.tolist(),
+        inertia_kg_m2=vehicle.inertia.tolist(),
+        rigid_body=_rows(vehicle.rigid_body_mass),
+        added_mass=_rows(added),
+        mass=_rows(vehicle.rigid_body_mass - added),
+        weight_N=vehicle.weight,
+        buoyancy_N=vehicle.buoyancy,
+        centre_of_buoyancy_m=vehicle.r_B.tolist(),
+        water_density_kg_m3=vehicle.water_density,
+        gravity_m_s2=vehicle.gravity,
+        thrusters=_thrusters(thrusters, vehicle.document.actuators.thrusters),
+        thrust_curve=None if thrusters is None else _curve(thrusters),
+        fins=None if fins is None else _fins(fins.coefficients(vehicle.water_density)),
+        propeller=None if screw is None else _propeller(screw, vehicle, minimum_speed_m_s),
+        actuator_lag_s=lag_s,
+    )
+
+
+def _thrusters(thrusters: Thrusters | None, entry: ThrustersEntry | None) -> list[ThrusterFigures]:
+    if thrusters is None or entry is None:
+        return []
+    n = len(thrusters.outputs)
+    positions = entry.position.array.tolist() if entry.position is not None else [None] * n
+    return [
+        ThrusterFigures.model_validate(
+            {
+                "output": output,
+                "position_m": position,
+                "axis": None if entry.axis is None else effect[:3],
+                "effect": effect,
+                "direction": int(direction),
+            }
+        )
+        for output, position, effect, direction in zip(
+            thrusters.outputs,
+            positions,
+            _rows(thrusters.allocation.T),
+            thrusters.direction.tolist(),
+            strict=True,
+        )
+    ]
+
+
+def _curve(thrusters: Thrusters) -> ThrustCurveFigures:
+    curve = thrusters.curve
+    return ThrustCurveFigures(
+        pulse_us=curve.pwm_us.tolist(),
+        force_N=curve.force_N.tolist(),
+        polynomial=None if curve.polynomial is None else curve.polynomial.tolist(),
+        voltage_V=curve.voltage_v,
+        voltage_exponent=curve.voltage_exponent,
+    )
+
+
+def _fins(table: Array) -> FinFigures:
+    return FinFigures(linear=table[:, :4].tolist(), quadratic=table[:, 4:].tolist())
+
+
+def _propeller(screw: Propeller, vehicle: Vehicle, minimum_speed_m_s: float) -> PropellerFigures:
+    thrust, torque = screw.coefficients(vehicle.water_density).tolist()
+    return PropellerFigures(
+        inflow_per_u=screw.inflow_per_u,
+        thrust=thrust,
+        torque=torque,
+        level_speed_rev_s=screw.level_speed_rev_s.tolist(),
+        level_speed_m_s=screw.level_speed_m_s.tolist(),
+        minimum_speed_m_s=minimum_speed_m_s,
+    )
+
+
+def _rows(matrix: Array) -> list[list[float]]:
+    """Return the rows of a matrix; a zero has no sign."""
+    rows: list[list[float]] = (matrix + 0.0).tolist()
+    return rows
+
+
+def _same(one: object, other: object) -> bool:
+    """Return whether two figures agree to rounding."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return all(_same(value, other[key]) for key, value in one.items())
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
+    return one == other

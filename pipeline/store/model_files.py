@@ -1,0 +1,58 @@
+"""Model files on disk: JSON that is refused in words where it is not one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.errors import SchemaError
+from auvid.data_schemas.records.model_file import FORMAT, ModelFile
+from auvid.pipeline.store.artefacts import encode
+from auvid.pipeline.store.atomic_files import readable, write_output
+
+REMEDY = "Name a file of runs/CAMPAIGN/model_file/model_file/."
+
+
+def read_model(path: Path) -> ModelFile:
+    """Read a model file.
+
+    Raises `SchemaError`, all faults together: no JSON, no model file, a format that
+    this version does not read, unknown or missing keys, NaN, wrong types.
+    """
+    with readable(path, file=path, what="model file"):
+        content = path.read_bytes()
+    try:
+        document = json.loads(content)
+    except ValueError as fault:
+        raise SchemaError(f"not JSON: {fault}", file=path, remedy=REMEDY) from None
+    if not isinstance(document, dict) or document.get("kind") != "auvid model":
+        value = document.get("kind") if isinstance(document, dict) else type(document).__name__
+        raise SchemaError(
+            "not a model file",
+            file=path,
+            field="kind",
+            value=value,
+            allowed="auvid model",
+            remedy=REMEDY,
+        )
+    if document.get("format") != FORMAT:
+        number = document.get("format")
+        newer = isinstance(number, int) and number > FORMAT
+        raise SchemaError(
+            "a model file of another format",
+            file=path,
+            field="format",
+            value=number,
+            allowed=FORMAT,
+            remedy=(
+                f"It was written by auvid {document.get('auvid')}: "
+                + ("install that version, or a newer one." if newer else "run its campaign again.")
+            ),
+        )
+    return parse(ModelFile, document, file=path)
+
+
+def write_model(model: ModelFile, path: Path) -> None:
+    """Write a model file; what `read_model` reads back is equal, and the bytes too."""
+    write_output(path, encode(model, "model_file", file=path))

@@ -1,0 +1,94 @@
+"""Write each identified model as one file that stands alone, and say which to take.
+
+Nothing is computed here: card, ranking, free runs, vehicle and provenance are put
+together, so that a simulator needs this file and no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pyarrow as pa
+
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.model_file.contents import model_document, use_entry
+from auvid.stages.presentation import section, table, text
+
+
+@dataclass(frozen=True)
+class Inputs:
+    campaign: Document = port("campaign")
+    vehicle: Vehicle = port("vehicle")
+    provenance: Document = port("provenance")
+    model_card: Collection[ModelCard] = port("model_card", many=True)
+    ranking: RankingRecord = port("ranking")
+    free_run: pa.Table = port("free_run")
+
+
+@dataclass(frozen=True)
+class Params:
+    minimum_speed_m_s: float = param(
+        "m/s",
+        0.05,
+        meaning="lower bound of U in eta = u_c(n)/U that a simulator is told to take",
+        low=1e-3,
+        high=1.0,
+    )
+
+
+@dataclass(frozen=True)
+class Outputs:
+    model_file: Mapping[str, ModelFile] = port("model_file", many=True)
+    section: Document = port("section")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """Return the file of each model, and which is the one to take."""
+    merits: dict[str, MeritRecord] = {item.name: item for item in inputs.ranking.models}
+    rows = inputs.free_run.to_pylist()
+    files = {
+        name: model_document(
+            card,
+            inputs.vehicle,
+            use=use_entry(inputs.ranking, merits.get(name), card),
+            merit=merits.get(name),
+            free_runs=[row for row in rows if row["model"] == name and not row["as_measured"]],
+            title=str(inputs.campaign.get("title") or inputs.vehicle.title),
+            provenance=inputs.provenance,
+            minimum_speed_m_s=params.minimum_speed_m_s,
+        )
+        for name, card in inputs.model_card.items()
+    }
+    return Outputs(files, _section(files))
+
+
+def _section(files: Mapping[str, ModelFile]) -> dict[str, Any]:
+    heads = ["file", "model", "take it", "what for"]
+    rows = [
+        [
+            f"model_file/{name}.json",
+            file.title,
+            "yes" if file.use.recommended else "",
+            file.use.sentence,
+        ]
+        for name, file in files.items()
+    ]
+    words = text("Each file stands alone: vehicle, coefficients with verdicts, uses and figures.")
+    return section("Model files", [words, table("Model files of this run", heads, rows)], order=58)
+
+
+STAGE = Stage(
+    "model_file",
+    "One file for each model that stands alone, with what it may be used for",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+    no_views="a model file is no signal",
+)

@@ -1,0 +1,191 @@
+"""The contents of a model file, from card, ranking, vehicle and provenance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from auvid import __version__
+from auvid.data_schemas.documents.model import in_schema_units
+from auvid.data_schemas.records.model_file import (
+    FORMAT,
+    CoefficientEntry,
+    FramesEntry,
+    FreeRunEntry,
+    LagEntry,
+    ModelFile,
+    OriginEntry,
+    UseEntry,
+    ValidationEntry,
+)
+from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, TermCard
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.identification.constrained.equations import Unknown
+from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
+from auvid.hydro.model_file import dynamics_of, fitted_change
+from auvid.stages.base import Document
+from auvid.stages.model_use import recommendation, usable_for, use_words
+from auvid.stages.page.first_screen import ALL
+
+RMS = {
+    **{name: f"{name}_rms_m_s" for name in "uvw"},
+    **{name: f"{name}_rms_rad_s" for name in "pqr"},
+    **{name: f"{name}_rms_rad" for name in ("phi", "theta", "psi")},
+}
+"""Component of the state -> column of the table of free runs."""
+
+
+def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard) -> UseEntry:
+    """Return what a model may be used for; of the one to take in the report's words."""
+    judged = any(model.axes[ALL].validation is not None for model in ranking.models)
+    recommended = card.name == ranking.choice
+    usable = usable_for(merit, card) if merit is not None and judged else None
+    if recommended:
+        _, sentence, _ = recommendation(ranking, merit, judged)
+    elif merit is None or usable is None:
+        sentence = f"{card.title}: nothing judges it, so use it for nothing"
+    else:
+        sentence = f"{card.title}: {use_words(usable, flown=merit.runs > 0)}"
+        sentence += f"; take {ranking.choice} instead" if ranking.choice else ""
+    return UseEntry(recommended=recommended, sentence=sentence, rule=ranking.rule, axes=usable)
+
+
+def model_document(
+    card: ModelCard,
+    vehicle: Vehicle,
+    *,
+    use: UseEntry,
+    merit: MeritRecord | None,
+    free_runs: Sequence[Mapping[str, Any]],
+    title: str,
+    provenance: Document,
+    minimum_speed_m_s: float,
+) -> ModelFile:
+    """Return the file of a model card.
+
+    free_runs: its rows of the table of free runs; merit: None where nothing judges it.
+    """
+    lag = None if card.likelihood is None else card.likelihood.lag
+    return ModelFile(
+        format=FORMAT,
+        kind="auvid model",
+        auvid=__version__,
+        name=card.name,
+        title=card.title,
+        source=card.source,
+        method=card.method,
+        use=use,
+        frames=frames(vehicle.document.origin),
+        dynamics=dynamics_of(
+            vehicle,
+            fitted_change(card.inertia),
+            lag_s=0.0 if lag is None else lag.value_s,
+            minimum_speed_m_s=minimum_speed_m_s,
+        ),
+        coefficients=[
+            _coefficient(axis, item, card)
+            for axis, part in card.axes.items()
+            for item in part.terms
+        ],
+        covariance={axis: part.covariance for axis, part in card.axes.items()},
+        combinations={axis: part.combinations for axis, part in card.axes.items()},
+        fitted_inertia=card.inertia,
+        fitted_lag=(
+            None
+            if lag is None
+            else LagEntry(
+                value_s=lag.value_s, standard_error_s=lag.standard_error_s, verdict=lag.verdict
+            )
+        ),
+        limits=card.limits,
+        prior=card.prior,
+        validity=card.conditions,
+        validation=None if merit is None else _validation(merit, card, free_runs),
+        assumed=card.assumed,
+        vehicle=in_schema_units(vehicle.document),
+        origin=OriginEntry(
+            campaign=title,
+            logs={name: list(files) for name, files in provenance["logs"].items()},
+            vehicle_hash=provenance["vehicle"],
+            code={name: entry["code"] for name, entry in provenance["stages"].items()},
+            parameters={
+                name: dict(entry["parameters"]) for name, entry in provenance["stages"].items()
+            },
+            packages=dict(provenance["packages"]),
+        ),
+    )
+
+
+def frames(origin: str) -> FramesEntry:
+    """Return axes, angles and signs, which are the same in every model file."""
+    return FramesEntry(
+        body="forward, starboard, down",
+        world="north, east, down",
+        origin=origin,
+        velocity="nu = [u, v, w, p, q, r]",
+        pose="eta = [x, y, z, phi, theta, psi]",
+        force="tau = [X, Y, Z, K, M, N]",
+        equation="mass nu_dot + C(nu) nu = tau_viscous + tau_restoring + tau_actuators",
+    )
+
+
+def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry:
+    value, error = item.value, item.standard_error
+    assumed = float(np.sqrt(sum(shift**2 for shift in item.assumed_shifts.values())))
+    return CoefficientEntry.model_validate(
+        {
+            "symbol": str(Unknown(axis, item.term)),
+            "axis": axis,
+            "term": item.term,
+            "factors": list(BASIS_TERMS[item.term].factors) if item.term in BASIS_TERMS else [],
+            "unit": item.unit,
+            "determined": value is not None and item.verdict not in (AT_BOUND, FROM_PRIOR),
+            "value": value,
+            # A term that a refined model leaves out keeps its verdict and acts no more.
+            "predictor": card.predictor.get(axis, {}).get(item.term, 0.0),
+            "verdict": item.verdict,
+            "standard_error": error,
+            "interval_95": _interval(value, error),
+            "interval_95_assumed": _interval(value, assumed if item.assumed_shifts else None),
+            "assumed_shifts": item.assumed_shifts,
+            "inseparable_from": item.inseparable_from or [],
+            "turns_without": item.turns_without or [],
+        }
+    )
+
+
+def _interval(value: float | None, deviation: float | None) -> list[float] | None:
+    if value is None or deviation is None:
+        return None
+    return [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation]
+
+
+def _validation(
+    merit: MeritRecord, card: ModelCard, free_runs: Sequence[Mapping[str, Any]]
+) -> ValidationEntry:
+    return ValidationEntry(
+        axes=merit.axes,
+        free_runs=[
+            FreeRunEntry(
+                segment=row["segment"],
+                horizon_s=row["horizon_s"],
+                starts=row["starts"],
+                lost=row["diverged"],
+                rms={name: _finite(row[column]) for name, column in RMS.items()},
+            )
+            for row in free_runs
+        ],
+        runs=merit.runs,
+        lost=merit.lost,
+        faults=merit.faults,
+        coverage_on_twins=card.coverage_on_twins,
+    )
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or math.isnan(value) else value

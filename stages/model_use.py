@@ -1,0 +1,128 @@
+"""What a model is usable for, by axis and in words: the rule and its sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    MeritRecord,
+    ModelCard,
+    RankingRecord,
+    UsableFor,
+)
+from auvid.hydro.arrays import AXES
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.stages.number_format import fixed
+from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
+
+HALF = 0.5
+"""J/J0 of an axis from which on a controller is not to be designed on the model."""
+_decimals = partial(fixed, places=2, empty="unknown")
+
+
+def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
+    """Return what a model is usable for: forces, simulation and control, by axis."""
+
+    def below(value: float | None, limit: float) -> bool:
+        return value is not None and value < limit
+
+    merits = {axis: model.axes[axis] for axis in AXES}
+    forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
+    holds = model.runs > 0 and not model.faults
+    simulation = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
+    return UsableFor(
+        forces=forces,
+        simulation=simulation,
+        control=[
+            axis
+            for axis in simulation
+            if below(merits[axis].validation, HALF) and _damping_is_known(axis, card.axes[axis])
+        ],
+        speeds=card.conditions,
+    )
+
+
+def recommendation(
+    ranking: RankingRecord, chosen: MeritRecord | None, judged: bool
+) -> tuple[Level, str, str]:
+    """Return level, headline and explanation of the model to take, or of none."""
+    if not ranking.models:
+        return (
+            "poor",
+            "No model was identified",
+            "There is no error table: the chain did not reach validation.",
+        )
+    best = ranking.models[0]
+    if chosen is None or ranking.usable is None:
+        merit = best.axes[ALL]
+        ratio = merit.validation if judged else merit.training
+        where = "on the validation legs" if judged else "on the training legs"
+        return (
+            "poor",
+            "Use none of these models",
+            (
+                f"The best of them, {best.title}, has J/J0 = {_decimals(ratio)} {where}: predicting"
+                " no force at all does as well."
+            ),
+        )
+    validation, training = chosen.axes[ALL].validation, chosen.axes[ALL].training
+    if not judged:
+        return (
+            "poor",
+            f"{chosen.title} fits best, but nothing judges it",
+            (
+                "The campaign has no validation leg."
+                f" J/J0 = {_decimals(training)} is on the training legs alone"
+                " and says nothing about prediction."
+            ),
+        )
+    words = f"On the validation legs J/J0 = {_decimals(validation)}"
+    words += f" (training {_decimals(training)})" if training is not None else ""
+    words += f": the error is {100 * (validation or 0):.0f} % of the force itself."
+    if best is not chosen and (best.axes[ALL].validation or 0) < 1:
+        words += f" {best.title} has a smaller error ({_decimals(best.axes[ALL].validation)})"
+        words += f" with {best.terms} terms"
+        words += f", but {best.faults[-1]}." if best.faults else "."
+    failing = failing_axes(chosen)
+    level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
+    use = use_words(ranking.usable, flown=chosen.runs > 0)
+    return level, f"{chosen.title}: {use}" + (", with care" if level == "fair" else ""), words
+
+
+def use_words(usable: UsableFor, *, flown: bool) -> str:
+    """Return what a model is for, in one line: forces and simulation."""
+    if not usable.forces:
+        return "use it for nothing"
+    words = "use it to predict forces"
+    if not usable.simulation:
+        return f"{words}, not to simulate" if flown else words
+    named = "all axes" if len(usable.simulation) == len(AXES) else axes_listed(usable.simulation)
+    return f"{words} and to simulate {named}"
+
+
+def failing_axes(model: MeritRecord) -> list[str]:
+    """Return the axes whose error is larger than the force, in words."""
+    return [
+        f"{AXIS_WORDS[axis]} ({axis})" for axis in AXES if (model.axes[axis].validation or 0.0) > 1
+    ]
+
+
+def axes_listed(axes: Sequence[str]) -> str:
+    """Return axes in words: surge, sway and heave."""
+    return listed([AXIS_WORDS[axis] for axis in axes])
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _damping_is_known(axis: str, part: AxisCard) -> bool:
+    own = OWN_VELOCITY[axis]
+    return any(
+        item.verdict == IDENTIFIED and item.term.replace("|", "").replace("*", "") in (own, own * 2)
+        for item in part.terms
+    )

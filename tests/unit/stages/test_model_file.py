@@ -1,0 +1,226 @@
+"""The stage that writes model files: what a file says of a model, and reads back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.models import InertiaCard
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import AXES
+from auvid.hydro.model_file import forces, inertia, vehicle_of
+from auvid.pipeline.store.model_files import read_model, write_model
+from auvid.stages import model_file
+from auvid.stages.base import collection
+from auvid.stages.model_file.contents import RMS
+from auvid.stages.validate import Predictor
+from tests.support.example_run import ExampleRun, example_run
+
+TERMS = ("u", "v", "w", "u*|v|")
+INERTIA = {
+    "name": "N_rdot",
+    "unit": "kg*m^2",
+    "value": 3.1,
+    "standard_error": 0.9,
+    "in_vehicle_file": 0.6,
+    "change": -2.5,
+    "beside_lag": -2.4,
+    "beside_lag_error": 1.0,
+    "lag_s": 0.05,
+    "lag_error_s": 0.1,
+    "correlation": 0.4,
+    "verdict": "weak",
+}
+
+
+@pytest.fixture(scope="module")
+def run() -> ExampleRun:
+    run = example_run({"train": 4.0, "check": 2.0})
+    for name, card in run.cards.items():
+        row = {term: -1.0 - i for i, term in enumerate(TERMS)} | {"constant": 0.25}
+        run.cards[name] = card.model_copy(
+            update={
+                "predictor": dict.fromkeys(AXES, row),
+                "inertia": [InertiaCard.model_validate(INERTIA)] if name == "linear" else [],
+                "axes": {
+                    axis: part.model_copy(
+                        update={
+                            "terms": [
+                                *part.terms,
+                                part.terms[0].model_copy(
+                                    update={"term": "constant", "unit": part.unit}
+                                ),
+                            ]
+                        }
+                    )
+                    for axis, part in card.axes.items()
+                },
+            }
+        )
+    return run
+
+
+def files_of(run: ExampleRun, choice: str | None = "linear") -> dict[str, ModelFile]:
+    given = run.inputs()
+    rows: list[dict[str, Any]] = [
+        {"segment": "check", "model": "linear", "as_measured": put_in, "horizon_s": 5.0}
+        | {"starts": 4, "diverged": 4, "first_divergence_s": 1.0, **dict.fromkeys(RMS.values())}
+        for put_in in ("", "p q")
+    ]
+    names = list(rows[0])
+    inputs = model_file.Inputs(
+        campaign=given.campaign,
+        vehicle=given.vehicle,
+        provenance=given.provenance,
+        model_card=collection(run.cards),
+        ranking=run.ranking(choice),
+        free_run=make_table("free_run", {key: [row[key] for row in rows] for key in names}),
+    )
+    return dict(model_file.run(inputs, model_file.Params()).model_file)
+
+
+@pytest.fixture(scope="module")
+def linear(run: ExampleRun) -> ModelFile:
+    return files_of(run)["linear"]
+
+
+def test_a_file_comes_back_bit_for_bit(run: ExampleRun, tmp_path: Path) -> None:
+    for name, file in files_of(run).items():
+        first, second = tmp_path / f"{name}.json", tmp_path / "again.json"
+        write_model(file, first)
+        write_model(read_model(first), second)
+        assert second.read_bytes() == first.read_bytes()
+
+
+def test_the_file_gives_mass_and_forces_of_the_judged_model(
+    run: ExampleRun, linear: ModelFile
+) -> None:
+    """M and the force of a file are those that validate computed with."""
+    judged = Predictor.of(run.cards["linear"])
+    vehicle = judged.vehicle(run.vehicle)
+    np.testing.assert_array_equal(inertia(linear), vehicle.mass_matrix)
+    assert inertia(linear)[5, 5] == pytest.approx(run.vehicle.mass_matrix[5, 5] + 2.5)
+    nu = np.random.default_rng(1).normal(size=(20, 6))
+    parts = forces(linear, nu, np.zeros((20, 6)))
+    np.testing.assert_allclose(parts.viscous, judged.viscous.force(nu) + judged.trim, rtol=1e-14)
+    # C(nu) nu takes no energy; level and neutral there is nothing to restore.
+    power = np.sum(nu * parts.coriolis, axis=1)
+    np.testing.assert_allclose(power, 0.0, atol=1e-12 * np.abs(parts.coriolis).max())
+    np.testing.assert_allclose(parts.restoring, 0.0, atol=1e-12)
+
+
+def test_a_tool_computes_the_same_from_the_text_alone(linear: ModelFile) -> None:
+    """Follow the field descriptions in plain Python: one velocity, one pose."""
+    text = json.loads(linear.model_dump_json())
+    nu, eta = [0.3, -0.2, 0.1, 0.05, -0.04, 0.2], [0.0, 0.0, 3.0, 0.1, -0.2, 0.5]
+    value = dict(zip("uvwpqr", nu, strict=True))
+    value |= {f"|{name}|": abs(x) for name, x in value.items()}
+    tau = dict.fromkeys(AXES, 0.0)
+    for item in text["coefficients"]:
+        product = item["predictor"]
+        for factor in item["factors"]:
+            product *= value[factor]
+        tau[item["axis"]] += product
+    d = text["dynamics"]
+    r_g, r_b = d["centre_of_gravity_m"], d["centre_of_buoyancy_m"]
+    a, b, c = (g * d["weight_N"] - h * d["buoyancy_N"] for g, h in zip(r_g, r_b, strict=True))
+    net, (sf, cf), (st, ct) = (
+        d["weight_N"] - d["buoyancy_N"],
+        *((np.sin(x), np.cos(x)) for x in eta[3:5]),
+    )
+    restoring = [-net * st, net * ct * sf, net * ct * cf, b * ct * cf - c * ct * sf,
+                 -c * st - a * ct * cf, a * ct * sf + b * st]  # fmt: skip
+    momentum = np.array(d["mass"]) @ nu
+    v, omega = nu[:3], nu[3:]
+    coriolis = [
+        *np.cross(omega, momentum[:3]),
+        *(np.cross(v, momentum[:3]) + np.cross(omega, momentum[3:])),
+    ]
+    parts = forces(linear, [nu], [eta])
+    np.testing.assert_allclose(parts.viscous[0], list(tau.values()), rtol=1e-12)
+    np.testing.assert_allclose(parts.restoring[0], restoring, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(parts.coriolis[0], coriolis, rtol=1e-12, atol=1e-12)
+
+
+def test_what_the_run_did_not_determine_is_marked(linear: ModelFile) -> None:
+    of = {item.symbol: item for item in linear.coefficients}
+    assert of["X_u"].determined
+    assert of["X_u"].interval_95 == pytest.approx([-3.5 - 1.96 * 0.4, -3.5 + 1.96 * 0.4], rel=1e-4)
+    blind = of["X_w"]
+    assert (blind.verdict, blind.determined, blind.value) == ("not excited", False, None)
+    assert blind.interval_95 is None
+    assert blind.predictor == -3.0
+    assert of["X_constant"].factors == []
+
+
+def test_one_file_is_the_one_to_take_and_says_what_for(run: ExampleRun) -> None:
+    files = files_of(run)
+    assert [name for name, file in files.items() if file.use.recommended] == ["linear"]
+    assert files["linear"].use.sentence.startswith("Linear: use it to predict forces")
+    assert "take linear instead" in files["coe"].use.sentence
+    (free,) = files["linear"].validation.free_runs  # type: ignore[union-attr]
+    assert (free.lost, free.rms["u"]) == (4, None)
+
+
+def test_a_model_for_nothing_says_so(run: ExampleRun) -> None:
+    worse = replace(run, errors=[{**row, "ratio": 1.4} for row in run.errors])
+    for file in files_of(worse, choice=None).values():
+        assert not file.use.recommended
+        assert file.use.axes is not None
+        assert (file.use.axes.forces, file.use.axes.simulation) == ([], [])
+        assert file.use.sentence.endswith("use it for nothing")
+    alone = replace(run, errors=[row for row in run.errors if row["use"] == "training"])
+    assert "nothing judges it" in files_of(alone)["linear"].use.sentence
+
+
+def test_numbers_of_the_vehicle_are_in_si(run: ExampleRun) -> None:
+    document = run.vehicle.document
+    mass = document.rigid_body.mass.model_copy(update={"value": 13500.0, "unit": "g"})
+    body = document.rigid_body.model_copy(update={"mass": mass})
+    grams = replace(run.vehicle, document=document.model_copy(update={"rigid_body": body}))
+    file = files_of(replace(run, vehicle=grams))["linear"]
+    assert (file.vehicle.rigid_body.mass.value, file.vehicle.rigid_body.mass.unit) == (13.5, "kg")
+    assert vehicle_of(file).mass_kg == 13.5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": 2}, "a model file of another format; found 2; allowed: 1"),
+        ({"format": 0}, "run its campaign again"),
+        ({"kind": "something"}, "not a model file"),
+        ({"coefficients": [{"axis": "X"}]}, "field 'coefficients[0].verdict': missing key"),
+        ({"weight": 3.0}, "unknown key"),
+        ({"validity": {"u": {"rms": float("nan"), "low": 0.0, "high": 1.0}}}, "not finite"),
+    ],
+)
+def test_another_document_is_refused_in_words(
+    linear: ModelFile, tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(json.loads(linear.model_dump_json()) | change))
+    with pytest.raises(PipelineError) as caught:
+        read_model(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(("content", "message"), [("{", "not JSON"), ("[1]", "not a model file")])
+def test_what_is_no_document_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(content)
+    with pytest.raises(PipelineError, match=message):
+        read_model(path)
+
+
+def test_dynamics_that_someone_edited_are_refused(linear: ModelFile) -> None:
+    heavier = linear.dynamics.model_copy(update={"mass_kg": 20.0})
+    with pytest.raises(PipelineError, match="do not follow from its vehicle"):
+        vehicle_of(linear.model_copy(update={"dynamics": heavier}))
