@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import pyarrow as pa
 
 from auvid.data_schemas.documents.published_values import (
+    Evidence,
     PublishedRowEntry,
+    PublishedTableEntry,
     PublishedValuesDocument,
 )
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
@@ -18,7 +21,14 @@ from auvid.data_schemas.tables import make_table
 from auvid.stages.base import Collection, Document, Stage, every, port
 from auvid.stages.number_format import as_printed, percent
 from auvid.stages.presentation import Block, figure, remark, section, table, text
-from auvid.stages.reference_check import ReferenceCheck, Tolerance, check_rows, count_met
+from auvid.stages.reference_check import (
+    EACH,
+    SHOWS,
+    ReferenceCheck,
+    Tolerance,
+    check_rows,
+    count_bounds,
+)
 
 
 @dataclass(frozen=True)
@@ -57,9 +67,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     raise_faults(list(_faults(inputs.published, figures)), file="the published values")
     rows = [
-        compare_row(entry.id, row, figures)
-        for entry in inputs.published.tables
-        for row in entry.rows
+        compare_row(entry, row, figures) for entry in inputs.published.tables for row in entry.rows
     ]
     columns = {name: [row[name] for row in rows] for name in schema("comparison").columns}
     return Outputs(
@@ -72,10 +80,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def _bounds(
     published: PublishedValuesDocument, rows: list[dict[str, Any]]
 ) -> dict[str, Any] | None:
-    """Return how many requirements are met, by table; None without requirements."""
+    """Return how many bounds are met, by table and by what they show; None without any."""
     figures = []
-    for entry in published.tables:
-        required = [row for row in rows if row["table"] == entry.id and row["met"] is not None]
+    for entry, kind in product(published.tables, SHOWS):
+        required = [row for row in rows if (row["table"], row["evidence"]) == (entry.id, kind)]
         if required:
             met = sum(row["met"] for row in required)
             bounded = [row for row in required if row["bound"] and row["our_error"] is not None]
@@ -85,16 +93,23 @@ def _bounds(
                 if worst is None
                 else f"largest error {percent(abs(worst['our_error']), 2)} ({worst['quantity']})"
             )
-            verdict = "met" if met == len(required) else "missed"
-            title = f"{entry.id}: bounds met of {len(required)}"
+            title = entry.id if kind == "method" else f"{entry.id}, {EACH[kind]}"
             figures.append(
-                figure(title, float(met), "1", verdict=verdict, note=note, headline=True)
+                figure(
+                    f"{title}: bounds met of {len(required)}",
+                    float(met),
+                    "1",
+                    verdict="met" if met == len(required) else "missed",
+                    note=note,
+                    headline=True,
+                    evidence=kind,
+                )
             )
     return {"title": published.title, "rows": figures} if figures else None
 
 
 def compare_row(
-    table: str, row: PublishedRowEntry, figures: Mapping[str, Document]
+    table: PublishedTableEntry, row: PublishedRowEntry, figures: Mapping[str, Document]
 ) -> dict[str, Any]:
     """Return one row of schema `comparison`.
 
@@ -102,8 +117,9 @@ def compare_row(
     """
     figure = figures[row.ours] if row.ours is not None else {}
     value, spread = figure.get("value"), figure.get("standard_error")
+    evidence, reason = table.evidence_of(row)
     entry: dict[str, Any] = {
-        "table": table,
+        "table": table.id,
         "quantity": row.quantity,
         "unit": row.unit,
         "printed": row.printed,
@@ -116,6 +132,8 @@ def compare_row(
         "most": row.most,
         "verdict": str(figure.get("verdict") or ""),
         "required_verdict": row.verdict or "",
+        "evidence": evidence or "",
+        "reason": reason,
         "source": row.ours or "",
         "note": row.note,
     }
@@ -141,6 +159,8 @@ def check_of(row: Mapping[str, Any]) -> ReferenceCheck:
         high=row["most"],
         status=row["verdict"],
         required_status=row["required_verdict"] or None,
+        evidence=row["evidence"] or "method",
+        evidence_reason=row["reason"],
     )
 
 
@@ -163,11 +183,55 @@ def printed_rows(
         labelled.append(((*labels, *(row[name] for name in more)), check_of(row)))
     heads = ("quantity", "unit", "printed", "corrected", "to be found", "ours")
     return check_rows(
-        (*heads, "printed error %", "our error %", *more), labelled, ("required", "verdict")
+        (*heads, "printed error %", "our error %", *more),
+        labelled,
+        ("required", "verdict", "shows"),
     )
 
 
+EVIDENCE_NOTE = (
+    "A bound tests the method where the method could have missed the print. It holds by"
+    " construction where the twin flew the printed value and the chain inverts the twin: what it"
+    " shows is that the two agree."
+)
 VALUES = ("printed", "corrected", "truth", "ours")
+
+
+def evidence_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of the bounds of each table by what meeting them shows.
+
+    The last row has the totals.
+    """
+    bounded = [row for row in rows if row["evidence"]]
+    used = [kind for kind in SHOWS if any(row["evidence"] == kind for row in bounded)]
+    tables = dict.fromkeys(row["table"] for row in bounded)
+    parts = {
+        **{name: [row for row in bounded if row["table"] == name] for name in tables},
+        "all tables": bounded,
+    }
+    cells = [
+        [
+            name,
+            *(str(sum(row["evidence"] == kind for row in own)) for kind in used),
+            str(len(own)),
+            str(sum(row["met"] for row in own)),
+        ]
+        for name, own in parts.items()
+    ]
+    return ["table", *(EACH[kind] for kind in used), "bounds", "met"], cells
+
+
+def evidence_reasons(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence per reason why bounds show what they show."""
+    reasons: dict[tuple[Evidence, str], list[str]] = {}
+    for row in rows:
+        if row["evidence"]:
+            reasons.setdefault((row["evidence"], row["reason"]), []).append(row["quantity"])
+    of_all = len(reasons) == 1
+    return [
+        f"{'' if of_all else ', '.join(names) + ': '}{EACH[kind]}, as {reason}."
+        for (kind, reason), names in reasons.items()
+    ]
 
 
 def _percent(share: float | None) -> str:
@@ -202,11 +266,13 @@ def _section(published: PublishedValuesDocument, rows: list[dict[str, Any]]) -> 
         )
     ]
     if any(check.met is not None for check in checks):
-        words = f"{count_met(checks)} bounds on the printed tables are met."
+        words = f"Bounds on the printed tables: {count_bounds(checks)}."
         blocks.append(remark(words, "warning" if missed else "finding"))
+        blocks.append(table("What the bounds show", *evidence_table(rows), note=EVIDENCE_NOTE))
     blocks += [remark(words, "warning") for words in missed]
     for entry in published.tables:
         notes = [entry.note, f"Errata {', '.join(entry.errata)}." if entry.errata else ""]
+        notes += evidence_reasons(row for row in rows if row["table"] == entry.id)
         own = printed_rows([row for row in rows if row["table"] == entry.id], "note")
         title = f"{entry.id}: {entry.title}"
         blocks.append(table(title, *own, note=" ".join(filter(None, notes))))

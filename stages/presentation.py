@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from auvid.data_schemas.documents.published_values import Evidence
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
@@ -123,10 +124,11 @@ def figure(
     verdict: str | None = None,
     note: str | None = None,
     headline: bool = False,
+    evidence: Evidence | None = None,
 ) -> Figure:
     """Return one row of a `results` document; None replaces a number not finite.
 
-    interval: 95 %, else from the error.
+    interval: 95 %, else from the error. evidence: what meeting counted bounds shows.
     """
     number = float(value) if value is not None and np.isfinite(value) else None
     spread = (
@@ -149,7 +151,7 @@ def figure(
         "verdict": verdict,
         "note": note,
         "headline": headline,
-    }
+    } | ({} if evidence is None else {"evidence": evidence})
 
 
 def view(

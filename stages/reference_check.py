@@ -7,12 +7,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from auvid.data_schemas.documents.published_values import Evidence
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.number_format import as_printed, estimate, percent, significant, with_unit
 
 ROUNDING = 1e-12
 """A number that is off by exactly its tolerance, as binary numbers have it, is met."""
-JUDGED = ("quantity", "measured", "unit", "required", "verdict", "reason")
+JUDGED = ("quantity", "measured", "unit", "required", "verdict", "no test", "reason")
+SHOWS: dict[Evidence, str] = {
+    "method": "test the method",
+    "construction": "hold by construction",
+    "tuned": "follow from a value set for them",
+    "unprinted": "have nothing printed",
+}
+"""What bounds show where they are met, as a clause about several."""
+EACH: dict[Evidence, str] = {
+    "method": "tests the method",
+    "construction": "holds by construction",
+    "tuned": "follows from a value set for it",
+    "unprinted": "has nothing printed",
+}
+"""The same of one bound."""
 MOVED = (
     "quantity",
     "reference",
@@ -47,7 +62,8 @@ class ReferenceCheck:
 
     `value` is the number or the largest of several, `least` the smallest of these.
     `status` is what a stage calls its own result (`weak`), `required_status` what it
-    should be called. A miss with an `accepted_reason` is no failure.
+    should be called. A miss with an `accepted_reason` is no failure. `evidence` is what
+    it shows where it is met: only `method` is a test of the method.
     """
 
     quantity: str
@@ -63,6 +79,8 @@ class ReferenceCheck:
     status: str = ""
     required_status: str | None = None
     accepted_reason: str = ""
+    evidence: Evidence = "method"
+    evidence_reason: str = ""
 
     @property
     def allowed(self) -> float | None:
@@ -159,6 +177,10 @@ class ReferenceCheck:
             "status": " -> ".join(dict.fromkeys((self.required_status or "", self.status))),
             "required": self.required,
             "verdict": "" if self.met is None else self.verdict,
+            "shows": "" if self.met is None else EACH[self.evidence],
+            "no test": (
+                "" if self.met is None or self.evidence == "method" else EACH[self.evidence]
+            ),
             "reason": self.accepted_reason if self.met is False else "",
         }
 
@@ -255,3 +277,23 @@ def count_met(checks: Sequence[ReferenceCheck]) -> str:
     """Return how many of the bounds that are judged are met: `11 of 12`."""
     judged = [check.met for check in checks if check.met is not None]
     return f"{sum(judged)} of {len(judged)}"
+
+
+def count_bounds(checks: Sequence[ReferenceCheck]) -> str:
+    """Return how many bounds are judged and met, by what meeting them shows.
+
+    `14 of 73 test the method (14 met), 59 hold by construction (59 met)`; `14 of 14
+    met` where all of them test it.
+    """
+    judged = [check for check in checks if check.met is not None]
+    own = {kind: [check for check in judged if check.evidence == kind] for kind in SHOWS}
+    if len(own["method"]) == len(judged):
+        return f"{count_met(judged)} met"
+    parts = [
+        f"{len(part)}{'' if kind != 'method' else f' of {len(judged)}'}"
+        f" {(EACH if len(part) == 1 else SHOWS)[kind]}"
+        f" ({sum(bool(check.met) for check in part)} met)"
+        for kind, part in own.items()
+        if part or kind == "method"
+    ]
+    return ", ".join(parts)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from auvid.data_schemas.documents.model import Faults, Model, Range, fault
-from auvid.data_schemas.errors import nearest
+from auvid.data_schemas.errors import CampaignError, nearest
+
+Evidence = Literal["method", "construction", "tuned", "unprinted"]
+"""What a met bound shows: the method finds the print again and could have missed it; or
+it holds because twin and chain are inverse to one another, because a value was set for
+it, or the source prints nothing to hold ours against.
+"""
 
 
 class PublishedRowEntry(Model):
@@ -41,15 +47,29 @@ class PublishedRowEntry(Model):
     """What ours must be at most, in the unit of the row."""
     verdict: str | None = None
     """Verdict that the figure must have."""
+    evidence: Evidence | None = None
+    """What meeting the bounds shows; that of the table unless said. method: it could be
+    missed; construction: twin and chain are inverse; tuned: a value was set for it;
+    unprinted: the source prints no number.
+    """
+    reason: str = ""
+    """Why it shows that."""
     note: str = ""
     """What is to be said of the row."""
 
     @model_validator(mode="after")
     def _bounds_are_of_a_figure(self) -> PublishedRowEntry:
-        bounds = (self.most_relative_error, self.least, self.most, self.verdict)
-        if self.ours is None and any(bound is not None for bound in bounds):
+        if self.ours is None and self.bounded:
             raise Faults(fault("a bound needs a figure", "ours", self.quantity))
+        if self.evidence is not None and not self.reason:
+            raise Faults(fault("evidence needs a reason", "reason", self.quantity))
         return self
+
+    @property
+    def bounded(self) -> bool:
+        """Whether anything is required of ours."""
+        bounds = (self.most_relative_error, self.least, self.most, self.verdict)
+        return any(bound is not None for bound in bounds)
 
     @property
     def to_be_found(self) -> float | None:
@@ -72,8 +92,48 @@ class PublishedTableEntry(Model):
     """How ours come about."""
     errata: list[str] = Field(default_factory=list)
     """Ids of errata that concern it."""
+    evidence: Evidence | None = None
+    """What meeting the bounds of its rows shows, unless a row says otherwise."""
+    reason: str = ""
+    """Why it shows that."""
     rows: list[PublishedRowEntry]
     """One figure each."""
+
+    @model_validator(mode="after")
+    def _every_bound_says_what_it_shows(self) -> PublishedTableEntry:
+        Faults(
+            *(each for each in map(self._evidence_fault, range(len(self.rows))) if each)
+        ).raise_any()
+        return self
+
+    def _evidence_fault(self, index: int) -> CampaignError | None:
+        row, at = self.rows[index], f"rows[{index}].evidence"
+        if not row.bounded:
+            return None
+        evidence, reason = self.evidence_of(row)
+        if evidence is None or not reason:
+            return fault(
+                "a bound must say what meeting it shows, and why",
+                at,
+                row.quantity,
+                allowed=get_args(Evidence),
+                remedy="Give evidence and reason to the row or to its table.",
+            )
+        if (evidence == "unprinted") != (row.printed is None):
+            return fault(
+                "evidence is 'unprinted' where nothing is printed, and only there",
+                at,
+                evidence,
+            )
+        return None
+
+    def evidence_of(self, row: PublishedRowEntry) -> tuple[Evidence | None, str]:
+        """Return what meeting the bounds of a row shows and why; None without bounds."""
+        if not row.bounded:
+            return None, ""
+        if row.evidence is not None:
+            return row.evidence, row.reason
+        return self.evidence, self.reason
 
 
 class ErratumEntry(Model):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
+from auvid.data_schemas.documents.published_values import Evidence
 
 
 class PlanEntry(Model):
@@ -89,6 +90,12 @@ class ExpectedEntry(Model):
     """At least."""
     high: float | None = None
     """At most."""
+    evidence: Evidence
+    """What meeting it shows. method: it could be missed; construction: twin and chain
+    are inverse; tuned: a value was set for it; unprinted: the source prints no number.
+    """
+    reason: str
+    """Why it shows that."""
     accepted_reason: str | None = None
     """Why the bound is not met; a miss without a reason fails the command."""
 

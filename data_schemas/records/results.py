@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from auvid.data_schemas.documents.model import Model
+from auvid.data_schemas.documents.published_values import Evidence
 
 
 class ResultRow(Model):
@@ -26,6 +27,8 @@ class ResultRow(Model):
     """What the data say: identified, weak, not persistently exciting ..."""
     note: str | None = None
     """Condition or reason in one sentence."""
+    evidence: Evidence | None = None
+    """What meeting a bound shows, of a figure that counts met bounds."""
     headline: bool | None = None
     """Whether the first screen of the report shows it."""
 

@@ -20,7 +20,7 @@ from auvid.data_schemas.tables import make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.check_truth.bounds import FIGURES, checks
+from auvid.stages.check_truth.bounds import FIGURES, checks, same_form
 from auvid.stages.check_truth.errors import Errors, Sums
 from auvid.stages.check_truth.presentation import comparison_plots, trust_section, trust_views
 from auvid.stages.columns import AXIS_UNITS, POSE, VELOCITY, clock, force_columns, forces, named
@@ -121,6 +121,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         params.ratio,
         truth_errors,
         inputs.error_table.to_pylist(),
+        same_form(
+            inputs.simulation, {name: card.predictor for name, card in inputs.model_card.items()}
+        ),
     )
     return Outputs(
         truth_errors=make_table("truth_errors", truth_errors.columns()),
@@ -132,6 +135,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 "bound": [check.high for check in check_results],
                 "value": [check.value for check in check_results],
                 "met": [check.met for check in check_results],
+                "evidence": [check.evidence for check in check_results],
+                "reason": [check.evidence_reason for check in check_results],
             },
         ),
         true_motion=moved,

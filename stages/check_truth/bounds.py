@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, nearest
@@ -23,12 +23,34 @@ def checks(
     ratio: Mapping[str, float],
     errors: Errors,
     error_rows: Sequence[Mapping[str, Any]],
+    same: Collection[str] = (),
 ) -> list[ReferenceCheck]:
     """Check all bounds that are set: on errors (by `FIGURES`), and on J/J0 by model.
 
-    Raises `CampaignError` for one on what was not measured.
+    Those on models of the form of the truth (`same`) hold by construction. Raises
+    `CampaignError` for one on what was not measured.
     """
-    return [*_errors(limits, errors), *_ratios(ratio, error_rows)]
+    return [*_errors(limits, errors), *_ratios(ratio, error_rows, same)]
+
+
+def same_form(
+    simulation: Mapping[str, Any], models: Mapping[str, Mapping[str, Collection[str]]]
+) -> tuple[str, ...]:
+    """Return the models (terms by axis) that have every term of the truth that flew.
+
+    A truth without coefficients, as flow physics, is the form of none.
+    """
+    truth = {
+        axis: {term for term, value in terms.items() if value}
+        for axis, terms in (simulation.get("coefficients") or {}).items()
+    }
+    if not any(truth.values()):
+        return ()
+    return tuple(
+        name
+        for name, terms in models.items()
+        if all(own <= set(terms.get(axis, ())) for axis, own in truth.items())
+    )
 
 
 def _errors(limits: Mapping[str, float | None], errors: Errors) -> Iterator[ReferenceCheck]:
@@ -47,7 +69,7 @@ def _errors(limits: Mapping[str, float | None], errors: Errors) -> Iterator[Refe
 
 
 def _ratios(
-    ratio: Mapping[str, float], rows: Sequence[Mapping[str, Any]]
+    ratio: Mapping[str, float], rows: Sequence[Mapping[str, Any]], same: Collection[str]
 ) -> Iterator[ReferenceCheck]:
     ratios = {
         row["model"]: row["ratio"]
@@ -68,5 +90,9 @@ def _ratios(
                 remedy=nearest(model, ratios),
             )
         yield ReferenceCheck(
-            f"J/J0 of {model}, validation", float(ratios[model]), high=float(bound)
+            f"J/J0 of {model}, validation",
+            float(ratios[model]),
+            high=float(bound),
+            evidence="construction" if model in same else "method",
+            evidence_reason="the twin flew a truth of this form" if model in same else "",
         )

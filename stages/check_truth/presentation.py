@@ -10,7 +10,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.stages.check_truth.errors import Errors
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, VELOCITY, force_columns
 from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
-from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows
+from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_bounds
 
 MODEL = "model "
 
@@ -28,9 +28,7 @@ def trust_section(
         for check in missed
     ]
     if check_results and not missed:
-        blocks.append(
-            remark(f"All {len(check_results)} bounds of this campaign are met.", "finding")
-        )
+        blocks.append(remark(f"Bounds of this campaign: {count_bounds(check_results)}.", "finding"))
     if not check_results:
         blocks.append(
             text("This campaign sets no bounds (stage check_truth); errors are listed as they are.")

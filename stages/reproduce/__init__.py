@@ -117,6 +117,8 @@ def _checks(results: Sequence[VariantCheck]) -> pa.Table:
             "least": [check.least for check in checked],
             "most": [check.value for check in checked],
             "met": [check.met for check in checked],
+            "evidence": [check.evidence for check in checked],
+            "reason": [check.evidence_reason for check in checked],
             "accepted_reason": [check.accepted_reason for check in checked],
         },
     )

@@ -233,6 +233,8 @@ def _check(entry: Document, index: int, measures: Mapping[str, VariantMeasures])
         low=low,
         high=high,
         accepted_reason=str(entry.get("accepted_reason", "")),
+        evidence=entry["evidence"],
+        evidence_reason=str(entry["reason"]),
     )
     return VariantCheck(entry["plan"], entry["variant"], check)
 

@@ -11,7 +11,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
 from auvid.stages.base import Document
 from auvid.stages.presentation import Block, remark, table, text
-from auvid.stages.reference_check import JUDGED, check_rows
+from auvid.stages.reference_check import EACH, JUDGED, check_rows
 from auvid.stages.reproduce.content import ReproductionContent
 from auvid.stages.reproduce.measures import TURN_TERMS, VariantMeasures
 
@@ -162,7 +162,11 @@ def check_table(content: ReproductionContent) -> Block:
     ]
     note = "A bound that is missed without an accepted reason makes the command fail."
     rows = check_rows(("plan", "variant"), checks, JUDGED)
-    return table("Required and measured", *rows, note=note)
+    reasons = dict.fromkeys(
+        f"{EACH[item.check.evidence].capitalize()}: {item.check.evidence_reason}."
+        for item in content.checks
+    )
+    return table("Required and measured", *rows, note=" ".join([note, *reasons]))
 
 
 def force_tables(content: ReproductionContent) -> Iterator[Block]:

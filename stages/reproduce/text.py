@@ -18,7 +18,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.stages.page.first_screen import Fact, Summary
 from auvid.stages.presentation import Block, equation, remark, section, text
-from auvid.stages.reference_check import count_met
+from auvid.stages.reference_check import count_bounds, count_met
 from auvid.stages.reproduce.content import ReproductionContent
 from auvid.stages.reproduce.tables import (
     check_table,
@@ -163,12 +163,15 @@ def _facts(content: ReproductionContent) -> tuple[Fact, ...]:
     first, published = content.compared("published")
     second, corrected = content.compared("corrected")
     checks = [item.check for item in content.checks]
+    tests = [check for check in checks if check.evidence == "method"]
     accepted = sum(check.met is False and not check.failed for check in checks)
     return (
         Fact(
-            "bounds met",
-            count_met(checks),
-            f"{accepted} more are missed for an accepted reason" if accepted else "none is missed",
+            "bounds that test the method",
+            count_met(tests),
+            f"of {len(checks)} bounds {accepted} are missed for an accepted reason"
+            if accepted
+            else count_bounds(checks),
         ),
         Fact(
             f"error of the force in {first}",

@@ -5,6 +5,7 @@ against the printed tables.
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,13 @@ import yaml
 from typer.testing import CliRunner
 
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.published_values import PublishedValuesDocument
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline import cli
 from auvid.pipeline.commands.reproduce import printed_values as comparison
 from auvid.pipeline.commands.run.run_summary import comparison_rows
+from auvid.stages.reference_check import SHOWS
 
 ROOT = Path(__file__).parents[2]
 KEPT = ("decay_empty", "decay_surge", "decay_surge_check", "swing_tray", "swing_x")
@@ -90,7 +94,9 @@ def test_printed_values_are_found_and_a_missed_bound_fails(
     status, printed = reproduce()
     assert status == 1
     assert "missed" in printed
-    assert f"bounds: {len(bounded) - 1} of {len(bounded)} met" in printed
+    held = [row for row in bounded if row["evidence"] == "construction"]
+    assert f"bounds: 0 of {len(bounded)} test the method (0 met)" in printed
+    assert f"{len(held)} hold by construction ({len(held) - 1} met)" in printed
 
 
 @pytest.mark.parametrize("name", ["thaus_twin", "remus_twin"])
@@ -121,12 +127,17 @@ def test_documents_of_the_campaigns_agree(name: str) -> None:
         erratum for table in published["tables"] for erratum in table.get("errata", ())
     } <= listed
     if name == "thaus_twin":
-        bounded = sum(
-            "most_relative_error" in row or "verdict" in row
-            for table in published["tables"]
-            for row in table["rows"]
+        document = parse(PublishedValuesDocument, published)
+        kinds = Counter(
+            table.evidence_of(row)[0]
+            for table in document.tables
+            for row in table.rows
+            if row.bounded
         )
-        assert f"bounds: {bounded} of {bounded} met" in (ROOT / "README.md").read_text(
-            encoding="utf-8"
-        )
+        words = [
+            f"{kinds['method']} of {kinds.total()} test the method ({kinds['method']} met)",
+            *(f"{kinds[kind]} {SHOWS[kind]} ({kinds[kind]} met)" for kind in list(SHOWS)[1:]),
+        ]
+        readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+        assert f"bounds: {', '.join(words)}" in readme
         assert listed == {f"A{number}" for number in range(1, 31)}

@@ -9,8 +9,8 @@ from auvid.pipeline.commands.reproduce.variants import FILE
 from auvid.pipeline.commands.run.run_summary import comparison_rows, result_files
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.terminal import path_from_here, table
-from auvid.stages.check_published import check_of, printed_rows
-from auvid.stages.reference_check import count_met
+from auvid.stages.check_published import check_of, evidence_table, printed_rows
+from auvid.stages.reference_check import count_bounds
 
 PUBLISHED = "published_values"
 
@@ -30,7 +30,8 @@ def print_comparison(run: Run) -> bool:
         table(*printed_rows(list(own)), title=name)
         print()
     checks = [check_of(row) for row in rows]
-    print(f"bounds: {count_met(checks)} met")
+    table(*evidence_table(rows), title="bounds by what meeting them shows")
+    print(f"\nbounds: {count_bounds(checks)}")
     page = result_files(run).get("report")
     if page is not None:
         print(f"page: {path_from_here(page)}")

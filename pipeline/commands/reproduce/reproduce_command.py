@@ -199,4 +199,6 @@ def check_of(row: Mapping[str, Any]) -> ReferenceCheck:
         low=row["low"],
         high=row["high"],
         accepted_reason=row["accepted_reason"],
+        evidence=row["evidence"],
+        evidence_reason=row["reason"],
     )

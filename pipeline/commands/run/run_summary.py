@@ -13,7 +13,7 @@ from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.check_published import check_of
 from auvid.stages.number_format import fixed, significant
 from auvid.stages.page.campaign_sections import shared_data
-from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_met
+from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_bounds
 
 RESULTS = {
     "report_html": "report",
@@ -52,8 +52,8 @@ def print_summary(run: Run) -> None:
     printed = [check_of(row) for row in comparison_rows(run)]
     if any(check.met is not None for check in printed):
         print(
-            f"\nprinted values: {count_met(printed)} bounds met (auvid reproduce"
-            f" {run.campaign.name} prints them)"
+            f"\nbounds on printed values: {count_bounds(printed)}; auvid reproduce"
+            f" {run.campaign.name} prints them"
         )
     for answer in _of_schema(run, "answer"):
         print()
@@ -117,7 +117,14 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
 def bounds(run: Run) -> list[ReferenceCheck]:
     """Return the bounds of a twin campaign with what was measured (`trust_checks`)."""
     return [
-        ReferenceCheck(row["figure"], row["value"], row["unit"], high=row["bound"])
+        ReferenceCheck(
+            row["figure"],
+            row["value"],
+            row["unit"],
+            high=row["bound"],
+            evidence=row["evidence"],
+            evidence_reason=row["reason"],
+        )
         for table in _of_schema(run, "trust_checks")
         for row in table.to_pylist()
     ]
@@ -190,7 +197,7 @@ def print_checks(
     missed_only: bool = False,
 ) -> None:
     """Print how many bounds are met, and each check after its labels."""
-    print(f"\nbounds: {count_met([check for _, check in checks])} met")
+    print(f"\nbounds: {count_bounds([check for _, check in checks])}")
     printed = [item for item in checks if not (missed_only and item[1].met)]
     table(*check_rows(labels, printed, JUDGED))
 

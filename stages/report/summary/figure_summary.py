@@ -19,6 +19,7 @@ from auvid.stages.number_format import (
     with_unit,
 )
 from auvid.stages.page.first_screen import Fact, Figure, Level, Summary
+from auvid.stages.reference_check import SHOWS
 from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks
 
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
@@ -91,16 +92,18 @@ def summarise_results(
 
 
 def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
-    met, of = _counted(bounds)
-    bounds_met = (
-        ""
-        if not of
-        else (
-            "every bound on printed values is met"
-            if met == of
-            else f"{met} of {of} bounds on printed values met"
-        )
-    )
+    tests, others = _tests(bounds), len(_tests(bounds)) < len(bounds)
+    met, of = _counted(tests)
+    if not bounds:
+        bounds_met = ""
+    elif not tests:
+        bounds_met = "no bound on printed values tests the method"
+    elif others:
+        bounds_met = f"{met} of the {of} bounds that test the method met"
+    elif met == of:
+        bounds_met = "every bound on printed values is met"
+    else:
+        bounds_met = f"{met} of {of} bounds on printed values met"
     if not judged:
         return (
             bounds_met[:1].upper() + bounds_met[1:]
@@ -145,6 +148,11 @@ def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...])
     )
 
 
+def _tests(bounds: list[Document]) -> list[Document]:
+    """Return the figures whose bounds test the method."""
+    return [row for row in bounds if row.get("evidence", "method") == "method"]
+
+
 def _counted(bounds: list[Document]) -> tuple[int, int]:
     """Return how many bounds are met, and of how many.
 
@@ -175,12 +183,16 @@ def _facts(
 ) -> tuple[Fact, ...]:
     facts = []
     if bounds:
-        met, of = _counted(bounds)
-        facts.append(
-            Fact(
-                "bounds met", f"{met} of {of}", f"on printed values, {plural(len(bounds), 'table')}"
-            )
-        )
+        met, of = _counted(_tests(bounds))
+        apart = [
+            f"{count} {words}"
+            for kind, words in SHOWS.items()
+            for _, count in [_counted([row for row in bounds if row.get("evidence") == kind])]
+            if count and kind != "method"
+        ]
+        words = ", ".join(apart) or f"on printed values, {plural(len(bounds), 'table')}"
+        title = "bounds that test the method" if apart else "bounds met"
+        facts.append(Fact(title, f"{met} of {of}", words))
     if judged:
         facts.append(
             Fact(

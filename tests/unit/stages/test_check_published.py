@@ -39,6 +39,9 @@ RESULTS = {
 }
 
 
+WHY = {"evidence": "method", "reason": "noise stands between"}
+
+
 def row(**changes: Any) -> dict[str, Any]:
     entry = {
         "quantity": "X_udot",
@@ -47,6 +50,10 @@ def row(**changes: Any) -> dict[str, Any]:
         "truth": -13.5778,
         "ours": "rlse/surge:m - X_udot",
     }
+    if changes.keys() & {"most_relative_error", "least", "most", "verdict"}:
+        entry |= WHY
+    if changes.get("printed", 1.0) is None:
+        entry["evidence"] = "unprinted"
     return {**entry, "factor": -1.0, "offset": 20.9, **changes}
 
 
@@ -125,6 +132,7 @@ def test_without_truth_the_corrected_value_counts_then_the_printed():
         "printed": 2.0,
         "ours": "pipendulum:tray I",
         "most_relative_error": 0.0,
+        **WHY,
     }
     first, second = compared({**entry, "corrected": 2.2}, entry)
     assert (first["truth"], first["met"]) == (2.2, True)
@@ -149,14 +157,14 @@ def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
     )
     assert outputs.section is not None
     titles = [block["title"] for block in outputs.section["blocks"] if block["kind"] == "table"]
-    assert titles == ["Table 4: varying steps", "Errata of the source"]
+    assert titles == ["What the bounds show", "Table 4: varying steps", "Errata of the source"]
     warned = [
         block["text"]
         for block in outputs.section["blocks"]
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
     assert warned == [
-        "0 of 1 bounds on the printed tables are met.",
+        "Bounds on the printed tables: 0 of 1 met.",
         "Table 4, X_udot: off by 3.52 %, required within 3 %",
     ]
 
@@ -179,6 +187,60 @@ def test_what_is_met_stands_among_the_results() -> None:
         check_published.Inputs(collection(RESULTS), published(row())), check_published.Params()
     )
     assert free.bounds is None
+
+
+def test_what_cannot_fail_is_counted_apart() -> None:
+    """A row that holds by construction, one that was tuned and one of which nothing is
+    printed are no tests, whatever else they are.
+    """
+    rows = (
+        row(most_relative_error=0.04),
+        row(most_relative_error=0.03),
+        row(most_relative_error=0.05, evidence="construction", reason="the twin flew it"),
+        row(most=0.0, evidence="tuned", reason="the mass was set for it"),
+        row(most=0.0, printed=None, evidence="unprinted", reason="no number"),
+        row(),
+    )
+    outputs = check_published.run(
+        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
+    )
+    assert outputs.comparison is not None
+    assert outputs.bounds is not None
+    assert outputs.section is not None
+    found = outputs.comparison.to_pylist()
+    kinds = ["method", "method", "construction", "tuned", "unprinted", ""]
+    assert [item["evidence"] for item in found] == kinds
+    assert found[2]["reason"] == "the twin flew it"
+    check_document(outputs.bounds, "results")
+    counted = {item["quantity"]: item["value"] for item in outputs.bounds["rows"]}
+    assert counted == {
+        "Table 4: bounds met of 2": 1.0,
+        "Table 4, holds by construction: bounds met of 1": 1.0,
+        "Table 4, follows from a value set for it: bounds met of 1": 1.0,
+        "Table 4, has nothing printed: bounds met of 1": 1.0,
+    }
+    words = next(block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark")
+    assert words == (
+        "Bounds on the printed tables: 2 of 5 test the method (1 met), 1 holds by construction"
+        " (1 met), 1 follows from a value set for it (1 met), 1 has nothing printed (1 met)."
+    )
+    counts, printed = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:2]
+    assert counts["rows"][-1] == ["all tables", "2", "1", "1", "1", "5", "4"]
+    assert "the twin flew it" in printed["note"]
+
+
+def test_a_bound_must_say_what_it_shows() -> None:
+    bare = row(most=0.0) | {"evidence": None, "reason": ""}
+    with pytest.raises(PipelineError, match=r"rows\[0\]\.evidence.*what meeting it shows"):
+        published(bare)
+    with pytest.raises(PipelineError, match="evidence needs a reason"):
+        published(row(most=0.0, reason=""))
+    for wrong in (
+        row(most=0.0, printed=None, evidence="method"),
+        row(most=0.0, evidence="unprinted"),
+    ):
+        with pytest.raises(PipelineError, match="where nothing is printed, and only there"):
+            published(wrong)
 
 
 def test_a_campaign_without_printed_tables_gives_nothing():

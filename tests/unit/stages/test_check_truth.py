@@ -4,6 +4,7 @@ truth that is missing is named.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,13 @@ def inputs(
         residual=one(residual),
         predictions=one(predictions),
         error_table=table,
-        model_card=collection({"linear": ModelCard.model_construct(title="Linear")}),
+        model_card=collection(
+            {
+                "linear": ModelCard.model_construct(
+                    title="Linear", predictor={"X": {"u": -1.0, "v": 0.0}, "Y": {"v": -2.0}}
+                )
+            }
+        ),
     )
 
 
@@ -199,6 +206,28 @@ def test_bounds_met_and_missed() -> None:
     assert warned == [
         "Against the truth of the twin: RMS error of u, v, w: 0.0173 m/s, required at most 0.017."
     ]
+
+
+@pytest.mark.parametrize(
+    ("flown", "evidence"),
+    [
+        (None, "method"),
+        ({"X": {"u": -3.0}, "Y": {"v": -1.0}, "N": {}}, "construction"),
+        ({"X": {"u": -3.0, "u*|u|": 0.0}}, "construction"),
+        ({"X": {"u": -3.0, "u*|u|": -1.0}}, "method"),
+        ({"N": {"r": -3.0}}, "method"),
+    ],
+)
+def test_a_model_of_the_form_that_flew_is_no_test(flown: Any, evidence: str) -> None:
+    """J/J0 of a model that has every term of the truth is the noise of the sensors."""
+    given = inputs()
+    given = replace(given, simulation={**given.simulation, "coefficients": flown})
+    made = check_truth.run(given, check_truth.Params(force_error=0.9, ratio={"linear": 0.2}))
+    kinds = {row["figure"]: row["evidence"] for row in made.trust_checks.to_pylist()}
+    assert kinds == {
+        "RMS error of the residual force, six axes": "method",
+        "J/J0 of linear, validation": evidence,
+    }
 
 
 def test_without_bounds_nothing_is_checked() -> None:

@@ -12,6 +12,7 @@ from auvid.stages.reference_check import (
     ReferenceCheck,
     Tolerance,
     check_rows,
+    count_bounds,
     count_met,
 )
 
@@ -74,6 +75,17 @@ def test_bounds_and_accepted_misses() -> None:
     assert (
         count_met([check, replace(check, low=0.5, high=1.0), ReferenceCheck("m", 1.0)]) == "1 of 2"
     )
+
+
+def test_only_bounds_that_could_be_missed_count_as_tests() -> None:
+    test = ReferenceCheck("J", 1.0, high=2.0)
+    assert count_bounds([test, replace(test, high=0.5), ReferenceCheck("m", 1.0)]) == "1 of 2 met"
+    holds = replace(test, evidence="construction")
+    assert (
+        count_bounds([holds, holds])
+        == "0 of 2 test the method (0 met), 2 hold by construction (2 met)"
+    )
+    assert holds.cells["shows"] == "holds by construction"
 
 
 def test_rows_leave_empty_columns_out() -> None:

@@ -92,6 +92,24 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 
+def test_bounds_that_cannot_fail_are_not_headlined() -> None:
+    rows = [
+        row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, evidence="method"),
+        row("Table 5, holds by construction: bounds met of 49", 49.0, verdict="met", headline=True)
+        | {"evidence": "construction"},
+    ]
+    summary = summarise_results({"check_published": {"title": "P", "rows": rows}}, {}, {}, VEHICLE)
+    assert summary.headline == "8 of the 8 bounds that test the method met"
+    (fact,) = [fact for fact in summary.facts if "bounds" in fact.label]
+    assert (fact.label, fact.value, fact.note) == (
+        "bounds that test the method",
+        "8 of 8",
+        "49 hold by construction",
+    )
+    held = summarise_results({"check_published": {"title": "P", "rows": rows[1:]}}, {}, {}, VEHICLE)
+    assert held.headline == "No bound on printed values tests the method"
+
+
 def test_all_determined_and_no_warning_is_good() -> None:
     only = {"rlse/surge": RESULTS["rlse/surge"]}
     assert summarise_results(only, {}, {}, VEHICLE).level == "good"
