@@ -59,7 +59,7 @@ from auvid.stages.validate.flight import (
     force_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks
-from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
     cause_blocks,

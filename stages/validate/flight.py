@@ -35,7 +35,7 @@ from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
 from auvid.stages.columns import ATTITUDE, VELOCITY
-from auvid.stages.validate.free_run import COMPARED
+from auvid.stages.free_run import COMPARED
 
 LEVEL = 0.9
 """Share of the time that a band is to hold."""

@@ -27,7 +27,7 @@ from auvid.stages.presentation import (
     view,
 )
 from auvid.stages.validate.flight_presentation import flight_views
-from auvid.stages.validate.free_run import LONG_S, NAMES
+from auvid.stages.free_run import LONG_S, NAMES
 from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}

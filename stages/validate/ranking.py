@@ -23,8 +23,8 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import RankedModel, choose
+from auvid.stages.free_run import ANGLE_OF, LONG_S, PERSISTENCE
 from auvid.stages.model_use import usable_for
-from auvid.stages.validate.free_run import ANGLE_OF, LONG_S, PERSISTENCE
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)

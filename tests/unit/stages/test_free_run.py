@@ -15,7 +15,7 @@ from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
-from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.presentation import cause_blocks, free_run_blocks
 from tests.support.motions import shipped_vehicle
 
