@@ -112,6 +112,10 @@ class CampaignDocument(Model):
     """Bench campaigns: path of the document of pendulums and timed oscillations."""
     published: str | None = None
     """Path of the document of published values that the results are held against."""
+    shelf: list[str] | None = None
+    """Published vehicles to judge on this dive: names in vehicles/shelf, with * for any
+    letters, or paths.
+    """
     cases: str | None = None
     """Control campaigns: path of the document of trajectories, weights, limits and
     disturbances.

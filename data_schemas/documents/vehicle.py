@@ -483,6 +483,8 @@ class VehicleDocument(Model):
     """The point of the vehicle that arms and centres count from."""
     notes: str | None = None
     """What a reader of the report should know."""
+    licence: str | None = None
+    """Under which terms the numbers may be passed on, where they are another's."""
     environment: EnvironmentEntry
     """Water and gravity."""
     rigid_body: RigidBodyEntry

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from auvid.data_schemas.errors import (
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
-from auvid.pipeline.campaigns.vehicle_files import load_vehicle
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 
 SIMULATE = "simulate"
@@ -62,6 +63,8 @@ class Campaign:
     twin: TwinDocument | None = None
     documents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """The documents that the manifest names, by schema."""
+    shelf: Mapping[str, Vehicle] = field(default_factory=dict)
+    """The published vehicles that the manifest names, by name."""
 
     @cached_property
     def document(self) -> Mapping[str, Any]:
@@ -145,7 +148,14 @@ def load_campaign(
             file=file.path,
         )
     return Campaign(
-        folder.name, folder, file, vehicle_file, vehicle, twin, _documents(file, folder)
+        folder.name,
+        folder,
+        file,
+        vehicle_file,
+        vehicle,
+        twin,
+        _documents(file, folder),
+        _shelf(file, folder),
     )
 
 
@@ -160,6 +170,33 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
             document.check(name)
             by_schema[name] = document.value
     return by_schema
+
+
+def _shelf(file: YamlFile, folder: Path) -> dict[str, Vehicle]:
+    """Return the published vehicles that the manifest names.
+
+    Raises `CampaignError` for a name or pattern that the shelf does not have.
+    """
+    shipped = shelf_files()
+    vehicles: dict[str, Vehicle] = {}
+    for index, name in enumerate(file.value.get("shelf") or ()):
+        if name.endswith(".yaml"):
+            paths = {Path(name).stem: inside(folder, name, file.path)}
+        else:
+            paths = {key: path for key, path in shipped.items() if fnmatchcase(key, name)}
+        if not paths:
+            raise CampaignError(
+                "not on the shelf",
+                file=file.path,
+                field=f"shelf[{index}]",
+                value=name,
+                allowed=list(shipped),
+                remedy=nearest(name, shipped),
+            )
+        vehicles |= {
+            key: load_vehicle(path, named_in=file.path).vehicle for key, path in paths.items()
+        }
+    return vehicles
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:

@@ -12,6 +12,13 @@ from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 
+SHIPPED_VEHICLES = Path(__file__).resolve().parents[2] / "vehicles"
+
+
+def shelf_files() -> dict[str, Path]:
+    """Return the files of published vehicles that come with auvid, by name."""
+    return {path.stem: path for path in sorted((SHIPPED_VEHICLES / "shelf").glob("*.yaml"))}
+
 
 @dataclass(frozen=True)
 class VehicleFile:

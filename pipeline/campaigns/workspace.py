@@ -9,11 +9,11 @@ from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError, nearest
 from auvid.pipeline.campaigns.campaign import Campaign
+from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.stages.base import Stage, make_params
 
 PARAMS_FILE = "params.yaml"
-SHIPPED_VEHICLES = Path(__file__).resolve().parents[2] / "vehicles"
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from auvid.pipeline.execution.task_inputs import (
     artefacts_of,
     log_files,
     log_source,
+    shelf_source,
     vehicle_source,
 )
 from auvid.pipeline.graph import (
@@ -275,6 +276,8 @@ class Run:
             return self._log(place.log)
         if feed.schema in MANIFEST_PORTS:
             if feed.schema == "vehicle":
+                if ports(stage.inputs)[feed.port]["many"]:
+                    return shelf_source(self.campaign.shelf)
                 return vehicle_source(self.campaign.vehicle)
             document = self._manifest_document(feed.schema, place)
             if feed.schema == "leg":

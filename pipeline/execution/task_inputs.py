@@ -56,6 +56,14 @@ def vehicle_source(vehicle: Vehicle) -> Value:
     return Value(vehicle, vehicle.document.model_dump(exclude_unset=True))
 
 
+def shelf_source(shelf: Mapping[str, Vehicle]) -> Value:
+    """Return the source of published vehicles by name; None where there are none."""
+    documents = {
+        name: vehicle.document.model_dump(exclude_unset=True) for name, vehicle in shelf.items()
+    }
+    return Value(dict(shelf) or None, documents)
+
+
 @dataclass(frozen=True)
 class Artefact:
     """One artefact on disk, by its content."""

@@ -49,6 +49,7 @@ from auvid.stages.columns import (
     forces,
     named,
 )
+from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.presentation import Block
 from auvid.stages.validate.flight import (
     FreeFlight,
@@ -59,7 +60,6 @@ from auvid.stages.validate.flight import (
     force_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks
-from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
     cause_blocks,

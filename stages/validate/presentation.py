@@ -14,6 +14,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
+from auvid.stages.free_run import LONG_S, NAMES
 from auvid.stages.presentation import (
     Block,
     panel,
@@ -27,7 +28,6 @@ from auvid.stages.presentation import (
     view,
 )
 from auvid.stages.validate.flight_presentation import flight_views
-from auvid.stages.free_run import LONG_S, NAMES
 from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}

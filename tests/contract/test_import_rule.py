@@ -20,6 +20,7 @@ SHARED_IN_STAGES = {
     "model_use",
     "presentation",
     "columns",
+    "free_run",
     "sensor_motion",
     "truth_lookup",
     "reference_check",

@@ -7,7 +7,7 @@ xdot = [nu_dot; J(eta) nu] (its lines 1-35 and last statement).
 
 import shutil
 import subprocess
-import tempfile
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -20,31 +20,54 @@ PUSH = 1e3
 """Force in N and N m by which the inverse of the inertia is measured."""
 
 
-def evaluate(folder: Path, name: str, states: Array, tau: Array) -> Array:
-    """Return xdot (n, 12) of NAME(x, tau) for states [nu eta] (n, 12) and forces (n, 6)."""
-    assert OCTAVE is not None
-    with tempfile.TemporaryDirectory() as work:
-        np.savetxt(f"{work}/x.txt", np.hstack([states, tau]), fmt="%.17g")
-        script = (
-            f"addpath('{folder}'); a = load('-ascii', '{work}/x.txt');"
-            f"f = fopen('{work}/y.txt', 'w');"
-            "for k = 1:rows(a)"
-            f"  fprintf(f, '%.17g ', {name}(a(k, 1:12)', a(k, 13:18)')); fprintf(f, '\\n');"
-            "end; fclose(f);"
+def close(process: subprocess.Popen[str]) -> None:
+    """End a process and close its pipes."""
+    process.kill()
+    process.communicate()
+
+
+class Session:
+    """One Octave process that evaluates NAME(x, tau) for the states it is handed."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        assert OCTAVE is not None
+        loop = (
+            f"addpath('{folder}'); while true, n = fscanf(stdin, '%d', 1);"
+            "if isempty(n), exit(0); end;"
+            "a = reshape(fscanf(stdin, '%g', 18 * n), 18, n); y = zeros(12, n);"
+            f"for k = 1:n, y(:, k) = {name}(a(1:12, k), a(13:18, k)); end;"
+            "printf('%.17g\\n', y); fflush(stdout); end"
         )
-        command = [OCTAVE, "--quiet", "--no-gui", "--no-init-file", "--eval", script]
-        subprocess.run(command, check=True, capture_output=True, text=True)
-        return np.loadtxt(f"{work}/y.txt", ndmin=2)
+        command = [OCTAVE, "--quiet", "--no-gui", "--no-init-file", "--eval", loop]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        weakref.finalize(self, close, self._process)
+
+    def __call__(self, states: Array, tau: Array) -> Array:
+        """Return xdot (n, 12) for states [nu eta] (n, 12) and forces (n, 6)."""
+        table = np.hstack([states, np.broadcast_to(tau, (len(states), 6))])
+        words = "\n".join(f"{x:.17g}" for x in table.ravel())
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdin.write(f"{len(table)}\n{words}\n")
+        process.stdin.flush()
+        lines = [process.stdout.readline() for _ in range(12 * len(table))]
+        if not lines[-1]:
+            raise RuntimeError(process.stderr.read())
+        return np.array(lines, float).reshape(len(table), 12)
 
 
 def load(folder: Path, name: str) -> Body:
     """Return the body that folder/NAME.m moves."""
     rest = np.zeros((7, 12))
-    rates = evaluate(folder, name, rest, np.vstack([np.zeros(6), PUSH * np.eye(6)]))[:, :6]
+    session = Session(folder, name)
+    rates = session(rest, np.vstack([np.zeros(6), PUSH * np.eye(6)]))[:, :6]
     inertia = np.linalg.inv((rates[1:] - rates[0]).T / PUSH)
 
     def force(nu: Array, eta: Array) -> Array:
         states = np.hstack([nu, eta])
-        return evaluate(folder, name, states, np.zeros_like(nu))[:, :6] @ inertia.T
+        return session(states, np.zeros_like(nu))[:, :6] @ inertia.T
 
     return Body(inertia, force)

@@ -224,7 +224,7 @@ def test_mss_function_moves_as_the_toolbox(tmp_path: object) -> None:
     (tmp_path / "craft.m").write_text(CRAFT_M)  # type: ignore[operator]
     nu, eta = [1, 0.2, -0.1, 0.05, 0.02, -0.3], [3, 4, 5, 0.2, -0.3, 0.4]
     tau = np.array([[9.0, 0, 0, 0, 0, 1]])
-    xdot = mss.evaluate(tmp_path, "craft", np.array([nu + eta]), tau)[0]  # type: ignore[arg-type]
+    xdot = mss.Session(tmp_path, "craft")(np.array([nu + eta]), tau)[0]  # type: ignore[arg-type]
     published = [
         [-0.5421468051826317, -0.2524345310550385, -0.005353227264033191],
         [-7.586185422525737, -0.129173834615298, -0.2384750000000001],

@@ -1,0 +1,144 @@
+"""Published vehicles of the shelf judged on a dive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES, load_vehicle, shelf_files
+from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
+from auvid.stages.score_shelf import (
+    OWN,
+    PublishedSet,
+    nearest_set,
+    shelf_section,
+    worse_than_nothing,
+)
+
+SHELF = shelf_files()
+AXES = "XYZKMN"
+
+
+@pytest.fixture(scope="module")
+def rov() -> Vehicle:
+    return load_vehicle(SHIPPED_VEHICLES / "bluerov2_heavy.yaml").vehicle
+
+
+def cross(r: Array) -> Array:
+    x, y, z = r
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def test_the_shelf_has_six_sets_of_the_bluerov2_or_more() -> None:
+    assert len([name for name in SHELF if name.startswith("bluerov2_")]) >= 6
+
+
+@pytest.mark.parametrize("name", SHELF)
+def test_a_published_set_names_source_and_licence_and_brakes(name: str) -> None:
+    vehicle = load_vehicle(SHELF[name]).vehicle
+    assert vehicle.name == name
+    assert vehicle.document.licence
+    assert vehicle.document.notes
+    damping = {item: vehicle.published[item].value for item in vehicle.published}
+    main = [item for item in damping if item[2] == "uvwpqr"["XYZKMN".index(item[0])]]
+    assert len(main) >= 6
+    assert all(damping[item] < 0.0 for item in main)
+
+
+@pytest.mark.parametrize("name", ["bluerov2_wu_2018", "lauv"])
+def test_the_set_that_moved_the_vehicle_leaves_no_force(name: str, rov: Vehicle) -> None:
+    """Fossen's equation in plain numpy, the centre of gravity at the origin."""
+    published = load_vehicle(SHELF[name]).vehicle
+    random = np.random.default_rng(4)
+    nu, nu_dot = random.normal(0.0, 0.4, (5, 6)), random.normal(0.0, 0.3, (5, 6))
+    eta = np.column_stack([random.normal(0.0, 3.0, (5, 3)), random.normal(0.0, 0.3, (5, 3))])
+    mass, inertia = published.mass_kg, published.inertia
+    total = np.zeros((6, 6))
+    total[:3, :3], total[3:, 3:] = mass * np.eye(3), inertia
+    total -= published.added_mass
+    thrust = np.zeros((5, 6))
+    for i in range(5):
+        momentum = total @ nu[i]
+        C_nu = np.concatenate(
+            [
+                cross(nu[i, 3:]) @ momentum[:3],
+                cross(nu[i, :3]) @ momentum[:3] + cross(nu[i, 3:]) @ momentum[3:],
+            ]
+        )
+        phi, theta = eta[i, 3:5]
+        down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+        buoyancy = -published.displaced_mass_kg * rov.gravity * down
+        gravity = mass * rov.gravity * down + buoyancy
+        tau_G = np.concatenate([gravity, np.cross(published.r_B, buoyancy)])
+        viscous = np.zeros(6)
+        for item, coefficient in published.published.items():
+            names = item[2:].replace("|", "")
+            first = nu[i, "uvwpqr".index(names[0])]
+            factor = first * abs(first) if len(names) == 2 else first
+            viscous[AXES.index(item[0])] += coefficient.value * factor
+        thrust[i] = total @ nu_dot[i] + C_nu - tau_G - viscous
+    t_s = np.arange(5.0)
+    residual = make_table(
+        "residual",
+        {
+            "t_s": t_s,
+            **named(VELOCITY, nu),
+            **named(force_columns("thrusters"), thrust),
+            **named(force_columns("tau_bar"), np.ones((5, 6))),
+        },
+    )
+    fused = make_table(
+        "fused",
+        {
+            "t_s": t_s,
+            **named(POSE, eta),
+            **named(VELOCITY, nu),
+            **named(ACCELERATION, nu_dot),
+            **named(POSE_RATE, np.zeros((5, 6))),
+        },
+    )
+    missing = PublishedSet.of(published, rov).missing_force(residual, fused)
+    np.testing.assert_allclose(missing, 0.0, atol=1e-9)
+    heavier = replace(published, mass_kg=published.mass_kg + 1.0)
+    assert np.abs(PublishedSet.of(heavier, rov).missing_force(residual, fused)).max() > 0.1
+
+
+def row(name: str, use: str, surge: float, sway: float) -> dict[str, object]:
+    ratios = {"X": surge, "Y": sway, **dict.fromkeys("ZKMN", 0.5)}
+    return {
+        "set": name,
+        "title": name.title(),
+        "use": use,
+        **{f"ratio_{axis}": value for axis, value in ratios.items()},
+        "ratio": surge,
+        "starts": 0,
+        "diverged": 0,
+    }
+
+
+def test_nearest_is_judged_on_validation_and_the_own_model_does_not_count() -> None:
+    rows = [
+        row(OWN, "validation", 0.1, 0.1),
+        row("a", "training", 0.2, 0.2),
+        row("a", "validation", 0.9, 1.2),
+        row("b", "training", 0.8, 0.2),
+        row("b", "validation", 0.6, 1.1),
+    ]
+    best = nearest_set(rows)
+    assert best is not None
+    assert best["set"] == "b"
+    assert worse_than_nothing(rows) == ["Y"]
+    page = str(shelf_section(rows, 10.0))
+    assert "Nearest is B: J/J0 0.6 on validation, 0.1 for the model of this dive." in page
+    assert "In sway every published set errs more than no model at all." in page
+
+
+def test_without_validation_training_decides() -> None:
+    best = nearest_set([row("a", "training", 0.3, 0.2), row("b", "training", 0.2, 0.2)])
+    assert best is not None
+    assert best["set"] == "b"
