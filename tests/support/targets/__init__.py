@@ -1,0 +1,5 @@
+"""Evaluators of simulator targets: what a simulator does with an exported file.
+
+Each reads the exported text by the rules of its target's own source and knows nothing of
+the exporter.
+"""

@@ -27,10 +27,10 @@ from tests.support.targets.frames import (
 AXES, RATES, SPEEDS = "xyzkmn", "UVWPQR", "xyzpqr"
 
 WORLD_GRAVITY = 9.8
-"""Default of <gravity>: sdformat sdf/1.12/world.sdf, element gravity, "0 0 -9.8"."""
+"""Default of <gravity>: sdformat sdf/1.12/world.sdf:56, "0 0 -9.8"."""
 
 FLUID_DENSITY = 1000.0
-"""Default of the Buoyancy system: gz-sim src/systems/buoyancy/Buoyancy.cc:107."""
+"""Default of the Buoyancy system: gz-sim src/systems/buoyancy/Buoyancy.cc:113."""
 
 
 def load(folder: Path, name: str) -> Body:
@@ -60,7 +60,7 @@ def plugins(root: ET.Element, system: str) -> list[ET.Element]:
 
 
 def volume(shape: ET.Element) -> float:
-    """Return the volume of a <geometry>'s shape: Buoyancy.cc:268-315."""
+    """Return the volume of a <geometry>'s shape: Buoyancy.cc:328-373."""
     kind = shape[0]
     radius, length = number(kind, "radius", 1.0), number(kind, "length", 1.0)
     match kind.tag:
@@ -113,7 +113,7 @@ def parse(text: str) -> Body:
     assert inertial is not None
     mass, centre, body = rigid(inertial)
 
-    # stability derivatives by name: Hydrodynamics.cc:266-302 and :323-334
+    # stability derivatives by name: Hydrodynamics.cc:305-330 and :354-365
     linear, added = np.zeros((6, 6)), np.zeros((6, 6))
     signed, absolute = np.zeros((6, 6, 6)), np.zeros((6, 6, 6))
     for (i, axis), (j, rate) in product(enumerate(AXES), enumerate(RATES)):
@@ -126,9 +126,9 @@ def parse(text: str) -> Body:
     no_coriolis = system.findtext("disable_coriolis", "false") in ("true", "1")
 
     # DART: rigid body plus <fluid_added_mass>, with the Coriolis force of their sum
-    # (gz-physics dartsim/src/AddedMassFeatures.cc:45-71, Newton-Euler of a spatial tensor)
+    # (gz-physics dartsim/src/AddedMassFeatures.cc:30-72, Newton-Euler of a spatial tensor)
     carried = body + fluid_added_mass(inertial)
-    explicit = np.zeros((6, 6)) if no_added else -added  # Hydrodynamics.cc:502-508
+    explicit = np.zeros((6, 6)) if no_added else -added  # Hydrodynamics.cc:558-567
     diagonal = np.zeros((6, 6)) if no_coriolis else np.diag(np.diag(-added))
 
     # gravity of the world at the centre of mass; buoyancy at the centre of volume
@@ -142,7 +142,7 @@ def parse(text: str) -> Body:
     systems = plugins(root, "Buoyancy")
     if volumes.sum() > 0 and (systems or world is None):
         density = number(systems[0] if systems else None, "uniform_fluid_density", FLUID_DENSITY)
-        buoyancy = density * volumes.sum() * gravity  # Buoyancy.cc:571-584
+        buoyancy = density * volumes.sum() * gravity  # Buoyancy.cc:598-613
         places = np.array([placement(c)[0] for c in collisions])
         centre_of_volume = volumes @ places / volumes.sum()
     weight = 0.0 if link.findtext("gravity", "true") in ("false", "0") else mass * gravity
@@ -153,12 +153,12 @@ def parse(text: str) -> Body:
 
     def force(nu: Array, eta: Array) -> Array:
         state = nu @ (to_link @ FLIP6).T
-        # damping: HydrodynamicsUtils.hh buildDampingMatrix, applied with the sign of
-        # Hydrodynamics.cc:531 and :566, at the link's origin (Link.cc:555-560)
+        # damping: HydrodynamicsUtils.hh:89-113, applied with the sign of
+        # Hydrodynamics.cc:589 and :623-631, at the link's origin (Link.cc:555-600)
         wrench = state @ linear.T
         wrench += np.einsum("ijk,nj,nk->ni", absolute, state, np.abs(state))
         wrench += np.einsum("ijk,nj,nk->ni", signed, state, state)
-        # buildCoriolisMatrix: diagonal of the added mass only
+        # HydrodynamicsUtils.hh:45-72: diagonal of the added mass only
         wrench -= coriolis(diagonal, state) + coriolis(carried, state)
         lower = down(eta) @ FLIP @ turn
         wrench += push(centre, weight * lower) - push(centre_of_volume, buoyancy * lower)

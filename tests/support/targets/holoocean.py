@@ -1,8 +1,9 @@
 """Evaluator of a HoloOcean agent: the torpedo of fossen_dynamics from its dynamics dictionary.
 
 Read from the client of HoloOcean 2.x as DPRIcky/holoocean-multiagent-control 5331986 holds
-it: client/src/holoocean/fossen_dynamics/torpedo.py (TAUV) and helper_functions.py. Frames
-FRD and NED; fins and propeller at rest.
+it, client/src/holoocean/fossen_dynamics: torpedo.py (class TAUV, 326 inertia, 612 dynamics)
+and helper_functions.py (203 cross flow, 301 lift and drag, 338 restoring). Frames FRD and
+NED; fins and propeller at rest.
 """
 
 import json
@@ -13,7 +14,7 @@ import numpy as np
 from tests.support.targets.frames import Array, Body, coriolis, down, push, rigid_body, skew
 
 GRAVITY = 9.81
-"""TAUV.__init__, self.g."""
+"""torpedo.py:57, self.g."""
 
 DEFAULTS = {
     "rho": 1026.0,
@@ -32,7 +33,7 @@ DEFAULTS = {
     "Cd": 0.42,
     "e": 0.7,
 }
-"""TAUV.configure_from_scenario, dynamics_parameters: REMUS 100."""
+"""torpedo.py:171-197, dynamics_parameters: REMUS 100."""
 
 STRIP_DENSITY, STRIPS = 1026.0, 20
 """crossFlowDrag has a density of its own."""

@@ -2,7 +2,7 @@
 
 The form of the toolbox's vehicle functions, cybergalactic/MSS 736a3d1
 CRAFT/AUV/models/remus100.m: xdot = f(x, input) with x = [nu; eta] in FRD and NED, SI, and
-xdot = [nu_dot; J(eta) nu] (its lines 1-35 and last statement).
+xdot = [nu_dot; J(eta) nu] (its lines 10-23 and 255-258).
 """
 
 import shutil

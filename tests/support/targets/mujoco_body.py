@@ -29,7 +29,7 @@ def quaternion(turn: Array) -> Array:
     if k == 0:
         q = np.hstack([1 + diagonal[0], w])
     else:
-        i, j, l = k - 1, k % 3, (k + 1) % 3  # noqa: E741
+        i, j, l = k - 1, k % 3, (k + 1) % 3
         q = np.zeros(4)
         q[0] = w[i]
         q[1 + i] = 1 + m[i, i] - m[j, j] - m[l, l]

@@ -1,7 +1,7 @@
 """Evaluator of a vehicle class of PythonVehicleSimulator: its dynamics and its main loop.
 
 Read from cybergalactic/PythonVehicleSimulator c717e07: vehicles/remus100.py (method
-dynamics, forward Euler, nu changed in place), lib/mainLoop.py:60-104 (simulate) and
+dynamics, forward Euler, nu changed in place), lib/mainLoop.py:61-100 (simulate) and
 lib/gnc.py (attitudeEuler). Frames FRD and NED.
 """
 
@@ -104,7 +104,7 @@ def load(folder: Path, name: str) -> Body:
 
 
 def simulate(craft: object, steps: int, sample: float, nu: Array, u: Array) -> Array:
-    """Return eta, nu, input and actual input after each step: lib/mainLoop.py:60-104.
+    """Return eta, nu, input and actual input after each step: lib/mainLoop.py:61-100.
 
     The velocity moves first, by the vehicle; the pose then moves with the new velocity.
     """

@@ -89,7 +89,7 @@ def numbers(element: ET.Element | None, default: str = "") -> Array:
 
 
 def matrix(model: ET.Element, tag: str) -> Array:
-    """Return a damping matrix: 36 numbers, or 6 on the diagonal: HydrodynamicModel.cc:325-353."""
+    """Return a damping matrix: 36 numbers, or 6 on the diagonal: HydrodynamicModel.cc:327-355."""
     values = numbers(model.find(tag), "0 0 0 0 0 0")
     return values.reshape(6, 6) if values.size == 36 else np.diag(values)
 
@@ -120,12 +120,12 @@ def parse(text: str) -> Body:
     body = rigid_body(mass, centre, turn @ tensor @ turn.T)
 
     # coefficients in FRD, negative where they brake; the quadratic matrix counts on its
-    # diagonal only: HydrodynamicModel.cc:468-497
+    # diagonal only: HydrodynamicModel.cc:463-489
     added = numbers(model.find("added_mass"), "0 " * 36).reshape(6, 6)
     linear, quadratic = matrix(model, "linear_damping"), matrix(model, "quadratic_damping")
     forward = matrix(model, "linear_damping_forward_speed")
 
-    # buoyancy: BuoyantObject.cc:66-115, density of UnderwaterObjectPlugin.cc:81-84
+    # buoyancy: BuoyantObject.cc:82-119, density of UnderwaterObjectPlugin.cc:81-84
     density = float(plugin.findtext("fluid_density", "1028"))
     buoyancy = float(water.findtext("volume", "0")) * density * WORLD_GRAVITY
     if water.findtext("neutrally_buoyant", "0").strip() in ("1", "true"):
