@@ -120,6 +120,8 @@ class VelocityRange(Model):
     """Smallest value."""
     high: float
     """Largest value."""
+    threshold: float
+    """RMS from which on a term linear in it counts as excited."""
 
 
 class LimitCard(Model):

@@ -109,8 +109,12 @@ def _of_motion(item: TermCard, card: ModelCard) -> str:
     if item.verdict in (AT_BOUND, FROM_PRIOR) and item.term in BASIS_TERMS:
         # They stand in place of what the motion says.
         names = [factor.strip("|") for factor in BASIS_TERMS[item.term].factors]
-        ranges = [(card.conditions[n].rms, THRESHOLDS[n]) for n in names if n in VELOCITIES]
-        return NOT_EXCITED if any(rms < least for rms, least in ranges) else ""
+        ranges = [(card.conditions[name], THRESHOLDS[name]) for name in names if name in VELOCITIES]
+        still = (
+            v.rms < (v.threshold if len(names) == 1 else max(v.threshold, fixed))
+            for v, fixed in ranges
+        )
+        return NOT_EXCITED if any(still) else ""
     return item.verdict if item.verdict in (NOT_EXCITED, "not applicable") or exact else ""
 
 

@@ -113,7 +113,9 @@ def model_card(
             if term not in model.terms.get(axis, ())
         ],
         conditions={
-            name: VelocityRange(rms=item.rms, low=item.low, high=item.high)
+            name: VelocityRange(
+                rms=item.rms, low=item.low, high=item.high, threshold=item.threshold
+            )
             for name, item in data.motion.items()
         },
         predictor=predictor,

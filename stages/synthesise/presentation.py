@@ -38,8 +38,9 @@ def synthesise_section(
         for name, item in motion.items()
     ]
     note = (
-        "Not excited: RMS below the threshold, which is about three times the sensor noise. Weak:"
-        " moves, but hardly varies."
+        "Not excited: RMS below the threshold, three times the standard deviation of the fused"
+        " velocity's error. Products count as excited from 0.03 m/s or rad/s of each factor on."
+        " Weak: moves, but hardly varies."
     )
     heads = ["velocity", "RMS", "lowest", "highest", "threshold", "excitation", "both directions"]
     blocks = [table("Excitation in the training legs (SI)", heads, rows, note=note)]

@@ -21,7 +21,11 @@ from auvid.hydro.identification.constrained.equations import (
     extra_rows,
 )
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, figure_errors
-from auvid.hydro.identification.regression.excitation import VelocityExcitation, axis_excitation
+from auvid.hydro.identification.regression.excitation import (
+    VelocityExcitation,
+    axis_excitation,
+    error_thresholds,
+)
 from auvid.hydro.identification.regression.least_squares import (
     CONSTANT,
     AxisFit,
@@ -216,7 +220,10 @@ class TrainingData:
         for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
             factor = factor.update(rows, force)
         errors = DataErrors.of(leg, terms, vehicle)
-        return cls(factor, errors, axis_excitation(leg.nu, eta_ratio=leg.ratio))
+        thresholds = error_thresholds(leg.sd)
+        return cls(
+            factor, errors, axis_excitation(leg.nu, eta_ratio=leg.ratio, thresholds=thresholds)
+        )
 
     def merge(self, other: TrainingData) -> TrainingData:
         """Return the data of both."""

@@ -56,7 +56,12 @@ from auvid.hydro.identification.constrained.statuses import (
 )
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
-from auvid.hydro.identification.regression.verdicts import strongest
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    T_LIMIT,
+    WEAK,
+    strongest,
+)
 from auvid.hydro.identification.selection.ranking import error_ratios
 from auvid.stages.synthesise.model_card import Prior, held_out_card
 from auvid.stages.synthesise.training import others_of
@@ -222,7 +227,11 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         update |= {"value": value, "standard_error": error}
     elif item.value is not None:
         # The wider one: least squares also counts errors of the velocities.
-        update |= {"value": value, "standard_error": max(error, item.standard_error or 0.0)}
+        wider = max(error, item.standard_error or 0.0)
+        update |= {"value": value, "standard_error": wider}
+        if status.status == IDENTIFIED and abs(value) < T_LIMIT * wider:
+            # The data alone were clear, of a value that the limits moved.
+            update["verdict"] = WEAK
     spread = float(np.sqrt(fit.free_covariance[i, i]))
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free

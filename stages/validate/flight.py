@@ -24,7 +24,7 @@ from auvid.hydro.dynamics.simulation.free_run import (
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.hydro.identification.constrained.draws import draw_within, normal_draws
+from auvid.hydro.identification.constrained.draws import draw_within
 from auvid.hydro.identification.constrained.equations import (
     Unknown,
     added_mass_change,
@@ -44,7 +44,6 @@ SHORTEST_S = 2.0
 """A window that the end of the data cuts shorter than this is left out."""
 WINDOWS, FEWEST = 4, 50
 """All draws fly over this many windows; over more, fewer of them, at least so many."""
-TINY = 1e-12
 NAMES = (*VELOCITY, *ATTITUDE)
 LOW, HIGH = (tuple(name.replace("_", f"_{edge}_", 1) for name in NAMES) for edge in ("low", "high"))
 
@@ -53,16 +52,13 @@ LOW, HIGH = (tuple(name.replace("_", f"_{edge}_", 1) for name in NAMES) for edge
 class ModelDraws:
     """Models drawn from a posterior, with constant forces (n, 6) and inertia (n, 6, 6).
 
-    rejected: how many of `drawn` lay outside the physical limits. Where nearly all do,
-    `moved` ones stand in for them: the nearest points within.
+    moved: how many lay outside the physical limits and are at the nearest point within.
     """
 
     models: tuple[IdentifiedModel, ...]
     trims: Array
     added_mass: Array
-    drawn: int = 1
-    rejected: int = 0
-    moved: bool = False
+    moved: int = 0
 
     def first(self, count: int) -> ModelDraws:
         """Return the first so many."""
@@ -117,11 +113,11 @@ class FreeFlight:
 
 
 def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
-    """Return models drawn from the coefficients of a card, those within its limits.
+    """Return models drawn from the coefficients of a card, within its limits.
 
     Each axis has its covariance, in the size of the printed standard errors; axes and
-    inertia count as independent. What the card has no error of stays as it is. Where
-    fewer than `FEWEST` draws lie within, so many are moved onto the limits.
+    inertia count as independent. What the card has no error of stays as it is. A draw
+    outside the limits counts at the nearest point within (`draw_within`).
     """
     unknowns = [Unknown(axis, term) for axis, row in card.predictor.items() for term in row]
     values = [card.predictor[unknown.axis][unknown.term] for unknown in unknowns]
@@ -145,20 +141,11 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
     flown = {name: card.conditions[name] for name in VELOCITIES}
     reach = [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
     rows, cuts = damping_limits(unknowns, card.damping, reach)
-    plain = normal_draws(np.array(values), covariance, count=count, seed=seed)
-    within = np.all(np.isfinite(plain), axis=1)
-    for limit in rows:
-        within &= np.all(plain @ limit.rows.T <= limit.bounds + TINY, axis=1)
-    if all(unknown.term in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
-        # Of other terms the rows hold the power at many velocities already.
-        for cut in cuts:
-            within &= np.array([not len(cut(draw).rows) for draw in plain])
-    rejected, moved = int(np.sum(~within)), int(np.sum(within)) < FEWEST
-    kept = plain[within]
-    if moved:
-        kept = draw_within(
-            unknowns, np.array(values), covariance, rows, cuts, count=FEWEST, seed=seed
-        ).values
+    if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
+        # Of other than linear terms the rows hold the power at many velocities already.
+        cuts = []
+    drawn = draw_within(unknowns, np.array(values), covariance, rows, cuts, count=count, seed=seed)
+    kept = drawn.values
     models: list[IdentifiedModel] = []
     trims, added_mass = np.zeros((len(kept), 6)), np.zeros((len(kept), 6, 6))
     for number, draw in enumerate(kept):
@@ -173,7 +160,7 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
                 inertia[unknown] = value
         models.append(IdentifiedModel(card.name, coefficients))
         added_mass[number] = added_mass_change(inertia)
-    return ModelDraws(tuple(models), trims, added_mass, count, rejected, moved)
+    return ModelDraws(tuple(models), trims, added_mass, drawn.moved)
 
 
 def force_errors(

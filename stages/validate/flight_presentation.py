@@ -77,10 +77,8 @@ def _coverage(
         kind = "the model's own, from the covariance of its coefficients and its force error in"
         kind += f" training, not calibrated: that takes {LEAST_LEGS} validation legs"
     words = f"Band for {100 * LEVEL:g} % of the time: {kind}."
-    words += f" Of {draws.drawn} draws of {title}'s coefficients {draws.rejected} were rejected"
-    words += " before flight (not dissipative)"
-    if draws.moved:
-        words += f", and {len(draws.models)} moved onto the limits stand in for them"
+    words += f" Of {len(draws.models)} draws of {title}'s coefficients {draws.moved} lay outside"
+    words += " the physical limits and count at the nearest point within; none was rejected"
     words += f"; of {flown} that flew {window_s:g} s each, {lost} diverged."
     heads = ["", "all", *map(symbol, NAMES)]
     cells = [f"{100 * share:.0f} %" for share in (float(np.mean(shares)), *shares.tolist())]

@@ -279,7 +279,9 @@ def _card(name: str) -> ModelCard:
             "assumed": ["mass", "inertia", "thrust curve"],
             "axes": axes,
             "not_applicable": [],
-            "conditions": {name: {"rms": 0.2, "low": -0.4, "high": 0.5} for name in "uvwpqr"},
+            "conditions": {
+                name: {"rms": 0.2, "low": -0.4, "high": 0.5, "threshold": 0.03} for name in "uvwpqr"
+            },
             "predictor": {},
         }
     )

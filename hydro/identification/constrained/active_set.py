@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -50,24 +50,33 @@ class Minimum:
 
 
 class _Pool:
-    """All rows so far, scaled to unit length in the scaled unknowns."""
+    """All rows so far, of unit length in scaled unknowns counted from `start`."""
 
-    def __init__(self, p: int) -> None:
-        self.rows, self.bounds = np.zeros((0, p)), np.zeros(0)
+    def __init__(self, scale: Array, start: Array) -> None:
+        self.scale, self.start = scale, start
+        self.rows, self.bounds = np.zeros((0, len(scale))), np.zeros(0)
         self.origin: list[tuple[InequalityRows, int]] = []
         self.length = np.zeros(0)
 
-    def add(self, new: InequalityRows, scale: Array) -> None:
-        rows = new.rows / scale
+    def add(self, new: InequalityRows) -> None:
+        rows = new.rows / self.scale
         length = np.linalg.norm(rows, axis=1)
         impossible = np.flatnonzero((length == 0.0) & (new.bounds < 0.0))
         if len(impossible):
             raise DataError("a limit cannot be met", field=new.describe(int(impossible[0])))
         kept = np.flatnonzero(length > 0.0)
-        self.rows = np.vstack([self.rows, rows[kept] / length[kept, None]])
-        self.bounds = np.append(self.bounds, new.bounds[kept] / length[kept])
+        units = rows[kept] / length[kept, None]
+        self.rows = np.vstack([self.rows, units])
+        self.bounds = np.append(self.bounds, new.bounds[kept] / length[kept] - units @ self.start)
         self.length = np.append(self.length, length[kept])
         self.origin += [(new, int(i)) for i in kept]
+
+    def counted_from(self, start: Array) -> _Pool:
+        other = _Pool(self.scale, start)
+        other.rows, other.length = self.rows, self.length
+        other.bounds = self.bounds + self.rows @ (self.start - start)
+        other.origin = list(self.origin)
+        return other
 
     def name(self, index: int) -> str:
         rows, i = self.origin[index]
@@ -88,37 +97,60 @@ def minimise(
     >>> best.x.tolist(), best.active, best.multipliers.tolist()
     ([0.0, 3.0], ('x <= 0',), [4.0])
     """
-    scale = np.linalg.norm(R, axis=0)
-    Q, T = np.linalg.qr(R / scale)
-    target = Q.T @ d
-    pool = _Pool(len(scale))
-    for item in limits:
-        pool.add(item, scale)
-    J = solve_triangular(T, np.eye(len(T)))
-    x = J @ target
-    active: list[int] = []
-    dual = np.zeros(0)
-    while True:
-        tolerance = FEASIBLE * max(1.0, float(np.linalg.norm(x)))
-        excess = pool.rows @ x - pool.bounds
-        excess[active] = 0.0
-        if len(excess) and excess.max() > tolerance:
-            x, active, dual = _take_in(J, x, active, dual, pool, int(np.argmax(excess)))
-            continue
-        before = len(pool.bounds)
-        for cut in cuts:
-            pool.add(cut(x / scale), scale)
-        excess = pool.rows[before:] @ x - pool.bounds[before:]
-        if not len(excess) or excess.max() <= tolerance:
-            break
-    x, dual = _settled(J, target, pool, active)
-    lengths = pool.length[active]
-    return Minimum(
-        x / scale,
-        tuple(pool.name(i) for i in active),
-        pool.rows[active] * lengths[:, None] * scale,
-        2.0 * dual / lengths,
-    )
+    return LimitedProblem(R, limits, cuts=cuts).minimum(d)
+
+
+class LimitedProblem:
+    """The problem of `minimise` for many d or points, whose factors are made once."""
+
+    def __init__(
+        self, R: Array, limits: Sequence[InequalityRows] = (), *, cuts: Sequence[Cuts] = ()
+    ) -> None:
+        self.cuts = cuts
+        self.scale = np.linalg.norm(R, axis=0)
+        self.Q, T = np.linalg.qr(R / self.scale)
+        self.J = _triangular(T, np.eye(len(T)))
+        self.limits = _Pool(self.scale, np.zeros(len(self.scale)))
+        for item in limits:
+            self.limits.add(item)
+
+    def minimum(self, d: Array) -> Minimum:
+        """Return the x (p,) that minimises |R x - d|^2 within the limits."""
+        return self._within(self.Q.T @ d, self.limits.start)
+
+    def nearest(self, point: Array) -> Minimum:
+        """Return the x (p,) that minimises |R (x - point)|^2 within the limits.
+
+        Counted from the point, so that rounding is that of the step from it.
+        """
+        return self._within(np.zeros(len(point)), point * self.scale)
+
+    def _within(self, target: Array, start: Array) -> Minimum:
+        pool, J, scale = self.limits.counted_from(start), self.J, self.scale
+        x = J @ target
+        active: list[int] = []
+        dual = np.zeros(0)
+        while True:
+            tolerance = FEASIBLE * max(1.0, float(np.linalg.norm(x)))
+            excess = pool.rows @ x - pool.bounds
+            excess[active] = 0.0
+            if len(excess) and excess.max() > tolerance:
+                x, active, dual = _take_in(J, x, active, dual, pool, int(np.argmax(excess)))
+                continue
+            before = len(pool.bounds)
+            for cut in self.cuts:
+                pool.add(cut((x + start) / scale))
+            excess = pool.rows[before:] @ x - pool.bounds[before:]
+            if not len(excess) or excess.max() <= tolerance:
+                break
+        x, dual = _settled(J, target, pool, active)
+        lengths = pool.length[active]
+        return Minimum(
+            (x + start) / scale,
+            tuple(pool.name(i) for i in active),
+            pool.rows[active] * lengths[:, None] * scale,
+            2.0 * dual / lengths,
+        )
 
 
 def _take_in(
@@ -129,11 +161,11 @@ def _take_in(
     direction = J.T @ row
     while True:
         # Split the row into what the active rows span and what is its own.
-        basis, triangle = qr((pool.rows[active] @ J).T, mode="economic")
+        basis, triangle = np.linalg.qr((pool.rows[active] @ J).T)
         along = basis.T @ direction
         rest = direction - basis @ along
         rest -= basis @ (basis.T @ rest)
-        change = solve_triangular(triangle, along) if active else np.zeros(0)
+        change = _triangular(triangle, along) if active else np.zeros(0)
         # Dual step: until an active row's dual value reaches zero.
         falling = np.flatnonzero(change > 0.0)
         ratios = dual[falling] / change[falling]
@@ -163,8 +195,13 @@ def _settled(J: Array, target: Array, pool: _Pool, active: list[int]) -> tuple[A
     """Return x and dual values for the final active rows, free of summed rounding."""
     if not active:
         return J @ target, np.zeros(0)
-    basis, triangle = qr((pool.rows[active] @ J).T, mode="economic")
+    basis, triangle = np.linalg.qr((pool.rows[active] @ J).T)
     # With y = T x: the minimum of |y - target| on rows J y = bounds.
-    particular = solve_triangular(triangle, pool.bounds[active], trans="T")
+    particular = _triangular(triangle, pool.bounds[active], transposed=True)
     y = target - basis @ (basis.T @ target - particular)
-    return J @ y, solve_triangular(triangle, basis.T @ target - particular)
+    return J @ y, _triangular(triangle, basis.T @ target - particular)
+
+
+def _triangular(T: Array, b: Array, *, transposed: bool = False) -> Array:
+    """Return T^-1 b or T'^-1 b of an upper triangle, unchecked."""
+    return np.asarray(dtrtrs(T, b, trans=int(transposed))[0])

@@ -1,8 +1,11 @@
 """Draws from a normal posterior within limits, for what a spread of models would do.
 
 A draw outside the limits moves to the nearest point within, in the metric of the
-posterior (projected posterior, Dunson and Neelon 2003): where a limit holds the
-estimate itself back, most of a plain normal lies outside it.
+posterior (projected posterior, Dunson and Neelon 2003). That is how the estimate within
+limits scatters over repeated data (a parametric bootstrap): each draw is an estimate
+without limits, and the nearest point is what limits make of it. A normal cut off at the
+limits is no alternative: where a limit holds the estimate itself back, the covariance
+is that of a plane that touches the limits, and next to nothing of it lies within.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import Unknown
-from auvid.hydro.identification.constrained.estimates import nearest_within
+from auvid.hydro.identification.constrained.estimates import each_nearest_within
 
 
 @dataclass(frozen=True)
@@ -60,8 +63,8 @@ def draw_within(
     )
     outside: Counter[str] = Counter()
     moved = 0
-    for number, draw in enumerate(drawn):
-        nearest = nearest_within(unknowns, draw, metric, limits, cuts)
+    each = each_nearest_within(unknowns, values, drawn.copy(), metric, limits, cuts)
+    for number, nearest in enumerate(each):
         drawn[number] = nearest.values
         moved += bool(nearest.active)
         outside.update({item.name for item in nearest.active})

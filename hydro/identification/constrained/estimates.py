@@ -7,13 +7,17 @@ point within the limits in that metric.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows, minimise
+from auvid.hydro.identification.constrained.active_set import (
+    Cuts,
+    InequalityRows,
+    LimitedProblem,
+)
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.fit import ActiveLimit
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
@@ -63,21 +67,39 @@ def nearest_within(
     >>> moved.active[0].name, round(float(moved.values[1]), 9), round(moved.cost, 9)
     ('X_u <= 0', 1.75, 0.125)
     """
+    return next(each_nearest_within(unknowns, values, [values], covariance, limits, cuts))
+
+
+def each_nearest_within(
+    unknowns: Sequence[Unknown],
+    centre: Array,
+    points: Iterable[Array],
+    covariance: Array,
+    limits: Sequence[InequalityRows],
+    cuts: Sequence[Cuts],
+) -> Iterator[LimitedEstimate]:
+    """Yield `nearest_within` of each point (p,), in one metric.
+
+    centre (p,): in parts of its size a value that does not move may err.
+    """
     moving = np.isfinite(np.diag(covariance))
-    C = np.diag((STILL * np.maximum(np.abs(values), 1.0)) ** 2)
+    C = np.diag((STILL * np.maximum(np.abs(centre), 1.0)) ** 2)
     C[np.ix_(moving, moving)] = covariance[np.ix_(moving, moving)]
     scale = np.sqrt(np.diag(C))
     share, vectors = np.linalg.eigh(C / np.outer(scale, scale))
     R = (vectors / np.sqrt(np.maximum(share, LEAST_SHARE))).T / scale
-    best = minimise(R, R @ values, limits, cuts=cuts)
-    if not best.active:
-        return LimitedEstimate(values, (), 0.0)
-    away = R @ (best.x - values)
-    limits_met = (
-        ActiveLimit(name, tuple(unknowns[int(j)] for j in np.flatnonzero(row)), float(force))
-        for name, row, force in zip(best.active, best.rows, best.multipliers, strict=True)
-    )
-    return LimitedEstimate(best.x, tuple(limits_met), 0.5 * float(away @ away))
+    problem = LimitedProblem(R, limits, cuts=cuts)
+    for values in points:
+        best = problem.nearest(values)
+        if not best.active:
+            yield LimitedEstimate(values, (), 0.0)
+            continue
+        away = R @ (best.x - values)
+        limits_met = (
+            ActiveLimit(name, tuple(unknowns[int(j)] for j in np.flatnonzero(row)), float(force))
+            for name, row, force in zip(best.active, best.rows, best.multipliers, strict=True)
+        )
+        yield LimitedEstimate(best.x, tuple(limits_met), 0.5 * float(away @ away))
 
 
 @dataclass(frozen=True)

@@ -235,20 +235,19 @@ def semidefinite(
     size = np.where(size > 0.0, size, 1.0)
     frame = np.outer(size, size)
     places = [unknowns.index(u) for u in parts]
-    stack = np.array([m / frame for m in parts.values()]).reshape(-1, *constant.shape)
-    fixed = constant / frame
+    stack = np.array([m / frame for m in parts.values()]).reshape(-1, constant.size)
+    fixed = (constant / frame).reshape(-1)
 
     def cut(x: Array) -> InequalityRows:
-        S = fixed + np.tensordot(x[places], stack, axes=1)
+        S = (fixed + x[places] @ stack).reshape(constant.shape)
         # The diagonal of S itself scales the eigenvalues: one axis may be far larger.
         scale = np.sqrt(np.maximum(np.abs(np.diag(S)), 1e-12))
         values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
         bad = vectors[:, values < -NEGATIVE] / scale[:, None]
         rows = np.zeros((bad.shape[1], len(unknowns)))
-        rows[:, places] = -np.einsum("ic,kij,jc->ck", bad, stack, bad)
-        return InequalityRows(
-            rows, np.einsum("ic,ij,jc->c", bad, fixed, bad), lambda _: f"{name} positive definite"
-        )
+        dyads = (bad[:, None] * bad).reshape(constant.size, -1).T
+        rows[:, places] = -dyads @ stack.T
+        return InequalityRows(rows, dyads @ fixed, lambda _: f"{name} positive definite")
 
     return cut
 

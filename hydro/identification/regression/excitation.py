@@ -25,20 +25,28 @@ THRESHOLDS: Mapping[str, float] = {
     "r": 0.03,
     PROPULSION: 0.05,
 }
-"""RMS [m/s, rad/s, 1] below which motion is hardly told from what a velocity sensor
-(0.01 m/s) and a gyro with its residual bias leave as error: about three times the
-sensor's noise. A slow ROV's whole drag lies between 0.03 and 0.3 m/s, so surge has no
-higher one.
+"""RMS [m/s, rad/s, 1] below which motion is hardly told from error where that is not known:
+about three times what a velocity sensor (0.01 m/s) and a gyro with its residual bias
+leave. A slow ROV's whole drag lies between 0.03 and 0.3 m/s, so surge has no higher one.
 """
+LEAST_ERRORS: Mapping[str, float] = {
+    **dict.fromkeys(VELOCITIES[:3], 0.001),
+    **dict.fromkeys(VELOCITIES[3:], 0.003),
+}
+"""Standard deviation [m/s, rad/s] of what no filter takes away: the long-term accuracy
+that makers of Doppler logs state, and a MEMS gyro's bias of 0.2 deg/s in an autopilot.
+"""
+ERRORS_TO_MOVE = 3.0
+"""Motion from so many standard deviations of its error on (RMS) counts as excited."""
 
 
 @dataclass(frozen=True)
 class VelocityExcitation:
     """RMS, standard deviation and range of one velocity [m/s or rad/s].
 
-    `share_beyond`: share of the samples beyond `threshold` in absolute value.
-    `changes_sign`: beyond the threshold on both sides; otherwise x and |x|, x*x and
-    x*|x| cannot be told apart.
+    threshold: RMS from which on a term linear in it counts as excited; `share_beyond`:
+    share of the samples beyond it in absolute value. `changes_sign`: beyond the threshold
+    of products on both sides; otherwise x and |x|, x*x and x*|x| cannot be told apart.
     """
 
     name: str
@@ -57,15 +65,32 @@ class VelocityExcitation:
         return self.rms >= self.threshold
 
     @property
+    def product_threshold(self) -> float:
+        """Return the RMS from which on products with it count as excited.
+
+        At least the fixed one: a product of two small velocities is smaller than what
+        any linear term leaves, and its coefficient extrapolates to where it matters.
+        """
+        return max(self.threshold, THRESHOLDS[self.name])
+
+    @property
+    def excited_in_products(self) -> bool:
+        """Return whether its RMS reaches the threshold of products."""
+        return self.rms >= self.product_threshold
+
+    @property
     def changes_sign(self) -> bool:
-        """Return whether it went beyond the threshold in both directions."""
-        return self.low <= -self.threshold and self.high >= self.threshold
+        """Return whether it went beyond the threshold of products both ways."""
+        return self.low <= -self.product_threshold and self.high >= self.product_threshold
 
     def merge(self, other: VelocityExcitation) -> VelocityExcitation:
-        """Return the excitation over the samples of both."""
+        """Return the excitation over the samples of both, errors added as squares."""
         n = self.n + other.n
         a, b = self.n / n, other.n / n
         between = a * b * (self.mean - other.mean) ** 2
+        threshold = self.threshold
+        if other.threshold != threshold:
+            threshold = math.sqrt(a * threshold**2 + b * other.threshold**2)
         return replace(
             self,
             n=n,
@@ -74,6 +99,7 @@ class VelocityExcitation:
             std=math.sqrt(a * self.std**2 + b * other.std**2 + between),
             low=min(self.low, other.low),
             high=max(self.high, other.high),
+            threshold=threshold,
             share_beyond=a * self.share_beyond + b * other.share_beyond,
         )
 
@@ -109,6 +135,22 @@ def axis_excitation(
     }
 
 
+def error_thresholds(sd: Array | None) -> dict[str, float]:
+    """Return the RMS from which on each velocity of a leg counts as excited.
+
+    sd (n, 6) [m/s, rad/s]: standard deviations of the leg's velocities by noise, None for
+    unknown. threshold = 3 sqrt(mean sd^2 + least^2), `THRESHOLDS` for unknown.
+
+    >>> error_thresholds(np.full((9, 6), 0.002))["v"]
+    0.006708203932499369
+    """
+    thresholds = dict(THRESHOLDS)
+    if sd is not None:
+        size = np.sqrt(np.mean(sd**2, axis=0) + np.array(list(LEAST_ERRORS.values())) ** 2)
+        thresholds |= dict(zip(VELOCITIES, (ERRORS_TO_MOVE * size).tolist(), strict=True))
+    return thresholds
+
+
 def term_floors(
     terms: Sequence[str], excitation: Mapping[str, VelocityExcitation]
 ) -> dict[str, float]:
@@ -119,14 +161,17 @@ def term_floors(
     by 0.01 m/s of sway. V counts as the length of (v, w), with the smaller of their
     thresholds. A name that is no basis term (the constant) has the floor 0.
     """
-    sizes = {name: (item.threshold, item.rms) for name, item in excitation.items()}
+    sizes = {name: (item.product_threshold, item.rms) for name, item in excitation.items()}
+    linear = {name: item.threshold for name, item in excitation.items()}
     sizes.update({f"|{name}|": sizes[name] for name in VELOCITIES})
     cross = (min(sizes["v"][0], sizes["w"][0]), float(np.hypot(sizes["v"][1], sizes["w"][1])))
     sizes.update({"V": cross, "Vv": cross, "Vw": cross})
     sizes.setdefault(PROPULSION, (THRESHOLDS[PROPULSION], 0.0))
     return {
         term: (
-            _floor([sizes[name] for name in BASIS_TERMS[term].factors])
+            linear[term]
+            if term in linear
+            else _floor([sizes[name] for name in BASIS_TERMS[term].factors])
             if term in BASIS_TERMS
             else 0.0
         )

@@ -16,6 +16,7 @@ import numpy as np
 
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
 from auvid.hydro.identification.regression.excitation import VelocityExcitation, term_floors
 from auvid.hydro.identification.regression.least_squares import AxisFit, Combination
@@ -90,8 +91,9 @@ def judge_with_motion(
         ),
         fit,
     )
+    pushing = pushing_damping(fit)
     for term, verdict in verdicts.items():
-        if verdict.status == IDENTIFIED and verdict.share < ROUNDING_SHARE:
+        if verdict.status == IDENTIFIED and (verdict.share < ROUNDING_SHARE or term in pushing):
             verdicts[term] = replace(verdict, status=WEAK)
     still = {
         term
@@ -133,6 +135,17 @@ def judge_with_motion(
     return verdicts, tuple(combinations)
 
 
+def pushing_damping(fit: AxisFit) -> tuple[str, ...]:
+    """Return own damping that gives energy: x > 0 on the axis of x, or x|x| without x.
+
+    No hull has it. A fit that has it, however clearly, explains something else: a
+    controller that answers the motion, or a lag.
+    """
+    own = OWN_VELOCITY[fit.axis]
+    own_terms = [term for term in (own, f"{own}*|{own}|") if term in fit.terms]
+    return tuple(term for term in own_terms[:1] if float(fit.solution[fit.terms.index(term)]) > 0.0)
+
+
 def breaks_symmetry(axis: str, term: str) -> bool:
     """Return whether a hull symmetric about its xz plane cannot have this term.
 
@@ -143,16 +156,18 @@ def breaks_symmetry(axis: str, term: str) -> bool:
 
 
 def _moves(term: str, motion: VelocityExcitations) -> bool:
+    if term in motion:
+        return motion[term].excited
     return term not in BASIS_TERMS or all(
-        _excited(factor, motion) for factor in BASIS_TERMS[term].factors
+        _moves_products(factor, motion) for factor in BASIS_TERMS[term].factors
     )
 
 
-def _excited(factor: str, motion: VelocityExcitations) -> bool:
+def _moves_products(factor: str, motion: VelocityExcitations) -> bool:
     name = factor.strip("|")
     if name[0] == "V":
-        return motion["v"].excited or motion["w"].excited
-    return name not in motion or motion[name].excited
+        return motion["v"].excited_in_products or motion["w"].excited_in_products
+    return name not in motion or motion[name].excited_in_products
 
 
 def _on_its_side(term: str, motion: VelocityExcitations) -> tuple[float, tuple[str, ...]]:
@@ -163,11 +178,11 @@ def _on_its_side(term: str, motion: VelocityExcitations) -> tuple[float, tuple[s
             factor == name
             or name not in VELOCITIES
             or motion[name].changes_sign
-            or not motion[name].excited
+            or not motion[name].excited_in_products
         ):
             form.append(factor)
             continue
-        sign *= 1.0 if motion[name].high >= motion[name].threshold else -1.0
+        sign *= 1.0 if motion[name].high >= motion[name].product_threshold else -1.0
         form.append("V" if factor[0] == "V" else name)
     return sign, tuple(sorted(form))
 

@@ -76,7 +76,7 @@ def drive(seed: int, seconds: float = 14.0) -> MeasuredMotion:
 
 def flown(seed: int, *, force_sd: np.ndarray = FORCE_SD, windows: int = 2) -> FreeFlight:
     model = ModelDraws((IdentifiedModel("true", TRUE),), np.zeros((1, 6)), np.zeros((1, 6, 6)))
-    draws = ModelDraws(model.models * 300, np.zeros((300, 6)), np.zeros((300, 6, 6)), 300)
+    draws = ModelDraws(model.models * 300, np.zeros((300, 6)), np.zeros((300, 6, 6)))
     flight = fly(
         VEHICLE,
         model,
@@ -98,16 +98,17 @@ def test_draws_have_the_printed_errors_and_stay_within_the_limits() -> None:
     assert X.std() == pytest.approx(3.0, rel=0.05)
     assert K.max() <= 0.0
     # Of a normal of -0.5 +- 2, 40 % lie above 0.
-    assert drawn.rejected == pytest.approx(1600, abs=120)
-    assert len(drawn.models) == 4000 - drawn.rejected
+    assert drawn.moved == pytest.approx(1600, abs=120)
+    assert len(drawn.models) == 4000
+    assert np.sum(K > -1e-9) == drawn.moved, "the nearest point within is the limit"
     assert np.all(drawn.trims == 0.5)
     free = draw_models(card({"K": 2.0}, damping="free", K=-0.5), count=500, seed=1)
-    assert (free.rejected, len(free.models)) == (0, 500)
+    assert (free.moved, len(free.models)) == (0, 500)
 
 
-def test_where_nearly_no_draw_is_within_they_are_moved_onto_the_limits() -> None:
-    drawn = draw_models(card({"K": 2.0}, K=9.0), count=200, seed=1)
-    assert drawn.moved
+def test_where_no_draw_is_within_all_are_moved_onto_the_limits() -> None:
+    drawn = draw_models(card({"K": 2.0}, K=19.0), count=200, seed=1)
+    assert drawn.moved == len(drawn.models) == 200
     assert max(model.coefficients["K"]["p"] for model in drawn.models) <= 1e-9
 
 
@@ -158,13 +159,13 @@ def test_page_and_recording_name_the_band_and_count_the_draws(legs: int, kind: s
     flight = flown(0)
     names = [f"leg{number}" for number in range(legs)]
     segments = {name: segment_document(name, "validation") for name in names}
-    draws = ModelDraws((), np.zeros((218, 6)), np.zeros((218, 6, 6)), 1000, 782)
+    draws = replace(draw_models(card({}), count=1000, seed=1), moved=782)
     blocks = flight_blocks(
         "coe", "Coe", dict.fromkeys(names, flight), segments, draws, window_s=8.0
     )
     assert [block["kind"] for block in blocks] == ["plot"] * min(legs, 3) + ["table"]
     assert kind in blocks[-1]["note"]
-    assert "Of 1000 draws of Coe's coefficients 782 were rejected" in blocks[-1]["note"]
+    assert "Of 1000 draws of Coe's coefficients 782 lay outside" in blocks[-1]["note"]
     assert "of 300 that flew 8 s each, 0 diverged" in blocks[-1]["note"]
     assert blocks[-1]["rows"][0][1] == f"{100 * flight.coverage().mean():.0f} %"
     groups = flight_views("coe", names)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from auvid.hydro.identification.constrained.draws import draw_within
+from auvid.hydro.identification.constrained.draws import draw_within, normal_draws
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.estimates import estimate_statuses, nearest_within
 from auvid.hydro.identification.constrained.limits import damping, linear_dissipation
@@ -95,3 +95,15 @@ def test_draws_stay_within_limits_and_keep_their_spread() -> None:
     assert np.linalg.eigvalsh(symmetric).max() < 1e-8
     again = draw_within(PLANE, near, covariance, [damping(PLANE)], cuts, count=200, seed=5)
     assert np.array_equal(again.values, drawn.values)
+
+
+def test_a_draw_is_the_nearest_point_to_that_of_the_plain_normal() -> None:
+    """And the factors that all draws share change none of them."""
+    covariance = random_covariance(4)
+    values = np.array([-0.4, 0.3, -0.1, -0.2])
+    cuts = [linear_dissipation(PLANE)]
+    plain = normal_draws(values, covariance, count=40, seed=2)
+    drawn = draw_within(PLANE, values, covariance, [damping(PLANE)], cuts, count=40, seed=2)
+    for one, point in zip(drawn.values, plain, strict=True):
+        alone = nearest_within(PLANE, point, covariance, [damping(PLANE)], cuts)
+        np.testing.assert_allclose(one, alone.values, atol=1e-9)  # the tolerance of limits

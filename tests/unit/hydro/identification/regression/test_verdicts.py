@@ -11,8 +11,10 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.regression import verdicts as rules
 from auvid.hydro.identification.regression.excitation import (
+    LEAST_ERRORS,
     THRESHOLDS,
     axis_excitation,
+    error_thresholds,
     term_floors,
 )
 from auvid.hydro.identification.regression.least_squares import (
@@ -20,6 +22,7 @@ from auvid.hydro.identification.regression.least_squares import (
     TriangularFactor,
     solve_axis,
 )
+from auvid.hydro.identification.regression.separability import judge_with_motion, motion_floors
 from auvid.hydro.identification.regression.verdicts import (
     T_LIMIT,
     discovery_limit,
@@ -149,6 +152,40 @@ def test_a_product_counts_as_excited_only_if_each_factor_is() -> None:
         "r*V": False,
         "v*|v|": False,
     }
+
+
+def test_a_linear_term_counts_as_excited_from_three_errors_of_its_velocity_on() -> None:
+    """Products keep the fixed threshold; so does a velocity of unknown error."""
+    rng = np.random.default_rng(7)
+    nu = 0.012 * rng.standard_normal((1000, 6))
+    thresholds = error_thresholds(np.full((1000, 6), 0.001))
+    assert thresholds["v"] == pytest.approx(3.0 * np.hypot(0.001, LEAST_ERRORS["v"]))
+    found = axis_excitation(nu, thresholds=thresholds)
+    assert found["v"].excited
+    assert not found["v"].excited_in_products
+    floors = motion_floors(("v", "v*|v|", "v*r", "constant"), found)
+    assert floors == {"v": thresholds["v"], "v*|v|": np.inf, "v*r": np.inf, "constant": 0.0}
+    assert error_thresholds(None) == dict(THRESHOLDS)
+    noisy = error_thresholds(np.full((9, 6), 0.1))
+    assert axis_excitation(nu, thresholds=noisy)["v"].product_threshold == noisy["v"] > 0.3
+
+
+def test_thresholds_of_legs_add_as_squares() -> None:
+    nu = np.ones((300, 6))
+    quiet, noisy = (
+        axis_excitation(nu[rows], thresholds={**THRESHOLDS, "u": size})["u"]
+        for rows, size in ((slice(0, 100), 0.01), (slice(100, 300), 0.04))
+    )
+    assert quiet.merge(noisy).threshold == pytest.approx(np.sqrt((0.01**2 + 2 * 0.04**2) / 3))
+
+
+@pytest.mark.parametrize(("sign", "status"), [(-1.0, "identified"), (1.0, "weak")])
+def test_own_damping_that_pushes_is_never_identified(sign: float, status: str) -> None:
+    nu = np.random.default_rng(8).standard_normal((6, 500))
+    fit = fit_of(nu, ("u", "v"), sign * 5.0 * nu[0] + 3.0 * nu[1])
+    verdicts = judge_with_motion(fit, axis_excitation(nu.T), covariance=np.eye(2) * 1e-4)[0]
+    assert verdicts["u"].status == status
+    assert verdicts["v"].status == "identified"
 
 
 def test_excitation_refuses_nothing_and_nan() -> None:

@@ -38,7 +38,7 @@ def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard
         )
         for axis in "XYZKMN"
     }
-    reach = VelocityRange(rms=0.1, low=-0.0125, high=0.222)
+    reach = VelocityRange(rms=0.1, low=-0.0125, high=0.222, threshold=0.006)
     return ModelCard.model_construct(axes=parts, conditions=dict.fromkeys("uvwpqr", reach))
 
 
