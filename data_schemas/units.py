@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-
-import pint
+from typing import TYPE_CHECKING
 
 from auvid.data_schemas.errors import SchemaError
+
+if TYPE_CHECKING:
+    import pint
 
 TURNS = {
     "rpm": 1.0 / 60.0,
@@ -46,6 +48,8 @@ def _harmless(unit: str) -> bool:
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
+    import pint  # half a second to import, and most units need no conversion
+
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 

@@ -1,17 +1,24 @@
+# ruff: noqa: E402
 """Fixtures that all tests share: campaigns run once a session, whatever the number of
 workers.
 
 Importing the package sets one BLAS thread, which counts only before numpy is loaded:
 the small solves of the tests are two to three times slower with threads that wait for
 one another. `TEST_BLAS_THREADS` sets another number (tools/dispatches.py).
+
+What is imported and collected stays to the end, so that Python need not look for cycles
+in it: neither meanwhile, which takes a fifth off, nor after.
 """
 
 from __future__ import annotations
 
+import gc  # isort: skip
+
+gc.disable()
 import auvid.pipeline  # isort: skip
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +31,40 @@ if "TEST_BLAS_THREADS" in os.environ:
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["TEST_BLAS_THREADS"]
 
 
+def pytest_collection_finish() -> None:
+    """Look for cycles in what the tests make."""
+    gc.freeze()
+    gc.enable()
+
+
 @pytest.fixture(scope="session")
 def session_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder that the workers of a session share."""
     folder = tmp_path_factory.getbasetemp()
     return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(session_folder: Path) -> Iterator[None]:
+    """Let one worker compile a loop that is kept; the others wait and load it."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        yield
+        return
+    from numba.core.caching import NullCache
+    from numba.core.dispatcher import Dispatcher
+
+    compile_now = Dispatcher.compile
+
+    def compile_in_turn(loop: Any, signature: Any) -> Any:
+        if isinstance(loop._cache, NullCache):
+            return compile_now(loop, signature)
+        name = f"{loop.py_func.__module__}.{loop.py_func.__qualname__}"
+        with campaign_runs.locked(session_folder / name):
+            return compile_now(loop, signature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", compile_in_turn)
+        yield
 
 
 @pytest.fixture(scope="session")

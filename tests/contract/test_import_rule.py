@@ -54,9 +54,9 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield the nodes except those behind `if TYPE_CHECKING`."""
+    """Yield the statements except those behind `if TYPE_CHECKING`."""
     for node in ast.iter_child_nodes(tree):
-        if not (
+        if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case) and not (
             isinstance(node, ast.If)
             and isinstance(node.test, ast.Name)
             and node.test.id == "TYPE_CHECKING"

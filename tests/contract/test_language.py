@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -83,23 +84,35 @@ def modules() -> Iterator[Module]:
             yield str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
 
 
+@cache
+def nodes_of(source: str) -> tuple[ast.AST, ...]:
+    """Return all nodes of a source text, read once."""
+    return tuple(ast.walk(ast.parse(source)))
+
+
+@cache
+def names_of(source: str) -> tuple[tuple[int, str], ...]:
+    """Return line and name of the values, arguments, functions and classes of a text."""
+    names = []
+    for node in nodes_of(source):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.append((node.lineno, node.id))
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.append((node.lineno, node.name))
+        elif isinstance(node, ast.arg):
+            names.append((node.lineno, node.arg))
+    return tuple(names)
+
+
 def empty_names(files: Iterable[Module], words: set[str] = SAYS_NOTHING) -> list[str]:
     """Return names of files, values, arguments, functions and classes that say nothing."""
     offenders = []
     for path, source in files:
         if Path(path).stem in words:
             offenders.append(path)
-        for node in ast.walk(ast.parse(source)):
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                name = node.id
-            elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-                name = node.name
-            elif isinstance(node, ast.arg):
-                name = node.arg
-            else:
-                continue
+        for line, name in names_of(source):
             if name.lower().strip("_") in words:
-                offenders.append(f"{path}:{node.lineno} {name}")
+                offenders.append(f"{path}:{line} {name}")
     return offenders
 
 
@@ -108,7 +121,7 @@ def repeated_classes(files: Iterable[Module]) -> set[str]:
     counts = Counter(
         node.name
         for _, source in files
-        for node in ast.walk(ast.parse(source))
+        for node in nodes_of(source)
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
     return {name for name, count in counts.items() if count > 1} - PER_STAGE
@@ -119,7 +132,7 @@ def long_summaries(files: Iterable[Module]) -> list[str]:
     offenders = []
     for path, source in files:
         lines = source.split("\n")
-        for node in ast.walk(ast.parse(source)):
+        for node in nodes_of(source):
             if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                 continue
             text = ast.get_docstring(node)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import fcntl
 import pickle
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -47,11 +48,18 @@ TWIN = "twin"
 TWIN_PLANS = ROOT / "campaigns/vt690_twin/plans"
 
 
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold the lock beside `path`; other processes wait."""
+    with path.with_name(f"{path.name}.lock").open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
 def made_once(folder: Path, make: Callable[[Path], None]) -> Path:
     """Return `folder`, filled by `make` in the first worker that comes; others wait."""
     done = folder.with_name(f"{folder.name}.done")
-    with folder.with_name(f"{folder.name}.lock").open("w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+    with locked(folder):
         if not done.exists():
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)

@@ -67,13 +67,15 @@ _OPTIONS: dict[str, Any] = {
     "forceinline": True,
 }
 for _equation in EQUATIONS:
-    _extending.register_jitable(**_OPTIONS)(_equation)
+    _extending.register_jitable(no_cfunc_wrapper=True, **_OPTIONS)(_equation)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F, *, cache: bool = False) -> F:
-    result: F = numba.njit(nogil=True, cache=cache, **_OPTIONS)(function)
+    # Only what Python calls (it is kept) needs a wrapper for Python.
+    inner = {"no_cpython_wrapper": not cache, "no_cfunc_wrapper": True}
+    result: F = numba.njit(nogil=True, cache=cache, **inner, **_OPTIONS)(function)
     return result
 
 
@@ -88,10 +90,16 @@ def _row(matrix: Array, row: int, x: tuple[Array, ...]) -> Any:
 @_compiled
 def _six(matrix: Array, x: tuple[Array, ...]) -> Any:
     """Return a matrix (6, n) times a vector."""
-    return (
-        _row(matrix, 0, x), _row(matrix, 1, x), _row(matrix, 2, x),
-        _row(matrix, 3, x), _row(matrix, 4, x), _row(matrix, 5, x),
-    )  # fmt: skip
+    # The sums stand here: numba compiles a function anew for each row given as a number.
+    a, b, c, d, e, f, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, len(x)
+    for i in range(n):
+        a += matrix[i] * x[i]
+        b += matrix[n + i] * x[i]
+        c += matrix[2 * n + i] * x[i]
+        d += matrix[3 * n + i] * x[i]
+        e += matrix[4 * n + i] * x[i]
+        f += matrix[5 * n + i] * x[i]
+    return a, b, c, d, e, f
 
 
 @_compiled
@@ -110,18 +118,16 @@ def _model_force(nu: Any, eta: Array, c: Tables, factors: Array) -> Any:
             * factors[c.factors[3 * i + 1]]
             * factors[c.factors[3 * i + 2]]
         )
-    return (
-        _axis_force(c, 0, factors), _axis_force(c, 1, factors), _axis_force(c, 2, factors),
-        _axis_force(c, 3, factors), _axis_force(c, 4, factors), _axis_force(c, 5, factors),
-    )  # fmt: skip
-
-
-@_compiled
-def _axis_force(c: Tables, axis: int, factors: Array) -> Any:
-    total = 0.0
-    for i in range(c.counts[0]):
-        total += c.coefficients[axis * c.counts[0] + i] * factors[FACTOR_COUNT + i]
-    return total
+    x, y, z, k, m, n, terms, b = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, c.counts[0], c.coefficients
+    for i in range(terms):
+        term = factors[FACTOR_COUNT + i]
+        x += b[i] * term
+        y += b[terms + i] * term
+        z += b[2 * terms + i] * term
+        k += b[3 * terms + i] * term
+        m += b[4 * terms + i] * term
+        n += b[5 * terms + i] * term
+    return x, y, z, k, m, n
 
 
 @_compiled

@@ -43,7 +43,8 @@ def filter_first_order(step: Array, rate: float, left: Array, right: Array, star
     """
     n, k = left.shape
     out = np.empty((n + 1, k))
-    out[0] = start
+    for j in range(k):
+        out[0, j] = start[j]
     for i in range(n):
         x = rate * step[i]
         decay = np.exp(-x)
@@ -157,7 +158,8 @@ def simulate_single(
     y[0], y[1] = start[0], start[1]
     y[STATES * (TERMS + 1)] = 1.0
     y[STATES * (TERMS + 2) + 1] = 1.0
-    out[0] = y
+    for j in range(width):
+        out[0, j] = y[j]
     for i in range(n):
         parts = max(1, int(np.ceil(step[i] / longest - 1e-9)))
         h = step[i] / parts
@@ -182,5 +184,6 @@ def simulate_single(
                 for j in range(width):
                     y[j] = 0.0
                 y[0], y[1] = DIVERGED, DIVERGED
-        out[i + 1] = y
+        for j in range(width):
+            out[i + 1, j] = y[j]
     return out

@@ -54,15 +54,16 @@ SENSOR_EQUATIONS: tuple[Callable[..., Any], ...] = (
 )
 _extending: Any = numba.extending
 for _equation in SENSOR_EQUATIONS:
-    _extending.register_jitable(**_OPTIONS)(_equation)
+    _extending.register_jitable(no_cfunc_wrapper=True, **_OPTIONS)(_equation)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F, *, cache: bool = False) -> F:
     # Nothing is drawn in, unlike in the simulation: the derivative stands here once, not
-    # a hundred times.
-    result: F = numba.njit(nogil=True, cache=cache, **_OPTIONS)(function)
+    # a hundred times. Only what Python calls (it is kept) needs a wrapper for Python.
+    inner = {"no_cpython_wrapper": not cache, "no_cfunc_wrapper": True}
+    result: F = numba.njit(nogil=True, cache=cache, **inner, **_OPTIONS)(function)
     return result
 
 
@@ -180,27 +181,18 @@ def _jacobians(
 @_compiled
 def _inertia_force(x: Any, rate: Any, row: int, column: int, force: Any) -> None:
     """Write -(E nu_dot + C_E(nu) nu) (6,), E with 1 at the entry and its mirror."""
-    first, second = x[4 + column], x[4 + row]
+    for i in range(6):
+        force[i] = 0.0
+    force[row], force[column] = x[4 + column], x[4 + row]
     turning = rigid_body.coriolis_components(
         (x[4], x[5], x[6], x[7], x[8], x[9]),
-        (
-            _at(0, row, column, first, second), _at(1, row, column, first, second),
-            _at(2, row, column, first, second), _at(3, row, column, first, second),
-            _at(4, row, column, first, second), _at(5, row, column, first, second),
-        ),
-    )  # fmt: skip
+        (force[0], force[1], force[2], force[3], force[4], force[5]),
+    )
     for i in range(6):
         force[i] = -turning[i]
     force[row] -= rate[4 + column]
     if row != column:
         force[column] -= rate[4 + row]
-
-
-@_compiled
-def _at(i: int, row: int, column: int, first: float, second: float) -> Any:
-    if i == row:
-        return first
-    return second if i == column else 0.0
 
 
 @_compiled

@@ -12,7 +12,6 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.bench.compiled_loops import filter_first_order
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
 
 LONGEST_STEP_S = 0.04
@@ -124,6 +123,9 @@ def actuator_inputs(
     record, stations = leg.actuators, window.stations
     t, values = record.t_s, record.columns()
     if lag_s > 0.0:
+        # Imported here, since numba takes a second.
+        from auvid.hydro.identification.bench.compiled_loops import filter_first_order
+
         lagged = filter_first_order(
             np.diff(t), 1.0 / lag_s, values[:-1] / lag_s, values[1:] / lag_s, values[0]
         )

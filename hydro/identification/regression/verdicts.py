@@ -25,7 +25,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import AxisFit
@@ -151,7 +151,7 @@ def discovery_limit(count: int, *, rate: float = 0.05) -> float:
     True
     """
     harmonic = float(np.sum(1.0 / np.arange(1, count + 1)))
-    return float(norm.isf(0.5 * rate / (count * harmonic)))
+    return float(-ndtri(0.5 * rate / (count * harmonic)))
 
 
 def sign_turns(fit: AxisFit, others: Mapping[str, AxisFit]) -> dict[str, tuple[str, ...]]:

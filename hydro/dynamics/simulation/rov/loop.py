@@ -67,7 +67,7 @@ _OPTIONS: dict[str, Any] = {
     "fastmath": {"contract", "reassoc", "nsz"},
 }
 for _equation in EQUATIONS:
-    _extending.register_jitable(**_OPTIONS)(_equation)
+    _extending.register_jitable(no_cfunc_wrapper=True, **_OPTIONS)(_equation)
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -104,7 +104,8 @@ def _loops(sources: str) -> tuple[Any, Any]:
         stage, total, slope = np.empty(size), np.empty(size), np.empty(size)
         memory[11], charge = -1.0, 0.0
         step_s = tick_s / steps
-        states[0] = x
+        for i in range(size):
+            states[0, i] = x[i]
         for k in range(last + 1):
             # What the autopilot sees: velocity over ground from its filter.
             e = errors[k]
@@ -184,7 +185,7 @@ def _loops(sources: str) -> tuple[Any, Any]:
 
 
 def _compiled(function: F) -> F:
-    result: F = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+    result: F = numba.njit(nogil=True, cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
     return result
 
 
