@@ -1,5 +1,5 @@
-"""The real dive against its golden error tables: they hold, with other processor
-kernels too; a change is named; DVC shows the same.
+"""Campaigns against their golden tables and figures: they hold, with other processor
+kernels too; a change is named with the stage where it began; DVC shows the same.
 """
 
 from __future__ import annotations
@@ -17,10 +17,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from auvid.data_schemas.errors import DataError
+from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.regress import golden_figures as figures
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
 from auvid.pipeline.commands.regress.golden_tables import Tables
+from auvid.pipeline.execution.engines import Serial
 from tests.support.campaign_runs import (
+    FEWER,
+    LAST_STAGE,
     NO_FREE_RUN,
     ROOT,
     copy_workspace,
@@ -30,6 +35,7 @@ from tests.support.campaign_runs import (
 
 NAME = "bluerov2_dvl"
 GOLDEN = ROOT / "tests" / "golden" / NAME
+ALL = [path.name for path in sorted((ROOT / "tests" / "golden").iterdir())]
 FIGURES = ("J", "J0", "ratio", *"XYZKMN")
 
 
@@ -77,7 +83,42 @@ def test_the_dive_holds_its_golden_tables(
     setting = regress.open_setting(NAME, None)
     assert setting.folder.resolve() == GOLDEN
     assert regress.check(setting, as_json=False), capsys.readouterr().out
-    assert capsys.readouterr().out.startswith(f"{NAME}: all {2 * 10 * 11} cells hold")
+    cells = int(capsys.readouterr().out.removeprefix(f"{NAME}: all ").partition(" cells hold")[0])
+    assert cells > 2 * 10 * 11 + 1000
+
+
+@pytest.mark.parametrize("name", sorted(LAST_STAGE))
+def test_stages_that_have_run_hold_their_golden_figures(
+    committed_run: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Every number and verdict of the stages that tests run of a campaign."""
+    monkeypatch.chdir(committed_run(name))
+    run = open_run(name)
+    ran = {stage.name for stage in run.graph.stages if run.manifests[stage.name].records}
+    new = figures.figures_of(run)
+    files = [file for file in figures.FILES if file != "free_run" or name not in FEWER]
+    old = {
+        file: {key: figure for key, figure in rows.items() if key[0] in ran}
+        for file, rows in figures.read_figures(ROOT / "tests" / "golden" / name).items()
+        if file in files
+    }
+    held, departures = figures.compare(old, {file: new[file] for file in files})
+    assert departures == [], figures.first_change(departures)
+    assert held >= 50
+
+
+@pytest.mark.release
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", ALL)
+def test_every_campaign_holds_its_golden_tables_and_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    write_workspace(tmp_path, name)
+    monkeypatch.chdir(tmp_path)
+    run = open_run(name)
+    run.execute(figures.stages_of(run), Serial())
+    baseline = ROOT / "tests" / "golden" / name
+    assert regress.check(regress.open_setting(name, baseline), as_json=False)
 
 
 def test_metrics_are_the_error_table(workspace: Path, tables: Tables) -> None:
@@ -118,7 +159,9 @@ def test_dvc_shows_the_same_figures(workspace: Path, tables: Tables) -> None:
             }
 
 
-def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path: Path) -> None:
+def test_other_processor_kernels_give_the_same_tables(
+    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The oldest BLAS kernels and numpy without its wide instructions, as on another
     machine.
 
@@ -154,6 +197,11 @@ def test_other_processor_kernels_give_the_same_tables(workspace: Path, tmp_path:
         np.testing.assert_allclose(
             theirs[name].to_numpy(), ours[name].to_numpy(), rtol=1e-7, atol=0.0, err_msg=name
         )
+    monkeypatch.chdir(tmp_path)
+    old, new = figures.read_figures(GOLDEN), figures.figures_of(open_run(NAME))
+    for file in ("stages", "coefficients", "results"):
+        _, departures = figures.compare({file: old[file]}, {file: new[file]})
+        assert departures == [], figures.first_change(departures)
 
 
 def test_a_change_of_method_is_named_and_stale_results_are_refused(
@@ -176,7 +224,10 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
     run_campaign(tmp_path, NAME, "validate")
     old, new = golden.read_tables(GOLDEN), regress.open_setting(NAME, None)
     assert not regress.check(new, as_json=True)
-    departures = json.loads(capsys.readouterr().out)["departures"]
+    found = json.loads(capsys.readouterr().out)
+    assert found["first_change"].startswith("stage fuse (fused: ")
+    assert {item["stage"] for item in found["figures"]}.isdisjoint({"ingest", "resample"})
+    departures = found["departures"]
     sizes = [item["times_tolerance"] for item in departures]
     assert sizes == sorted(sizes, reverse=True)
     for item in departures:

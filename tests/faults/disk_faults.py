@@ -1,6 +1,6 @@
 """Every file operation of a run killed, torn or refused; then the run is repeated.
 
-    python -m tests.faults.disk_faults [--every N] [--example]
+    python -m tests.faults.disk_faults [--every N] [--example] [--record FILE] [--seconds N]
 
 A run of the toy stages (or, with `--example`, of the short example of a new workspace)
 replaces the results of an older one. Each operation under `runs/` is a place. At each
@@ -9,6 +9,9 @@ N-th place, in a process of its own, each fault of `FAULTS` strikes; afterwards
 - a refusal has been named in words of the system, and is no fault of auvid,
 - no manifest vouches for a file that is not as it says,
 - a second run without fault leaves the files of a clean run, and no others.
+
+With `--record` the cases tried are kept in a file, and a campaign that `--seconds`
+stopped goes on.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -269,24 +273,41 @@ def strike(case: Case, clean: dict[str, str], folder: Path, place: int, fault: s
     return f"place {place}, {fault}: {'; '.join(wrong)}" if wrong else None
 
 
-def campaign(case: Case, folder: Path, *, every: int, first: int = 1) -> tuple[int, int, list[str]]:
-    """Return places of a case, faults tried, and what went wrong; each N-th place is tried.
+def cases(places: int, every: int, first: int) -> Iterator[tuple[int, str]]:
+    """Yield places and faults: each N-th place is tried.
 
     Faults take turns: where not every place is tried, each place has one of them.
     """
+    for turn, place in enumerate(range(first, places + 1, every)):
+        for fault in FAULTS if every == 1 else (FAULTS[turn % len(FAULTS)],):
+            yield place, fault
+
+
+def campaign(case: Case, folder: Path, options: argparse.Namespace) -> dict[str, object]:
+    """Return places of a case, faults tried and left, and what went wrong."""
     work = folder / "clean"
     shutil.copytree(case.workspace, work, symlinks=True)
     outcome = attempt(case, work, Faults(work / "runs", UNFAULTED, "none"))
     assert outcome.startswith("fine"), outcome
     places, clean = int(outcome.split()[1]), files(work)
-    wrong, tried = [], 0
-    for turn, place in enumerate(range(first, places + 1, every)):
-        for fault in FAULTS if every == 1 else (FAULTS[turn % len(FAULTS)],):
-            tried += 1
-            found = strike(case, clean, folder, place, fault)
-            if found is not None:
-                wrong.append(found)
-    return places, tried, wrong
+    record: Path | None = options.record
+    lines = record.read_text().splitlines() if record and record.is_file() else []
+    tried: dict[tuple[int, str], str | None] = {
+        (place, fault): wrong for place, fault, wrong in map(json.loads, lines)
+    }
+    left, end = 0, time.monotonic() + options.seconds
+    for place, fault in cases(places, options.every, options.first):
+        if (place, fault) in tried:
+            continue
+        if time.monotonic() > end:
+            left += 1
+            continue
+        tried[place, fault] = wrong = strike(case, clean, folder, place, fault)
+        if record:
+            with record.open("a") as file:
+                file.write(json.dumps([place, fault, wrong]) + "\n")
+    faults = [wrong for wrong in tried.values() if wrong is not None]
+    return {"places": places, "tried": len(tried), "left": left, "wrong": faults}
 
 
 def main() -> None:
@@ -295,13 +316,14 @@ def main() -> None:
     options.add_argument("--every", type=int, default=1)
     options.add_argument("--first", type=int, default=1)
     options.add_argument("--example", action="store_true")
-    given = options.parse_args()
+    options.add_argument("--record", type=Path, help="file of the cases tried; those are left out")
+    options.add_argument("--seconds", type=float, default=float("inf"), help="stop after these")
+    chosen = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="auvid_disk_") as name:
         folder = Path(name)
-        make = example_case if given.example else toy_case
-        case = make(folder / "base")
-        places, tried, wrong = campaign(case, folder, every=given.every, first=given.first)
-    print(json.dumps({"places": places, "tried": tried, "wrong": wrong}, indent=1))
+        make = example_case if chosen.example else toy_case
+        result = campaign(make(folder / "base"), folder, chosen)
+    print(json.dumps(result, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Every damage that a log is tried with, by kind and number, and what counts as failing
 it; failures are kept as files.
 
-A flip is one bit, a cut ends the file, a mutation is seeded damage of all kinds in
-several places.
+A flip is one bit, a cut ends the file, a mutation is seeded damage of all classes in
+several places; the classes of `mutate.KINDS` are tried by themselves too.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from auvid.data_schemas.errors import PipelineError
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
+from tests.support.mutate import KINDS as CLASSES
 from tests.support.mutate import Edit, Kept, apply_edits, mutations
 from tests.support.recovery import Judgement, judge
 from tests.support.small_logs import BINARY, SmallLog, small_log
@@ -39,6 +40,8 @@ def count(source: SmallLog, kind: str, mutated: int) -> int:
     """
     if kind == "mutation":
         return mutated
+    if kind in CLASSES:
+        return mutated // len(CLASSES)
     if source.name not in BINARY:
         return 0
     return 8 * len(source.data) if kind == "flip" else len(source.data)
@@ -53,7 +56,7 @@ def damaged(source: SmallLog, kind: str, number: int) -> tuple[bytes, list[Kept]
         )
     if kind == "cut":
         return source.data[:number], [Kept(0, number, 0)] if number else []
-    return mutations(source.data, number)
+    return mutations(source.data, number, (kind,) if kind in CLASSES else tuple(CLASSES))
 
 
 def failures(source: SmallLog, result: Judgement) -> list[str]:

@@ -54,7 +54,7 @@ def _overwrite(data: bytes, at: int, rng: np.random.Generator) -> Edit:
     return Edit(at, stop, rng.bytes(stop - at))
 
 
-def _cut(data: bytes, at: int, rng: np.random.Generator) -> Edit:
+def _removal(data: bytes, at: int, rng: np.random.Generator) -> Edit:
     return Edit(at, min(len(data), at + int(rng.integers(1, 500))), b"")
 
 
@@ -81,7 +81,7 @@ def _hostile(data: bytes, at: int, rng: np.random.Generator) -> Edit:
 KINDS: dict[str, Callable[[bytes, int, np.random.Generator], Edit]] = {
     "flips": _flips,
     "overwrite": _overwrite,
-    "cut": _cut,
+    "removal": _removal,
     "zeros": _zeros,
     "repeat": _repeat,
     "splice": _splice,

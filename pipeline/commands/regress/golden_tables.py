@@ -22,6 +22,8 @@ from auvid.pipeline.store.atomic_files import readable
 from auvid.stages.reference_check import MOVED, ReferenceCheck, Tolerance, check_rows
 
 USES = ("training", "validation")
+OTHER_FILES = ("stages.csv", "coefficients.csv", "free_run.csv", "results.csv")
+"""Golden figures, which lie beside the tables (golden_figures.py)."""
 COUNTS = ("n_bar", "rank")
 FIXED = ("model", *COUNTS, "J", "J0", "ratio")
 NEVER_EMPTY = (*COUNTS, "J", "J0")
@@ -43,7 +45,8 @@ class Departure:
     """A cell that left its tolerance, or what only one side has: then without a check.
 
     That is a use (model None), a model (column None) or a column, `missing` from the
-    run or `new` in it.
+    run or `new` in it. A golden figure has the `stage` that gave it; its file stands for
+    the use, what it is of for the model.
     """
 
     kind: str
@@ -51,6 +54,7 @@ class Departure:
     model: str | None = None
     column: str | None = None
     check: ReferenceCheck | None = None
+    stage: str = ""
 
     @property
     def size(self) -> float:
@@ -67,6 +71,8 @@ class Departure:
     def document(self) -> dict[str, Any]:
         """The departure as JSON."""
         place = {"kind": self.kind, "use": self.use, "model": self.model, "column": self.column}
+        if self.stage:
+            return {"stage": self.stage, **place, **(self.check.document if self.check else {})}
         return {**place, "axis": self.axis, **(self.check.document if self.check else {})}
 
 
@@ -127,12 +133,12 @@ def read_tables(folder: Path) -> dict[str, dict[str, dict[str, float | None]]]:
     names = sorted(path.name for path in folder.glob("*.csv"))
     file_names = [f"{use}.csv" for use in USES]
     for name in names:
-        if name not in file_names:
+        if name not in (*file_names, *OTHER_FILES):
             raise CampaignError(
                 "no golden table is called this",
                 file=folder / name,
-                allowed=file_names,
-                remedy=nearest(name, file_names),
+                allowed=[*file_names, *OTHER_FILES],
+                remedy=nearest(name, [*file_names, *OTHER_FILES]),
             )
     return {use: _read_csv(folder / f"{use}.csv") for use in USES if f"{use}.csv" in names}
 

@@ -1,6 +1,6 @@
-"""Compare the error tables of a campaign with its golden tables, and renew these.
+"""Compare the results of a campaign with its golden tables and figures, and renew these.
 
-New golden tables come with a line in the changelog.
+New golden content comes with a line in the changelog.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,41 +18,52 @@ from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import changelog
+from auvid.pipeline.commands.regress import golden_figures as figures
 from auvid.pipeline.commands.regress import golden_tables as golden
+from auvid.pipeline.commands.regress.golden_figures import Figures
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import ONCE, select
+from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
 from auvid.stages.reference_check import Tolerance
 
 DEFAULT_TOLERANCES = "default_tolerances.yaml"
+MOST_ROWS = 20
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: campaign, golden folder, changelog, tables of the run."""
+    """What is compared: campaign, golden folder, changelog, tables, figures of the run."""
 
     campaign: str
     folder: Path
     changelog: Path
     tables: Tables
+    figures: Figures = field(default_factory=dict)
 
 
 def open_setting(campaign: str, baseline: Path | None) -> Setting:
-    """The tables of a campaign's run and where its golden tables are.
+    """The results of a campaign's run and where its golden content is.
 
     Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden`
-    in the campaign's folder. Raises `PipelineError` where the campaign has no error
-    table, has not been run, or its results are not up to date.
+    in the campaign's folder. Raises `PipelineError` where the campaign has not been
+    run, or its results are not up to date.
     """
     run = open_run(campaign)
     root = workspace_of(campaign).root
     folder = (
         baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
     )
-    return Setting(run.campaign.name, folder, root / changelog.FILE, error_tables(run))
+    check_fresh(run, figures.stages_of(run))
+    return Setting(
+        run.campaign.name,
+        folder,
+        root / changelog.FILE,
+        error_tables(run),
+        figures.figures_of(run),
+    )
 
 
 def default_folder(root: Path, campaign: Path) -> Path:
@@ -64,17 +75,10 @@ def default_folder(root: Path, campaign: Path) -> Path:
     )
 
 
-def error_tables(run: Run) -> Tables:
-    """The golden tables of what a run left behind."""
-    producers = run.graph.producers("error_table")
-    if not producers:
-        raise DataError(
-            "a campaign of this kind has no error tables",
-            file=run.campaign.file.path,
-            value=run.campaign.document["kind"],
-        )
+def check_fresh(run: Run, stages: Sequence[AnyStage]) -> None:
+    """Raise `DataError` where a stage has not been run, or is not up to date."""
     remedy = f"auvid run {run.campaign.name}"
-    for stage in select(run.graph, until=producers[0].stage.name):
+    for stage in stages:
         for place in run.places(stage.maps_over):
             if place.item not in run.manifests[stage.name].records:
                 raise DataError(
@@ -86,54 +90,92 @@ def error_tables(run: Run) -> Tables:
                     file=run.folder,
                     remedy=remedy,
                 )
+
+
+def error_tables(run: Run) -> Tables:
+    """The golden tables of a run; none for a campaign whose kind has no error table."""
+    producers = run.graph.producers("error_table")
+    if not producers:
+        return {}
     artefact = next(iter(run.artefacts_of(producers[0], ONCE).values()))
     return golden.tables_of(artefact.load().to_pylist())
 
 
 def check(setting: Setting, *, as_json: bool) -> bool:
-    """Print whether the tables hold, or every cell that does not; True if they hold."""
-    old = golden.read_tables(setting.folder)
-    if not old:
+    """Print whether all holds, or every cell that does not; True if all holds."""
+    old, old_figures = golden.read_tables(setting.folder), figures.read_figures(setting.folder)
+    if not old and not any(old_figures.values()):
         remedy = f'Make them: auvid regress {setting.campaign} --update --message "STAGE: why"'
         raise DataError("there are no golden tables", file=setting.folder, remedy=remedy)
-    tolerances = golden.read_tolerances(
-        setting.folder / golden.TOLERANCES, golden.columns_of(old, setting.tables)
+    columns = golden.columns_of(old, setting.tables)
+    tolerances = (
+        golden.read_tolerances(setting.folder / golden.TOLERANCES, columns) if columns else {}
     )
     within, departures = golden.compare(old, setting.tables, tolerances)
+    held, moved = figures.compare(old_figures, setting.figures)
     if as_json:
-        print(json.dumps(_document(setting, within, departures), indent=1, ensure_ascii=False))
+        document = _document(setting, within + held, departures, moved)
+        print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
-        _print(setting, within, departures)
-    return not departures
+        _print(setting, within + held, departures, moved)
+    return not departures and not moved
 
 
-def _document(setting: Setting, within: int, departures: Sequence[Departure]) -> dict[str, Any]:
+def _document(
+    setting: Setting, held: int, departures: Sequence[Departure], moved: Sequence[Departure]
+) -> dict[str, Any]:
     return {
         "campaign": setting.campaign,
         "baseline": str(setting.folder),
-        "holds": not departures,
-        "held": within,
+        "holds": not departures and not moved,
+        "held": held,
+        "first_change": figures.first_change(moved) or None,
         "departures": [item.document for item in departures],
+        "figures": [item.document for item in moved],
     }
 
 
-def _print(setting: Setting, within: int, departures: Sequence[Departure]) -> None:
+def _print(
+    setting: Setting, held: int, departures: Sequence[Departure], moved: Sequence[Departure]
+) -> None:
     where = path_from_here(setting.folder.resolve())
-    if not departures:
-        print(f"{setting.campaign}: all {within} cells hold ({where})")
+    if not departures and not moved:
+        print(f"{setting.campaign}: all {held} cells hold ({where})")
         return
     unmatched = [item for item in departures if item.check is None]
     for item in unmatched:
         print(_without_partner(item))
     heads, rows = golden.departure_rows(departures)
     table(heads, rows)
-    counts = f"{len(rows)} of {len(rows) + within} cells left their tolerance"
+    for item in moved[:MOST_ROWS]:
+        print(_moved(item))
+    if len(moved) > MOST_ROWS:
+        print(f"and {len(moved) - MOST_ROWS} more figures (all: --json)")
+    cells = len(rows) + len(moved)
+    counts = f"{cells} of {cells + held} cells left their tolerance"
     counts += f", {len(unmatched)} missing or new" if unmatched else ""
+    if moved:
+        print(f"\nfirst changed: {figures.first_change(moved)}")
     print(f"\n{setting.campaign}: {counts} ({where})")
     print(
         f'If this is meant: auvid regress {setting.campaign} --update --message "STAGE: what'
         ' changed and why"'
     )
+
+
+def _moved(item: Departure) -> str:
+    """Return a golden figure that left its tolerance, on one line."""
+    place = f"{item.stage}, {item.model}: {item.column}"
+    if item.check is None:
+        return f"{place}: " + (
+            "in the baseline, not in the run"
+            if item.kind == "missing"
+            else "in the run, not in the baseline"
+        )
+    cells = item.check.cells
+    name = "" if item.check.quantity == item.column else f" ({item.check.quantity})"
+    words = f"{place}{name}: {cells['reference']} -> {cells['measured']} {cells['unit']}".rstrip()
+    return words + (f", {cells['status']}" if cells["status"] else "")
 
 
 def _without_partner(item: Departure) -> str:
@@ -165,8 +207,13 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
     contents |= {
         setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables
     }
+    for name in figures.FILES:
+        found = setting.figures.get(name)
+        contents[setting.folder / f"{name}.csv"] = figures.to_csv(found) if found else None
     tolerances = setting.folder / golden.TOLERANCES
-    if tolerances.is_file():
+    if not setting.tables:
+        contents[tolerances] = None
+    elif tolerances.is_file():
         golden.read_tolerances(tolerances, golden.columns_of(setting.tables))
     else:
         contents[tolerances] = (resources.files(__package__) / DEFAULT_TOLERANCES).read_bytes()
@@ -198,9 +245,10 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
 
 
 def _old_tables(folder: Path) -> Tables | None:
-    """Return the golden tables to be replaced; None if there are none to read."""
+    """Return the golden tables to be replaced; None if there is nothing to read."""
     try:
-        return golden.read_tables(folder) or None
+        some = any(figures.read_figures(folder).values())
+        return golden.read_tables(folder) or ({} if some else None)
     except PipelineError:
         return None
 
@@ -208,17 +256,21 @@ def _old_tables(folder: Path) -> Tables | None:
 def _entry(setting: Setting, old: Tables | None, words: str) -> tuple[str, str, str]:
     """Stage, message without the stage, and which tables the line is about.
 
-    J0 holds no model: if it moved, the residual force did. All else moves with the fit.
+    The stage is the one that moved first. Where there are tables alone: J0 holds no
+    model, so if it moved, the residual force did; all else moves with the fit.
     """
     match = re.match(r"([a-z_]+)\s*:\s*(\S.*)", words)
     named = match if match and match[1] in {stage.name for stage in STAGES} else None
+    _, moved_figures = figures.compare(figures.read_figures(setting.folder), setting.figures)
     if old is None:
         stage, note = "validate", f"golden tables of {setting.campaign} made"
     else:
         exact = {name: Tolerance() for name in golden.columns_of(old, setting.tables)}
         _, moved = golden.compare(old, setting.tables, exact)
         stage = "residual" if any(item.column == "J0" for item in moved) else "synthesise"
-        cells = sum(item.check is not None for item in moved)
+        if moved_figures:
+            stage = moved_figures[0].stage
+        cells = sum(item.check is not None for item in moved) + len(moved_figures)
         note = f"golden tables of {setting.campaign}: {cells} cell{'s' * (cells != 1)} changed"
     return (named[1], named[2], note) if named else (stage, words, note)
 

@@ -14,6 +14,7 @@ import yaml
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, SchemaError
 from auvid.data_schemas.yaml_text import read_yaml
+from auvid.pipeline.commands.regress import golden_figures as figures
 from auvid.pipeline.commands.regress import golden_tables as golden
 
 AXES = "XYZKMN"
@@ -161,8 +162,22 @@ def test_tolerances_are_checked(
         golden.read_tolerances(path, COLUMNS)
 
 
+GOLDEN = sorted((ROOT / "tests" / "golden").iterdir())
+
+
+@pytest.mark.parametrize("folder", GOLDEN, ids=lambda path: path.name)
+def test_golden_figures_of_the_repository_are_well_formed(folder: Path) -> None:
+    for name, read in figures.read_figures(folder).items():
+        path = folder / f"{name}.csv"
+        assert (path.read_bytes() if path.is_file() else b"") == (
+            figures.to_csv(read) if read else b""
+        )
+
+
 @pytest.mark.parametrize(
-    "folder", sorted((ROOT / "tests" / "golden").iterdir()), ids=lambda path: path.name
+    "folder",
+    [folder for folder in GOLDEN if (folder / "training.csv").is_file()],
+    ids=lambda path: path.name,
 )
 def test_golden_tables_of_the_repository_are_well_formed(folder: Path) -> None:
     read = golden.read_tables(folder)

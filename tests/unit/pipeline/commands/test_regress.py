@@ -206,7 +206,9 @@ def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str
         "baseline": str(setting.folder),
         "holds": True,
         "held": 44,
+        "first_change": None,
         "departures": [],
+        "figures": [],
     }
     new = tables(training__fossen__K__ratio=0.6)
     del new["validation"]["linear"]

@@ -1,0 +1,371 @@
+"""Golden figures: what every stage gave, and coefficients, free runs, results.
+
+Four CSVs of one layout. A row has a `value` and a `scale`: what its tolerance is a
+share of. Numbers that the data do not determine are left empty, their verdict stays.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.schemas import schema
+from auvid.pipeline.commands.regress.golden_tables import Departure, read_tolerances
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import AnyStage, Port
+from auvid.pipeline.store.atomic_files import readable
+from auvid.stages.number_format import significant
+from auvid.stages.reference_check import ReferenceCheck, Tolerance
+from auvid.stages.report.summary.figure_summary import DETERMINED
+
+FILES = ("stages", "coefficients", "free_run", "results")
+"""Mean and RMS of each column of each stage's tables; coefficients with verdicts; RMS
+errors of free runs; named figures.
+"""
+HEADER = ("stage", "of", "quantity", "verdict", "value", "scale", "unit")
+TOLERANCES = "figure_tolerances.yaml"
+OWN_FILE = ("error_table", "free_run")
+"""Tables with golden content of their own."""
+UNDETERMINED = ("simulated_motion", "channel_run", "channel_history", "decay_history")
+"""Motions of models that may be unstable, and recursions on their way: what they find
+stands in the results.
+"""
+LAST = "report"
+MOTIONS = {
+    "velocity": ("u_rms_m_s", "v_rms_m_s", "w_rms_m_s"),
+    "angular rate": ("p_rms_rad_s", "q_rms_rad_s", "r_rms_rad_s"),
+    "angles": ("phi_rms_rad", "theta_rms_rad", "psi_rms_rad"),
+}
+UNITS = {"velocity": "m/s", "angular rate": "rad/s", "angles": "rad"}
+
+Key = tuple[str, str, str]
+"""Stage, what the figure is of, and its quantity."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row: `scale` is the RMS of a column, or a standard error; None: the value."""
+
+    value: float | None
+    scale: float | None
+    unit: str
+    verdict: str = ""
+
+
+Figures = Mapping[str, Mapping[Key, Figure]]
+"""File -> key -> figure, in the order of the chain."""
+
+
+@dataclass
+class _Column:
+    """Sums over one column of a table, all items together."""
+
+    unit: str
+    count: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+
+    def add(self, values: npt.NDArray[np.float64]) -> None:
+        finite = values[np.isfinite(values)]
+        self.count += finite.size
+        self.total += float(finite.sum())
+        self.squares += float(np.square(finite).sum())
+
+    @property
+    def figure(self) -> Figure:
+        """Mean and RMS."""
+        if not self.count:
+            return Figure(None, None, self.unit, "empty")
+        mean, rms = self.total / self.count, math.sqrt(self.squares / self.count)
+        return Figure(_rounded(mean), _rounded(rms), self.unit)
+
+
+@dataclass
+class _Motion:
+    """Free runs of one model up to one horizon, all segments together."""
+
+    starts: int = 0
+    diverged: int = 0
+    squares: dict[str, float] = field(default_factory=dict)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        bounded = row["starts"] - row["diverged"]
+        self.starts += row["starts"]
+        self.diverged += row["diverged"]
+        for name, columns in MOTIONS.items():
+            errors = sum((row[column] or 0.0) ** 2 for column in columns)
+            self.squares[name] = self.squares.get(name, 0.0) + bounded * errors
+
+    def figure(self, name: str) -> Figure:
+        """RMS error; of diverged runs their number alone."""
+        if self.diverged:
+            return Figure(None, None, UNITS[name], f"{self.diverged} of {self.starts} diverged")
+        rms = math.sqrt(self.squares[name] / max(self.starts, 1))
+        return Figure(_rounded(rms), None, UNITS[name], "bounded")
+
+
+def stages_of(run: Run) -> list[AnyStage]:
+    """Return the stages whose results have golden figures."""
+    return [stage for stage in run.graph.stages if stage.name != LAST]
+
+
+def figures_of(run: Run) -> dict[str, dict[Key, Figure]]:
+    """Return the golden figures of what the stages of a run left behind."""
+    figures: dict[str, dict[Key, Figure]] = {name: {} for name in FILES}
+    for stage in stages_of(run):
+        by_port: dict[str, tuple[Port, list[tuple[str, Any]]]] = {}
+        for port, item, key, artefact in run.artefacts(stage):
+            if schema(port.schema).kind == "table" or port.schema in READERS:
+                _, loads = by_port.setdefault(port.name, (port, []))
+                loads.append((item if key is None else str(key), artefact))
+        for name, (port, artefacts) in by_port.items():
+            loaded = ((item, artefact.load()) for item, artefact in artefacts)
+            if port.schema in READERS:
+                file, read = READERS[port.schema]
+                figures[file] |= {(stage.name, *rest): found for rest, found in read(loaded)}
+            elif port.schema not in (*OWN_FILE, *UNDETERMINED):
+                columns = _columns(port.schema, loaded)
+                figures["stages"] |= {
+                    (stage.name, name, column): found for column, found in columns
+                }
+    return figures
+
+
+Loaded = Iterator[tuple[str, Any]]
+Found = Iterator[tuple[tuple[str, str], Figure]]
+
+
+def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, Figure]]:
+    """Yield rows and columns; a table with verdicts has its figures in the results."""
+    columns = schema(schema_name).columns
+    if "verdict" in columns:
+        return
+    sums: dict[str, _Column] = {}
+    rows = 0
+    for _, table in loaded:
+        rows += table.num_rows
+        for name in table.column_names:
+            kind = table.schema.field(name).type
+            if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+                unit = columns[name].unit if name in columns else ""
+                values = table.column(name).cast(pa.float64()).to_numpy()
+                sums.setdefault(name, _Column(unit)).add(values)
+    yield "rows", Figure(float(rows), None, "1")
+    for name, column in sums.items():
+        yield name, column.figure
+
+
+def _coefficients(loaded: Loaded) -> Found:
+    for model, card in loaded:
+        document = card if isinstance(card, dict) else card.model_dump()
+        for axis, entry in document["axes"].items():
+            for term in entry["terms"]:
+                yield (model, f"{axis} {term['term']}"), _estimate(term, term["value"])
+        for entry in document["inertia"]:
+            yield (model, entry["name"]), _estimate(entry, entry["value"])
+
+
+def _installation(loaded: Loaded) -> Found:
+    for _, record in loaded:
+        document = record if isinstance(record, dict) else record.model_dump()
+        for entry in document["figures"]:
+            observable = entry["verdict"] != "not observable"
+            value, error = entry["departure"], entry["standard_error"]
+            yield (
+                ("installation", entry["name"]),
+                Figure(
+                    _rounded(value) if observable else None,
+                    _rounded(error) if observable else None,
+                    entry["unit"],
+                    entry["verdict"],
+                ),
+            )
+
+
+def _results(loaded: Loaded) -> Found:
+    """Yield named figures; errors of a fit with undetermined terms stay out.
+
+    Such a fit is what stands in brackets: `rmse (linear)` beside `Z_w (linear)`.
+    """
+    for _, record in loaded:
+        document = record if isinstance(record, dict) else record.model_dump()
+        weak = {_fit(row["quantity"]) for row in document["rows"] if not _determined(row)} - {""}
+        for row in document["rows"]:
+            left_out = _fit(row["quantity"]) in weak and not row.get("verdict")
+            found = _estimate(row, None if left_out else row["value"])
+            yield (document["title"], row["quantity"]), found
+
+
+def _fit(quantity: str) -> str:
+    return quantity.partition("(")[2].rstrip(")") if quantity.endswith(")") else ""
+
+
+def _determined(row: Mapping[str, Any]) -> bool:
+    return not row.get("verdict") or row["verdict"] in DETERMINED
+
+
+def _estimate(row: Mapping[str, Any], value: float | None) -> Figure:
+    """Return value and standard error; the verdict alone where it does not determine."""
+    verdict = row.get("verdict") or ""
+    error = row.get("standard_error")
+    kept = _determined(row) and value is not None
+    return Figure(
+        _rounded(value) if kept else None,
+        _rounded(error) if kept else None,
+        row["unit"],
+        verdict,
+    )
+
+
+def _free_runs(loaded: Loaded) -> Found:
+    motions: dict[tuple[str, str], _Motion] = {}
+    for _, table in loaded:
+        for row in table.to_pylist():
+            of = f"{row['model']} with {row['as_measured']}" if row["as_measured"] else row["model"]
+            motions.setdefault((of, f"{row['horizon_s']:g} s"), _Motion()).add(row)
+    for (of, horizon), motion in motions.items():
+        for name in MOTIONS:
+            yield (of, f"{name} after {horizon}"), motion.figure(name)
+
+
+READERS = {
+    "model_card": ("coefficients", _coefficients),
+    "installation": ("results", _installation),
+    "results": ("results", _results),
+    "free_run": ("free_run", _free_runs),
+}
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")
+
+
+def to_csv(figures: Mapping[Key, Figure]) -> bytes:
+    """The CSV of one file: a header and a row per figure."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEADER)
+    for key, figure in figures.items():
+        numbers = ("" if each is None else f"{each:.6g}" for each in (figure.value, figure.scale))
+        writer.writerow((*key, figure.verdict, *numbers, figure.unit))
+    return text.getvalue().encode()
+
+
+def read_figures(folder: Path) -> dict[str, dict[Key, Figure]]:
+    """Read the golden figures of a folder, empty where it holds none.
+
+    Raises `CampaignError` with file and row for what is malformed.
+    """
+    return {
+        name: _read_csv(path) if (path := folder / f"{name}.csv").is_file() else {}
+        for name in FILES
+    }
+
+
+def _read_csv(path: Path) -> dict[Key, Figure]:
+    with readable(path, file=path, what="golden figures"):
+        text = path.read_text(encoding="utf-8")
+    figures: dict[Key, Figure] = {}
+    for line, cells in enumerate(csv.reader(io.StringIO(text, newline="")), start=1):
+        if line == 1:
+            if tuple(cells) != HEADER:
+                raise CampaignError(
+                    "not the heading of golden figures", file=path, row=1, allowed=",".join(HEADER)
+                )
+            continue
+        try:
+            stage, of, quantity, verdict, value, scale, unit = cells
+            figures[stage, of, quantity] = Figure(_number(value), _number(scale), unit, verdict)
+        except ValueError:
+            raise CampaignError(
+                "not a row of golden figures",
+                file=path,
+                row=line,
+                value=",".join(cells),
+                allowed=",".join(HEADER),
+                remedy="Write the file anew with --update.",
+            ) from None
+    return figures
+
+
+def _number(cell: str) -> float | None:
+    return float(cell) if cell else None
+
+
+def tolerances() -> dict[str, Tolerance]:
+    """The tolerance of each file: `relative` is a share of a row's scale."""
+    path = Path(str(resources.files(__package__) / TOLERANCES))
+    return read_tolerances(path, FILES)
+
+
+def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
+    """Return how many numbers and verdicts hold, and what does not.
+
+    Departures come in the order of the chain: what the first one names moved first.
+    """
+    order = {
+        stage: place
+        for place, stage in enumerate(
+            dict.fromkeys(
+                stage for side in (new, old) for file in FILES for stage, *_ in side.get(file, {})
+            )
+        )
+    }
+    held, departed = 0, []
+    allowed = tolerances()
+    for file in FILES:
+        before, now = old.get(file, {}), new.get(file, {})
+        for key in dict.fromkeys((*before, *now)):
+            if key not in before or key not in now:
+                kind = "missing" if key in before else "new"
+                departed.append(Departure(kind, file, key[1], key[2], stage=key[0]))
+                continue
+            for check in _checks(key[2], before[key], now[key], allowed[file]):
+                if check.met:
+                    held += 1
+                else:
+                    departed.append(Departure("changed", file, key[1], key[2], check, key[0]))
+    return held, sorted(departed, key=lambda item: order[item.stage])
+
+
+def _checks(
+    quantity: str, old: Figure, new: Figure, tolerance: Tolerance
+) -> Iterator[ReferenceCheck]:
+    """Yield the checks of verdict and value, and of the scale."""
+    scale = old.scale if old.scale is not None else old.value
+    near = Tolerance(old.unit, tolerance.reason, absolute=tolerance.allowed(scale or 0.0))
+    yield ReferenceCheck(
+        quantity,
+        new.value,
+        old.unit,
+        reference=old.value,
+        tolerance=near,
+        status=new.verdict,
+        required_status=old.verdict if old.verdict or new.verdict else None,
+    )
+    if old.scale is not None and new.scale is not None:
+        yield ReferenceCheck(
+            f"scale of {quantity}", new.scale, old.unit, reference=old.scale, tolerance=near
+        )
+
+
+def first_change(departures: Sequence[Departure]) -> str:
+    """Return in words which stage's results moved first, and where; empty if none did."""
+    if not departures:
+        return ""
+    first = departures[0]
+    words = f"{first.model}: {first.column}"
+    if first.check is not None and first.check.change is not None:
+        words += f", by {significant(first.check.change, sign='+')} {first.check.unit}".rstrip(" 1")
+    return f"stage {first.stage} ({words})"
