@@ -102,9 +102,9 @@ def test_stages_that_have_run_hold_their_golden_figures(
         for file, rows in figures.read_figures(ROOT / "tests" / "golden" / name).items()
         if file in files
     }
-    held, departures = figures.compare(old, {file: new[file] for file in files})
+    within, departures = figures.compare(old, {file: new[file] for file in files})
     assert departures == [], figures.first_change(departures)
-    assert held >= 50
+    assert within >= 50
 
 
 @pytest.mark.release
@@ -224,10 +224,10 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
     run_campaign(tmp_path, NAME, "validate")
     old, new = golden.read_tables(GOLDEN), regress.open_setting(NAME, None)
     assert not regress.check(new, as_json=True)
-    found = json.loads(capsys.readouterr().out)
-    assert found["first_change"].startswith("stage fuse (fused: ")
-    assert {item["stage"] for item in found["figures"]}.isdisjoint({"ingest", "resample"})
-    departures = found["departures"]
+    document = json.loads(capsys.readouterr().out)
+    assert document["first_change"].startswith("stage fuse (fused: ")
+    assert {item["stage"] for item in document["figures"]}.isdisjoint({"ingest", "resample"})
+    departures = document["departures"]
     sizes = [item["times_tolerance"] for item in departures]
     assert sizes == sorted(sizes, reverse=True)
     for item in departures:

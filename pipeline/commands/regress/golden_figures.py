@@ -54,7 +54,7 @@ Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
-class Figure:
+class GoldenFigure:
     """One row: `scale` is the RMS of a column, or a standard error; None: the value."""
 
     value: float | None
@@ -63,12 +63,12 @@ class Figure:
     verdict: str = ""
 
 
-Figures = Mapping[str, Mapping[Key, Figure]]
+Figures = Mapping[str, Mapping[Key, GoldenFigure]]
 """File -> key -> figure, in the order of the chain."""
 
 
 @dataclass
-class _Column:
+class ColumnSums:
     """Sums over one column of a table, all items together."""
 
     unit: str
@@ -83,16 +83,16 @@ class _Column:
         self.squares += float(np.square(finite).sum())
 
     @property
-    def figure(self) -> Figure:
+    def figure(self) -> GoldenFigure:
         """Mean and RMS."""
         if not self.count:
-            return Figure(None, None, self.unit, "empty")
+            return GoldenFigure(None, None, self.unit, "empty")
         mean, rms = self.total / self.count, math.sqrt(self.squares / self.count)
-        return Figure(_rounded(mean), _rounded(rms), self.unit)
+        return GoldenFigure(_rounded(mean), _rounded(rms), self.unit)
 
 
 @dataclass
-class _Motion:
+class RunSums:
     """Free runs of one model up to one horizon, all segments together."""
 
     starts: int = 0
@@ -107,12 +107,14 @@ class _Motion:
             errors = sum((row[column] or 0.0) ** 2 for column in columns)
             self.squares[name] = self.squares.get(name, 0.0) + bounded * errors
 
-    def figure(self, name: str) -> Figure:
+    def figure(self, name: str) -> GoldenFigure:
         """RMS error; of diverged runs their number alone."""
         if self.diverged:
-            return Figure(None, None, UNITS[name], f"{self.diverged} of {self.starts} diverged")
+            return GoldenFigure(
+                None, None, UNITS[name], f"{self.diverged} of {self.starts} diverged"
+            )
         rms = math.sqrt(self.squares[name] / max(self.starts, 1))
-        return Figure(_rounded(rms), None, UNITS[name], "bounded")
+        return GoldenFigure(_rounded(rms), None, UNITS[name], "bounded")
 
 
 def stages_of(run: Run) -> list[AnyStage]:
@@ -120,9 +122,9 @@ def stages_of(run: Run) -> list[AnyStage]:
     return [stage for stage in run.graph.stages if stage.name != LAST]
 
 
-def figures_of(run: Run) -> dict[str, dict[Key, Figure]]:
+def figures_of(run: Run) -> dict[str, dict[Key, GoldenFigure]]:
     """Return the golden figures of what the stages of a run left behind."""
-    figures: dict[str, dict[Key, Figure]] = {name: {} for name in FILES}
+    figures: dict[str, dict[Key, GoldenFigure]] = {name: {} for name in FILES}
     for stage in stages_of(run):
         by_port: dict[str, tuple[Port, list[tuple[str, Any]]]] = {}
         for port, item, key, artefact in run.artefacts(stage):
@@ -133,25 +135,25 @@ def figures_of(run: Run) -> dict[str, dict[Key, Figure]]:
             loaded = ((item, artefact.load()) for item, artefact in artefacts)
             if port.schema in READERS:
                 file, read = READERS[port.schema]
-                figures[file] |= {(stage.name, *rest): found for rest, found in read(loaded)}
+                figures[file] |= {(stage.name, *rest): figure for rest, figure in read(loaded)}
             elif port.schema not in (*OWN_FILE, *UNDETERMINED):
                 columns = _columns(port.schema, loaded)
                 figures["stages"] |= {
-                    (stage.name, name, column): found for column, found in columns
+                    (stage.name, name, column): figure for column, figure in columns
                 }
     return figures
 
 
 Loaded = Iterator[tuple[str, Any]]
-Found = Iterator[tuple[tuple[str, str], Figure]]
+Figured = Iterator[tuple[tuple[str, str], GoldenFigure]]
 
 
-def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, Figure]]:
+def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, GoldenFigure]]:
     """Yield rows and columns; a table with verdicts has its figures in the results."""
     columns = schema(schema_name).columns
     if "verdict" in columns:
         return
-    sums: dict[str, _Column] = {}
+    sums: dict[str, ColumnSums] = {}
     rows = 0
     for _, table in loaded:
         rows += table.num_rows
@@ -160,13 +162,13 @@ def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, Figure]]:
             if pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
                 unit = columns[name].unit if name in columns else ""
                 values = table.column(name).cast(pa.float64()).to_numpy()
-                sums.setdefault(name, _Column(unit)).add(values)
-    yield "rows", Figure(float(rows), None, "1")
+                sums.setdefault(name, ColumnSums(unit)).add(values)
+    yield "rows", GoldenFigure(float(rows), None, "1")
     for name, column in sums.items():
         yield name, column.figure
 
 
-def _coefficients(loaded: Loaded) -> Found:
+def _coefficients(loaded: Loaded) -> Figured:
     for model, card in loaded:
         document = card if isinstance(card, dict) else card.model_dump()
         for axis, entry in document["axes"].items():
@@ -176,7 +178,7 @@ def _coefficients(loaded: Loaded) -> Found:
             yield (model, entry["name"]), _estimate(entry, entry["value"])
 
 
-def _installation(loaded: Loaded) -> Found:
+def _installation(loaded: Loaded) -> Figured:
     for _, record in loaded:
         document = record if isinstance(record, dict) else record.model_dump()
         for entry in document["figures"]:
@@ -184,7 +186,7 @@ def _installation(loaded: Loaded) -> Found:
             value, error = entry["departure"], entry["standard_error"]
             yield (
                 ("installation", entry["name"]),
-                Figure(
+                GoldenFigure(
                     _rounded(value) if observable else None,
                     _rounded(error) if observable else None,
                     entry["unit"],
@@ -193,7 +195,7 @@ def _installation(loaded: Loaded) -> Found:
             )
 
 
-def _results(loaded: Loaded) -> Found:
+def _results(loaded: Loaded) -> Figured:
     """Yield named figures; errors of a fit with undetermined terms stay out.
 
     Such a fit is what stands in brackets: `rmse (linear)` beside `Z_w (linear)`.
@@ -203,8 +205,8 @@ def _results(loaded: Loaded) -> Found:
         weak = {_fit(row["quantity"]) for row in document["rows"] if not _determined(row)} - {""}
         for row in document["rows"]:
             left_out = _fit(row["quantity"]) in weak and not row.get("verdict")
-            found = _estimate(row, None if left_out else row["value"])
-            yield (document["title"], row["quantity"]), found
+            figure = _estimate(row, None if left_out else row["value"])
+            yield (document["title"], row["quantity"]), figure
 
 
 def _fit(quantity: str) -> str:
@@ -215,12 +217,12 @@ def _determined(row: Mapping[str, Any]) -> bool:
     return not row.get("verdict") or row["verdict"] in DETERMINED
 
 
-def _estimate(row: Mapping[str, Any], value: float | None) -> Figure:
-    """Return value and standard error; the verdict alone where it does not determine."""
+def _estimate(row: Mapping[str, Any], value: float | None) -> GoldenFigure:
+    """Return value and standard error; of what is undetermined the verdict alone."""
     verdict = row.get("verdict") or ""
     error = row.get("standard_error")
     kept = _determined(row) and value is not None
-    return Figure(
+    return GoldenFigure(
         _rounded(value) if kept else None,
         _rounded(error) if kept else None,
         row["unit"],
@@ -228,12 +230,12 @@ def _estimate(row: Mapping[str, Any], value: float | None) -> Figure:
     )
 
 
-def _free_runs(loaded: Loaded) -> Found:
-    motions: dict[tuple[str, str], _Motion] = {}
+def _free_runs(loaded: Loaded) -> Figured:
+    motions: dict[tuple[str, str], RunSums] = {}
     for _, table in loaded:
         for row in table.to_pylist():
             of = f"{row['model']} with {row['as_measured']}" if row["as_measured"] else row["model"]
-            motions.setdefault((of, f"{row['horizon_s']:g} s"), _Motion()).add(row)
+            motions.setdefault((of, f"{row['horizon_s']:g} s"), RunSums()).add(row)
     for (of, horizon), motion in motions.items():
         for name in MOTIONS:
             yield (of, f"{name} after {horizon}"), motion.figure(name)
@@ -251,7 +253,7 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")
 
 
-def to_csv(figures: Mapping[Key, Figure]) -> bytes:
+def to_csv(figures: Mapping[Key, GoldenFigure]) -> bytes:
     """The CSV of one file: a header and a row per figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -262,7 +264,7 @@ def to_csv(figures: Mapping[Key, Figure]) -> bytes:
     return text.getvalue().encode()
 
 
-def read_figures(folder: Path) -> dict[str, dict[Key, Figure]]:
+def read_figures(folder: Path) -> dict[str, dict[Key, GoldenFigure]]:
     """Read the golden figures of a folder, empty where it holds none.
 
     Raises `CampaignError` with file and row for what is malformed.
@@ -273,10 +275,10 @@ def read_figures(folder: Path) -> dict[str, dict[Key, Figure]]:
     }
 
 
-def _read_csv(path: Path) -> dict[Key, Figure]:
+def _read_csv(path: Path) -> dict[Key, GoldenFigure]:
     with readable(path, file=path, what="golden figures"):
         text = path.read_text(encoding="utf-8")
-    figures: dict[Key, Figure] = {}
+    figures: dict[Key, GoldenFigure] = {}
     for line, cells in enumerate(csv.reader(io.StringIO(text, newline="")), start=1):
         if line == 1:
             if tuple(cells) != HEADER:
@@ -286,7 +288,9 @@ def _read_csv(path: Path) -> dict[Key, Figure]:
             continue
         try:
             stage, of, quantity, verdict, value, scale, unit = cells
-            figures[stage, of, quantity] = Figure(_number(value), _number(scale), unit, verdict)
+            figures[stage, of, quantity] = GoldenFigure(
+                _number(value), _number(scale), unit, verdict
+            )
         except ValueError:
             raise CampaignError(
                 "not a row of golden figures",
@@ -322,7 +326,7 @@ def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
             )
         )
     }
-    held, departed = 0, []
+    within, departed = 0, []
     allowed = tolerances()
     for file in FILES:
         before, now = old.get(file, {}), new.get(file, {})
@@ -333,14 +337,14 @@ def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
                 continue
             for check in _checks(key[2], before[key], now[key], allowed[file]):
                 if check.met:
-                    held += 1
+                    within += 1
                 else:
                     departed.append(Departure("changed", file, key[1], key[2], check, key[0]))
-    return held, sorted(departed, key=lambda item: order[item.stage])
+    return within, sorted(departed, key=lambda item: order[item.stage])
 
 
 def _checks(
-    quantity: str, old: Figure, new: Figure, tolerance: Tolerance
+    quantity: str, old: GoldenFigure, new: GoldenFigure, tolerance: Tolerance
 ) -> Iterator[ReferenceCheck]:
     """Yield the checks of verdict and value, and of the scale."""
     scale = old.scale if old.scale is not None else old.value
@@ -361,7 +365,7 @@ def _checks(
 
 
 def first_change(departures: Sequence[Departure]) -> str:
-    """Return in words which stage's results moved first, and where; empty if none did."""
+    """Return which stage's results moved first, and where; empty if none did."""
     if not departures:
         return ""
     first = departures[0]

@@ -1,4 +1,4 @@
-"""Compare the results of a campaign with its golden tables and figures, and renew these.
+"""Compare results of a campaign with its golden tables and figures; renew these.
 
 New golden content comes with a line in the changelog.
 """
@@ -23,7 +23,7 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_figures import Figures
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import ONCE, AnyStage
+from auvid.pipeline.graph import ONCE, AnyStage, select
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
@@ -35,7 +35,7 @@ MOST_ROWS = 20
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: campaign, golden folder, changelog, tables, figures of the run."""
+    """What is compared: campaign, golden folder, changelog; tables, figures of a run."""
 
     campaign: str
     folder: Path
@@ -97,6 +97,7 @@ def error_tables(run: Run) -> Tables:
     producers = run.graph.producers("error_table")
     if not producers:
         return {}
+    check_fresh(run, select(run.graph, until=producers[0].stage.name))
     artefact = next(iter(run.artefacts_of(producers[0], ONCE).values()))
     return golden.tables_of(artefact.load().to_pylist())
 
@@ -112,23 +113,23 @@ def check(setting: Setting, *, as_json: bool) -> bool:
         golden.read_tolerances(setting.folder / golden.TOLERANCES, columns) if columns else {}
     )
     within, departures = golden.compare(old, setting.tables, tolerances)
-    held, moved = figures.compare(old_figures, setting.figures)
+    more, moved = figures.compare(old_figures, setting.figures)
     if as_json:
-        document = _document(setting, within + held, departures, moved)
+        document = _document(setting, within + more, departures, moved)
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
-        _print(setting, within + held, departures, moved)
+        _print(setting, within + more, departures, moved)
     return not departures and not moved
 
 
 def _document(
-    setting: Setting, held: int, departures: Sequence[Departure], moved: Sequence[Departure]
+    setting: Setting, within: int, departures: Sequence[Departure], moved: Sequence[Departure]
 ) -> dict[str, Any]:
     return {
         "campaign": setting.campaign,
         "baseline": str(setting.folder),
         "holds": not departures and not moved,
-        "held": held,
+        "held": within,
         "first_change": figures.first_change(moved) or None,
         "departures": [item.document for item in departures],
         "figures": [item.document for item in moved],
@@ -136,11 +137,11 @@ def _document(
 
 
 def _print(
-    setting: Setting, held: int, departures: Sequence[Departure], moved: Sequence[Departure]
+    setting: Setting, within: int, departures: Sequence[Departure], moved: Sequence[Departure]
 ) -> None:
     where = path_from_here(setting.folder.resolve())
     if not departures and not moved:
-        print(f"{setting.campaign}: all {held} cells hold ({where})")
+        print(f"{setting.campaign}: all {within} cells hold ({where})")
         return
     unmatched = [item for item in departures if item.check is None]
     for item in unmatched:
@@ -152,7 +153,7 @@ def _print(
     if len(moved) > MOST_ROWS:
         print(f"and {len(moved) - MOST_ROWS} more figures (all: --json)")
     cells = len(rows) + len(moved)
-    counts = f"{cells} of {cells + held} cells left their tolerance"
+    counts = f"{cells} of {cells + within} cells left their tolerance"
     counts += f", {len(unmatched)} missing or new" if unmatched else ""
     if moved:
         print(f"\nfirst changed: {figures.first_change(moved)}")
@@ -208,8 +209,8 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
         setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables
     }
     for name in figures.FILES:
-        found = setting.figures.get(name)
-        contents[setting.folder / f"{name}.csv"] = figures.to_csv(found) if found else None
+        rows = setting.figures.get(name)
+        contents[setting.folder / f"{name}.csv"] = figures.to_csv(rows) if rows else None
     tolerances = setting.folder / golden.TOLERANCES
     if not setting.tables:
         contents[tolerances] = None

@@ -14,10 +14,10 @@ import pytest
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.pipeline.commands.regress import golden_figures as figures
-from auvid.pipeline.commands.regress.golden_figures import READERS, Figure, Key
+from auvid.pipeline.commands.regress.golden_figures import READERS, GoldenFigure, Key
 
 
-def read(schema: str, document: Any, item: str = "fossen") -> dict[tuple[str, str], Figure]:
+def read(schema: str, document: Any, item: str = "fossen") -> dict[tuple[str, str], GoldenFigure]:
     """What is kept of one document of a schema."""
     return dict(READERS[schema][1](iter([(item, document)])))
 
@@ -29,15 +29,15 @@ def row(quantity: str, value: float | None, **more: Any) -> dict[str, Any]:
 FUSED: Key = ("fuse", "fused", "u_m_s")
 FORCE: Key = ("residual", "residual", "tau_x_n")
 DRAG: Key = ("synthesise", "fossen", "X u")
-BASE: dict[str, dict[Key, Figure]] = {
-    "stages": {FUSED: Figure(0.1, 0.5, "m/s"), FORCE: Figure(-2.0, 4.0, "N")},
-    "coefficients": {DRAG: Figure(-60.0, 10.0, "N s/m", "identified")},
+BASE: dict[str, dict[Key, GoldenFigure]] = {
+    "stages": {FUSED: GoldenFigure(0.1, 0.5, "m/s"), FORCE: GoldenFigure(-2.0, 4.0, "N")},
+    "coefficients": {DRAG: GoldenFigure(-60.0, 10.0, "N s/m", "identified")},
     "free_run": {},
     "results": {},
 }
 
 
-def changed(file: str, key: Key, **values: Any) -> dict[str, dict[Key, Figure]]:
+def changed(file: str, key: Key, **values: Any) -> dict[str, dict[Key, GoldenFigure]]:
     """The figures above with one that differs."""
     return {**BASE, file: {**BASE[file], key: dataclasses.replace(BASE[file][key], **values)}}
 
@@ -49,7 +49,7 @@ def test_columns_are_kept_as_mean_and_rms_over_all_items() -> None:
     ]
     found = dict(figures._columns("fused", iter([("a", parts[0]), ("b", parts[1])])))
     assert found["rows"].value == 3.0
-    assert found["u_m_s"] == Figure(-0.5, 3.53553, "m/s")
+    assert found["u_m_s"] == GoldenFigure(-0.5, 3.53553, "m/s")
 
 
 def test_a_table_with_verdicts_gives_no_columns() -> None:
@@ -65,7 +65,7 @@ def test_a_coefficient_keeps_its_number_where_it_is_identified(verdict: str, kep
     term = {"term": "u", "unit": "N", "value": -3.0, "standard_error": 0.5, "verdict": verdict}
     found = read("model_card", {"axes": {"X": {"terms": [term]}}, "inertia": []})
     assert found == {
-        ("fossen", "X u"): Figure(-3.0 if kept else None, 0.5 if kept else None, "N", verdict)
+        ("fossen", "X u"): GoldenFigure(-3.0 if kept else None, 0.5 if kept else None, "N", verdict)
     }
 
 
@@ -96,11 +96,13 @@ def runs(starts: int, diverged: int, error: float) -> dict[str, Any]:
 
 
 def test_free_runs_are_weighted_by_their_number_and_counted_where_they_diverge() -> None:
-    def found(*rows: dict[str, Any]) -> Figure:
+    def found(*rows: dict[str, Any]) -> GoldenFigure:
         return read("free_run", pa.Table.from_pylist(list(rows)))["fossen", "velocity after 5 s"]
 
-    assert found(runs(1, 0, 1.0), runs(3, 0, 3.0)) == Figure(4.58258, None, "m/s", "bounded")
-    assert found(runs(1, 0, 1.0), runs(3, 2, 3.0)) == Figure(None, None, "m/s", "2 of 4 diverged")
+    assert found(runs(1, 0, 1.0), runs(3, 0, 3.0)) == GoldenFigure(4.58258, None, "m/s", "bounded")
+    assert found(runs(1, 0, 1.0), runs(3, 2, 3.0)) == GoldenFigure(
+        None, None, "m/s", "2 of 4 diverged"
+    )
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:
@@ -143,15 +145,15 @@ def test_the_tolerance_is_a_share_of_the_scale(
 
 def test_a_verdict_that_changes_departs() -> None:
     new = changed("coefficients", DRAG, value=None, scale=None, verdict="weak")
-    held, (departure,) = figures.compare(BASE, new)
+    within, (departure,) = figures.compare(BASE, new)
     assert departure.check is not None
     assert departure.check.cells["status"] == "identified -> weak"
-    assert held == 4
+    assert within == 4
 
 
 def test_the_first_stage_of_the_chain_is_named() -> None:
     new = changed("coefficients", DRAG, value=-70.0)
-    new["stages"] = {**BASE["stages"], FORCE: Figure(-2.5, 4.0, "N")}
+    new["stages"] = {**BASE["stages"], FORCE: GoldenFigure(-2.5, 4.0, "N")}
     _, departures = figures.compare(BASE, new)
     assert figures.first_change(departures) == "stage residual (residual: tau_x_n, by -0.5 N)"
     assert [item.stage for item in departures] == ["residual", "synthesise"]
