@@ -35,7 +35,7 @@ MOST_ROWS = 20
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: campaign, golden folder, changelog; tables, figures of a run."""
+    """What is compared: a run's tables and figures, golden folder, changelog."""
 
     campaign: str
     folder: Path
