@@ -35,7 +35,7 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 
 @dataclass(frozen=True)
 class ModelForces:
-    """Parts of M nu_dot + coriolis = viscous + restoring + tau, each (n, 6) [N, N m]."""
+    """M nu_dot + coriolis = viscous + restoring + tau, each (n, 6) [N, N m]."""
 
     coriolis: Array
     viscous: Array

@@ -182,8 +182,9 @@ class DynamicsFigures(Model):
 class CoefficientEntry(Model):
     """One viscous coefficient of one component of tau.
 
-    It adds predictor * product(factors), with V = sqrt(v^2 + w^2), Vv = V sign(v), Vw = V sign(w); eta - 1 is that of the propeller;
-    the product of no factor is 1 (a constant force).
+    It adds predictor * product(factors), with V = sqrt(v^2 + w^2), Vv = V sign(v),
+    Vw = V sign(w); eta - 1 is that of the propeller; the product of no factor is 1 (a
+    constant force).
     """
 
     symbol: str
@@ -235,7 +236,7 @@ class LagEntry(Model):
 
 
 class FreeRunEntry(Model):
-    """RMS errors of free runs over a validation segment, some time after their starts."""
+    """RMS errors of free runs over a validation segment, at one horizon."""
 
     segment: str
     """The validation segment."""

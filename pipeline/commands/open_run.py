@@ -14,7 +14,7 @@ from auvid.pipeline.campaigns.workspace import (
     stage_params,
     workspace_of,
 )
-from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines
+from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.stages import KINDS, STAGES
@@ -36,9 +36,11 @@ def open_run(name: str) -> Run:
 
 
 @contextmanager
-def show_progress() -> Iterator[Progress]:
-    """Show bars on a terminal, plain lines otherwise."""
-    if sys.stderr.isatty():
+def show_progress(*, quiet: bool = False) -> Iterator[Progress]:
+    """Show bars on a terminal, plain lines otherwise; nothing if `quiet`."""
+    if quiet:
+        yield Silent()
+    elif sys.stderr.isatty():
         with Bars() as bars:
             yield bars
     else:

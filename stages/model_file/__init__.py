@@ -12,11 +12,12 @@ from typing import Any
 
 import pyarrow as pa
 
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.model_file.contents import model_document, use_entry
+from auvid.stages.model_file.contents import as_logged, model_document, use_entry
 from auvid.stages.presentation import section, table, text
 
 
@@ -28,6 +29,7 @@ class Inputs:
     model_card: Collection[ModelCard] = port("model_card", many=True)
     ranking: RankingRecord = port("ranking")
     free_run: pa.Table = port("free_run")
+    log_info: Collection[LogInfo] | None = port("log_info", many=True, optional=True)
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     """Return the file of each model, and which is the one to take."""
     merits: dict[str, MeritRecord] = {item.name: item for item in inputs.ranking.models}
     rows = inputs.free_run.to_pylist()
+    vehicle = inputs.vehicle
+    for log in (inputs.log_info or {}).values():
+        vehicle = as_logged(vehicle, log)
     files = {
         name: model_document(
             card,
-            inputs.vehicle,
+            vehicle,
             use=use_entry(inputs.ranking, merits.get(name), card),
             merit=merits.get(name),
             free_runs=[row for row in rows if row["model"] == name and not row["as_measured"]],

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from auvid import __version__
-from auvid.data_schemas.documents.model import in_schema_units
+from auvid.data_schemas.documents.model import Quantity, Unit, in_schema_units
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import (
     FORMAT,
     CoefficientEntry,
@@ -23,6 +25,7 @@ from auvid.data_schemas.records.model_file import (
 )
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, TermCard
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import Unknown
@@ -119,6 +122,23 @@ def model_document(
             packages=dict(provenance["packages"]),
         ),
     )
+
+
+def as_logged(vehicle: Vehicle, log: LogInfo) -> Vehicle:
+    """Return the vehicle with the motor directions of a log, where it has others."""
+    logged, words = with_logged_directions(vehicle, log.parameters)
+    if vehicle.thrusters is None or logged.thrusters is None:
+        return vehicle
+    directions = logged.thrusters.direction
+    if np.array_equal(directions, vehicle.thrusters.direction):
+        return vehicle
+    entry = vehicle.document.actuators.thrusters
+    assert entry is not None  # the vehicle has thrusters
+    quantity = Quantity(value=directions.tolist(), unit="1", source=f"log {log.log}: {words}")
+    thrusters = entry.model_copy(update={"direction": Unit("1", (-1,)).read(quantity)})
+    actuators = vehicle.document.actuators.model_copy(update={"thrusters": thrusters})
+    document = vehicle.document.model_copy(update={"actuators": actuators})
+    return replace(logged, document=document)
 
 
 def frames(origin: str) -> FramesEntry:

@@ -59,23 +59,25 @@ def execute(
     engine: str | None = None,
     jobs: int | None = None,
     force: bool = False,
+    quiet: bool = False,
 ) -> int:
     """Bring stages of a run up to date and return how many items had to run.
 
     Stages behind ingest run only if the findings of the logs let them: `DataError`.
     A run that makes its report again is entered into the history of the campaign.
+    `quiet`: neither progress nor findings are printed.
     """
     names = [stage.name for stage in stages]
     decoding = stages[: names.index("ingest") + 1] if "ingest" in names else ()
     count = 0
     if decoding:
-        with show_progress() as progress:
+        with show_progress(quiet=quiet) as progress:
             count = run.execute(decoding, make_engine(engine, jobs), progress, force=force)
     rest = stages[len(decoding) :]
     if rest:
         if names != ["report"]:
-            _stop_at_findings(run, [stage.name for stage in rest])
-        with show_progress() as progress:
+            _stop_at_findings(run, [stage.name for stage in rest], quiet=quiet)
+        with show_progress(quiet=quiet) as progress:
             count += run.execute(
                 rest,
                 make_engine(engine, jobs),
@@ -86,14 +88,14 @@ def execute(
     return count
 
 
-def _stop_at_findings(run: Run, stages: Sequence[str]) -> None:
+def _stop_at_findings(run: Run, stages: Sequence[str], *, quiet: bool) -> None:
     """Print findings of the logs; raise `DataError` where they stop these stages."""
     health = health_of(run)
     lines = finding_lines(run.campaign.document, health)
     fault = refusal(run.campaign, health, stages, run.params)
     if fault is not None:
         raise fault
-    if lines:
+    if lines and not quiet:
         print(f"findings ({len(lines)}; auvid check {run.campaign.name} tells more):")
         print("\n".join(f"  {plain(line)}" for line in shortened(list(lines))))
 

@@ -1,0 +1,344 @@
+"""An identified model in Python: its numbers, forces, motion, file and exports."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.hydro import model_file
+from auvid.hydro.arrays import STATES, Array
+from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.equations_of_motion import Control
+from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.force_input import driven_by_force
+from auvid.hydro.model_file import ModelForces
+from auvid.pipeline.store.model_files import read_model, write_model
+from auvid.stages.columns import POSE, VELOCITY
+
+STATE_COLUMNS = (*VELOCITY, *POSE)
+UNITS = tuple(unit for unit in ("m/s", "rad/s", "m", "rad") for _ in range(3))
+
+
+class VehicleModel:
+    """One identified model of a vehicle: `auvid.Model`.
+
+    Attributes
+    ----------
+    file : ModelFile
+        All that is known of it, as docs/model_file.md describes.
+    name, title : str
+        Its name, and as printed.
+    recommended : bool
+        Whether its run advises to take it.
+    use : str
+        What it may be used for, in words.
+    inertia : ndarray, shape (6, 6)
+        M, rigid body and added mass, with the inertia that was fitted.
+    coefficients : pandas.DataFrame
+        Values, 95 % intervals and verdicts by symbol.
+    """
+
+    def __init__(self, file: ModelFile) -> None:
+        self.file = file
+
+    def __repr__(self) -> str:
+        return f"Model({self.name!r}: {self.use})"
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> VehicleModel:
+        """Read a model file.
+
+        Parameters
+        ----------
+        path : path
+            As ``runs/CAMPAIGN/model_file/model_file/MODEL.json``.
+
+        Returns
+        -------
+        Model
+            The model.
+
+        Raises
+        ------
+        PipelineError
+            Not a model file, one of another format, or one with faults.
+        """
+        file = read_model(Path(path))
+        model_file.vehicle_of(file)
+        return cls(file)
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the model file and return its path; `load` gives the same model."""
+        write_model(self.file, Path(path))
+        return Path(path)
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.file.name
+
+    @property
+    def title(self) -> str:
+        """Name as printed."""
+        return self.file.title
+
+    @property
+    def recommended(self) -> bool:
+        """Whether the run advises to take this model."""
+        return self.file.use.recommended
+
+    @property
+    def use(self) -> str:
+        """What the model may be used for, in words."""
+        return self.file.use.sentence
+
+    @property
+    def inertia(self) -> Array:
+        """M (6, 6) [kg, kg m, kg m^2]."""
+        return model_file.inertia(self.file)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with the inertia that was fitted."""
+        return model_file.vehicle_of(self.file)
+
+    @property
+    def coefficients(self) -> pd.DataFrame:
+        """Coefficients of the viscous force, indexed by symbol.
+
+        Columns axis, term, unit, value (nan where the run gives none), standard_error,
+        low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
+        figures of the vehicle), verdict, determined.
+        """
+        nothing = [np.nan, np.nan]
+        rows = [
+            {
+                "symbol": item.symbol,
+                "axis": item.axis,
+                "term": item.term,
+                "unit": item.unit,
+                "value": item.value,
+                "standard_error": item.standard_error,
+                **dict(zip(("low", "high"), item.interval_95 or nothing, strict=True)),
+                **dict(
+                    zip(
+                        ("low_assumed", "high_assumed"),
+                        item.interval_95_assumed or nothing,
+                        strict=True,
+                    )
+                ),
+                "verdict": item.verdict,
+                "determined": item.determined,
+            }
+            for item in self.file.coefficients
+        ]
+        frame = pd.DataFrame(rows).set_index("symbol")
+        return frame.astype({"value": float, "standard_error": float})
+
+    def force(
+        self,
+        nu: ArrayLike,
+        eta: ArrayLike | None = None,
+        *,
+        propeller_rev_s: ArrayLike | None = None,
+    ) -> ModelForces:
+        """Return the forces of the model at velocities and poses.
+
+        M nu_dot + coriolis = viscous + restoring + tau of the actuators.
+
+        Parameters
+        ----------
+        nu : array_like, shape (n, 6) or (6,)
+            Velocities u v w [m/s], p q r [rad/s] through the water.
+        eta : array_like, shape (n, 6) or (6,), optional
+            Pose x y z [m], phi theta psi [rad]; level by default.
+        propeller_rev_s : array_like, shape (n,), optional
+            Propeller speed, for models with the propulsion ratio.
+
+        Returns
+        -------
+        ModelForces
+            ``coriolis``, ``viscous``, ``restoring``, each of the shape of `nu` [N, N m].
+        """
+        nu = _shaped(nu, "nu")
+        eta = np.zeros(nu.shape) if eta is None else _shaped(eta, "eta")
+        parts = model_file.forces(
+            self.file,
+            np.atleast_2d(nu),
+            np.broadcast_to(eta, np.atleast_2d(nu).shape),
+            propeller_rev_s,
+        )
+        shaped = (part.reshape(nu.shape) for part in vars(parts).values())
+        return ModelForces(*shaped)
+
+    def simulate(
+        self,
+        time: ArrayLike,
+        tau: ArrayLike | None = None,
+        *,
+        pulses: ArrayLike | None = None,
+        fins: ArrayLike | None = None,
+        propeller_rev_s: ArrayLike | None = None,
+        voltage: ArrayLike | None = None,
+        nu: ArrayLike = (0.0,) * 6,
+        eta: ArrayLike = (0.0,) * 6,
+    ) -> pd.DataFrame:
+        """Simulate the vehicle with this model.
+
+        Runge-Kutta of fourth order with the steps of `time`, in which the actuators
+        change linearly. The lag of the actuators that was fitted is in it.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Uniform clock [s].
+        tau : array_like, shape (n, 6) or (6,), optional
+            Force of all actuators [N, N m], in place of the commands below.
+        pulses : array_like, shape (n, k), optional
+            Pulses of the thrusters [us].
+        fins : array_like, shape (n, 4), optional
+            Deflections [rad]: starboard, port, bottom, top.
+        propeller_rev_s : array_like, shape (n,), optional
+            Propeller speed [1/s].
+        voltage : array_like, shape (n,), optional
+            Battery voltage [V]; by default that of the thrust curve.
+        nu, eta : array_like, shape (6,)
+            Velocity and pose at the start.
+
+        Returns
+        -------
+        pandas.DataFrame
+            t_s, velocities and pose; nan from where the model leaves all bounds on.
+            ``attrs["warnings"]`` names velocities beyond the range of the training legs.
+
+        Raises
+        ------
+        PipelineError
+            The clock is not uniform, shapes do not fit, an actuator has no command.
+        """
+        t_s = _clock(time)
+        count, vehicle = len(t_s), self.vehicle
+        if tau is not None:
+            force = np.broadcast_to(_shaped(tau, "tau"), (count, 6))
+            vehicle, control = driven_by_force(vehicle), Control(thruster_force_N=force)
+        else:
+            control = Control(
+                propeller_rev_s=_series(propeller_rev_s, count),
+                fins_rad=_series(fins, count),
+                thruster_pwm_us=_series(pulses, count),
+                voltage_v=_series(voltage, count),
+            )
+        screw, level = self.vehicle.propeller, None
+        if screw is not None and propeller_rev_s is not None:
+            level = level_speed(screw, np.broadcast_to(propeller_rev_s, (count,)))
+        state = np.zeros((count, 12))
+        state[:] = np.concatenate([_shaped(nu, "nu"), _shaped(eta, "eta")])
+        viscous, constant = model_file.viscous_model(self.file)
+        states, _ = fly_freely(
+            vehicle,
+            [viscous],
+            constant[None],
+            MeasuredMotion(t_s, state, control, level),
+            first=np.zeros(1, dtype=np.intp),
+            steps=np.arange(count, dtype=np.intp),
+            lags_s=np.array([self.file.dynamics.actuator_lag_s]),
+            **_minimum_speed(self.file),
+        )
+        frame = pd.DataFrame(states[0, 0], columns=list(STATE_COLUMNS))
+        frame.insert(0, "t_s", t_s)
+        frame.attrs["units"] = {"t_s": "s", **dict(zip(STATE_COLUMNS, UNITS, strict=True))}
+        frame.attrs["warnings"] = _beyond(self.file, states[0, 0])
+        return frame
+
+    def export(
+        self,
+        target: str,
+        folder: str | PathLike[str],
+        *,
+        lossy: bool = False,
+        force: bool = False,
+        name: str | None = None,
+    ) -> list[Path]:
+        """Write the model for another simulator.
+
+        Parameters
+        ----------
+        target : str
+            Which simulator, as ``auvid export --help`` lists them.
+        folder : path
+            Folder for the files.
+        lossy : bool
+            Write although the target cannot hold all of the model; the files say what
+            is lost.
+        force : bool
+            Write although the model is not usable for simulation, and over files that
+            are there.
+        name : str, optional
+            Name of the vehicle in the files.
+
+        Returns
+        -------
+        list of pathlib.Path
+            The files written.
+        """
+        from auvid.export import write
+
+        return write(self.file, target, Path(folder), lossy=lossy, force=force, name=name)
+
+
+def _minimum_speed(file: ModelFile) -> dict[str, float]:
+    screw = file.dynamics.propeller
+    return {} if screw is None else {"minimum_speed": screw.minimum_speed_m_s}
+
+
+def _shaped(values: ArrayLike, name: str) -> Array:
+    """Return an array (6,) or (n, 6) of finite numbers."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim not in (1, 2) or array.shape[-1] != 6:
+        raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,) or (n, 6)")
+    if not np.isfinite(array).all():
+        raise DataError("not finite", field=name, value=float(array[~np.isfinite(array)][0]))
+    return array
+
+
+def _series(values: ArrayLike | None, count: int) -> Array | None:
+    if values is None:
+        return None
+    array = np.asarray(values, dtype=np.float64)
+    if len(array) != count:
+        raise DataError("one row for each time is needed", value=len(array), allowed=count)
+    return array
+
+
+def _clock(time: ArrayLike) -> Array:
+    t_s = np.asarray(time, dtype=np.float64)
+    steps = np.diff(t_s) if t_s.ndim == 1 else np.zeros(0)
+    if len(steps) < 1 or not np.allclose(steps, np.mean(steps), rtol=1e-6) or steps[0] <= 0.0:
+        raise DataError(
+            "the clock is not uniform and ascending",
+            field="time",
+            value=t_s.shape if t_s.ndim != 1 or not len(steps) else (steps.min(), steps.max()),
+            remedy="Resample the commands on equal steps.",
+        )
+    return t_s
+
+
+def _beyond(file: ModelFile, states: Array) -> list[str]:
+    """Return velocities that leave the range in which the model was fitted."""
+    words = []
+    for i, (name, flown) in enumerate(file.validity.items()):
+        reach = states[:, STATES.index(name)]
+        low, high = np.nanmin(reach), np.nanmax(reach)
+        if low < flown.low or high > flown.high:
+            words.append(
+                f"{name} reaches {low:.3g} to {high:.3g}, the training legs"
+                f" {flown.low:.3g} to {flown.high:.3g} {'m/s' if i < 3 else 'rad/s'}"
+            )
+    return words

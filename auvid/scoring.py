@@ -1,0 +1,130 @@
+"""How well a model does on the legs of a run, also one that it was not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import reduce
+from os import PathLike
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.tables import matrix
+from auvid.frames import as_frame
+from auvid.hydro import model_file
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.equations_of_motion import restoring_of
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorSums
+from auvid.models import VehicleModel
+from auvid.results import RunResults, open_run
+from auvid.stages.columns import POSE, forces
+from auvid.stages.validate import Predictor
+from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.validate.ranking import free_run_ratios
+from auvid.stages.validate.tables import ALL
+
+INERTIAL = ("mass_kg", "displaced_mass_kg", "r_G", "r_B", "inertia", "added_mass", "gravity")
+"""What a vehicle takes from the model that is judged; actuators stay those of the run."""
+
+
+def score(
+    model: VehicleModel, run: RunResults | str | PathLike[str], *, use: str = "validation"
+) -> pd.DataFrame:
+    """Judge a model on the legs of a run, by force and by free runs.
+
+    The model brings inertia, restoring and viscous force; actuators, their forces and
+    the motion are those of the run.
+
+    Parameters
+    ----------
+    model : Model
+        Of this run, of another one, or read from a file.
+    run : RunResults or str or path
+        The run, or its campaign.
+    use : {"validation", "training"}
+        Legs to judge on.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows ``all``, X Y Z K M N. Columns ``J0`` (RMS of the residual force [N, N m]),
+        ``J`` (RMS error of the model's), ``J/J0`` (1 is predicting no force) and
+        ``free_run`` (RMS error of free runs over that of expecting no change, nan where
+        none stayed bounded). ``attrs["free_runs"]`` has the errors at each horizon,
+        ``attrs["horizon_s"]`` the one of the column.
+
+    Raises
+    ------
+    PipelineError
+        The run has no leg of this use, or its stages have not run.
+    """
+    results = run if isinstance(run, RunResults) else open_run(run)
+    records = results.artefacts("segment")
+    segments: dict[str, SegmentRecord] = {name: item.load() for name, item in records.items()}
+    names = [name for name, item in segments.items() if item.use == use]
+    if not names:
+        raise DataError(
+            "the run has no leg of this use",
+            field="use",
+            value=use,
+            allowed=sorted({item.use for item in segments.values()}),
+        )
+    vehicle = results.vehicle
+    own = model.vehicle
+    judged = _predictor(model, vehicle)
+    sums: list[ErrorSums] = []
+    flown: dict[tuple[str, str], FreeRuns] = {}
+    settings = results.parameters("validate")
+    for name in names:
+        residual, fused, controls = (
+            results.artefacts(schema)[name].load() for schema in ("residual", "fused", "controls")
+        )
+        eta = matrix(fused, POSE)
+        predicted = judged.force(residual, fused) + restoring_of(own, eta)
+        predicted -= restoring_of(vehicle, eta)
+        sums.append(ErrorSums.of(forces(residual, "tau_bar"), predicted))
+        runs = run_segment(
+            replace(vehicle, **{key: getattr(own, key) for key in INERTIAL}),
+            [judged.viscous],
+            judged.trim[None],
+            np.zeros((1, 6, 6)),
+            measured_motion(fused, controls),
+            horizons_s=settings.free_run_horizons_s,
+            every_s=settings.free_run_every_s,
+            minimum_speed=settings.minimum_speed_m_s,
+            lags_s=np.array([judged.lag_s]),
+        )
+        if runs is not None:
+            flown[name, ""] = runs
+    return _table(model.name, reduce(ErrorSums.merge, sums), free_run_table(flown, [model.name]))
+
+
+def _predictor(model: VehicleModel, vehicle: Vehicle) -> Predictor:
+    """Return the model as `validate` judges one, against the inertia of the run."""
+    viscous, constant = model_file.viscous_model(model.file)
+    change: Array = vehicle.mass_matrix - model.inertia
+    return Predictor(viscous, constant, change, model.file.dynamics.actuator_lag_s)
+
+
+def _table(name: str, sums: ErrorSums, flown: pa.Table) -> pd.DataFrame:
+    measures = sums.measures(np.full(6, np.nan))
+    horizon, ratios = free_run_ratios(flown.to_pylist()) if flown.num_rows else (None, {})
+    of = ratios.get(name, {})
+    rows = [
+        {
+            "axis": axis,
+            "J0": measures[key].j0,
+            "J": measures[key].rms,
+            "J/J0": measures[key].normalised,
+            "free_run": of.get(axis, np.nan),
+        }
+        for axis, key in ((ALL, TOTAL), *zip(AXES, AXES, strict=True))
+    ]
+    frame = pd.DataFrame(rows).set_index("axis")
+    frame.attrs = {"horizon_s": horizon, "free_runs": as_frame(flown, "free_run")}
+    return frame
