@@ -97,7 +97,7 @@ def check(
     pandas.DataFrame
         A row per finding: log, severity, id (docs/checks.md), stream, text, value,
         threshold, unit, at_s, remedy. A log that cannot be read is a row ``refused``.
-        ``attrs["usability"]`` has, by log, what it can be used for.
+        ``attrs["verdicts"]`` has, by log, what it can be used for.
     """
     return _findings([page for target in targets for page in _pages(fspath(target), columns)])
 
@@ -116,7 +116,7 @@ def _findings(pages: list[LogPage]) -> pd.DataFrame:
         for row in rows:
             row.setdefault("log", page.name)
     frame = pd.DataFrame(rows, columns=list(COLUMNS))
-    frame.attrs["usability"] = {
-        page.name: page.health["usability"] for page in pages if page.health is not None
+    frame.attrs["verdicts"] = {
+        page.name: page.health["verdict"] for page in pages if page.health is not None
     }
     return frame

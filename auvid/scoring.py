@@ -23,8 +23,8 @@ from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorSum
 from auvid.models import VehicleModel
 from auvid.results import RunResults, open_run
 from auvid.stages.columns import POSE, forces
+from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate import Predictor
-from auvid.stages.validate.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.validate.ranking import free_run_ratios
 from auvid.stages.validate.tables import ALL
 

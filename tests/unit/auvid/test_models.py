@@ -1,0 +1,237 @@
+"""A model in Python: its motion, its file, a fit that finds it, and its score."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import auvid
+
+Array = npt.NDArray[np.float64]
+TRUTH = {"X": ["u", "u|u|"], "Y": ["v"], "Z": ["w"], "K": ["p"], "M": ["q"], "N": ["r", "r|r|"]}
+STEP_S = 0.05
+
+
+def wandering(seconds: float, size: Array, *, seed: int) -> tuple[Array, Array]:
+    """Return times and a force (n, 6) that moves linearly between random values."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, seconds, STEP_S)
+    knots = np.arange(0.0, seconds + 4.0, 3.0)
+    values = rng.uniform(-1.0, 1.0, (len(knots), 6)) * size
+    return t, np.column_stack([np.interp(t, knots, column) for column in values.T])
+
+
+@pytest.fixture(scope="module")
+def results(short_workspace: Path) -> auvid.RunResults:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(short_workspace)
+        return auvid.open_run("example")
+
+
+@pytest.fixture(scope="module")
+def fossen(results: auvid.RunResults) -> auvid.Model:
+    return results.models["fossen"]
+
+
+@pytest.fixture(scope="module")
+def flight(fossen: auvid.Model) -> tuple[Array, Array, Any]:
+    """A motion of the model itself under a known force, of 150 s."""
+    t, tau = wandering(150.0, np.array([30.0, 30.0, 30.0, 1.0, 1.0, 4.0]), seed=3)
+    return t, tau, damped(fossen).simulate(t, tau)
+
+
+def damped(model: auvid.Model) -> auvid.Model:
+    """Return the model with damping that is the same whatever the example's fit gave."""
+    values = {"X_u": -12.0, "X_u|u|": -40.0, "Y_v": -30.0, "Z_w": -40.0, "K_p": -2.0,
+              "M_q": -2.0, "N_r": -3.0, "N_r|r|": -4.0}  # fmt: skip
+    rows = [
+        item.model_copy(update={"predictor": values.get(item.symbol, 0.0)})
+        for item in model.file.coefficients
+    ]
+    return auvid.Model(model.file.model_copy(update={"coefficients": rows}))
+
+
+def test_a_steady_force_ends_at_the_speed_that_the_equation_has(fossen: auvid.Model) -> None:
+    """X_u u + X_uu u|u| + X = 0: 52 N against -12 u - 40 u|u| is 1 m/s."""
+    motion = damped(fossen).simulate(np.arange(0.0, 60.0, STEP_S), [52.0, 0, 0, 0, 0, 0])
+    assert motion["u_m_s"].iloc[-1] == pytest.approx(1.0, abs=1e-9)
+    assert motion.attrs["units"]["u_m_s"] == "m/s"
+    assert any(words.startswith("u reaches") for words in motion.attrs["warnings"])
+
+
+def test_force_and_simulation_obey_one_equation(
+    flight: tuple[Array, Array, Any], fossen: auvid.Model
+) -> None:
+    """M nu_dot of the motion is what the forces add up to (error of the difference
+    quotient: the third derivative times h^2 / 6, below 1 % of the largest force).
+    """
+    _, tau, motion = flight
+    nu = motion[[f"{name}_m_s" for name in "uvw"] + [f"{name}_rad_s" for name in "pqr"]].to_numpy()
+    eta = motion.iloc[:, 7:].to_numpy()
+    parts = damped(fossen).force(nu, eta)
+    total = parts.viscous + parts.restoring + tau - parts.coriolis
+    measured = np.gradient(nu, STEP_S, axis=0) @ fossen.inertia.T
+    error = np.abs(measured - total)[2:-2]
+    assert np.percentile(error, 95, axis=0) / np.abs(total).max(axis=0) == pytest.approx(
+        np.zeros(6), abs=0.02
+    )
+
+
+def test_a_model_comes_back_from_its_file(fossen: auvid.Model, tmp_path: Path) -> None:
+    path = fossen.save(tmp_path / "fossen.json")
+    again = auvid.Model.load(path)
+    assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+    assert repr(again) == repr(fossen)
+    table = again.coefficients
+    assert list(table.columns[:4]) == ["axis", "term", "unit", "value"]
+    assert table["value"].isna().sum() == sum(c.value is None for c in fossen.file.coefficients)
+
+
+def test_a_fit_finds_the_model_that_made_the_motion(
+    flight: tuple[Array, Array, Any], fossen: auvid.Model, tmp_path: Path
+) -> None:
+    """Without noise each coefficient comes back within 3 % (the low-pass of 3 Hz)."""
+    t, tau, motion = flight
+    model = auvid.fit(
+        t, motion.iloc[:, 1:7], motion.iloc[:, 10:], fossen.vehicle, tau=tau, model=TRUTH,
+        validate_from=100.0,
+    )  # fmt: skip
+    truth = {c.symbol: c.predictor for c in damped(fossen).file.coefficients}
+    values = model.coefficients["value"]
+    for symbol in ("X_u", "X_u|u|", "Y_v", "Z_w", "K_p", "M_q", "N_r", "N_r|r|"):
+        assert values[symbol] == pytest.approx(truth[symbol], rel=0.03), symbol
+    assert model.recommended
+    assert set(model.file.use.axes.simulation) == set("XYZKMN")  # type: ignore[union-attr]
+    assert model.file.dynamics.thrusters == fossen.file.dynamics.thrusters
+    assert auvid.Model.load(model.save(tmp_path / "own.json")).name == "own"
+
+
+def test_without_a_part_to_judge_on_the_model_says_so(
+    flight: tuple[Array, Array, Any], fossen: auvid.Model
+) -> None:
+    t, tau, motion = flight
+    rows = slice(0, 600)
+    model = auvid.fit(
+        t[rows], motion.iloc[rows, 1:7], motion.iloc[rows, 10:], fossen.vehicle,
+        tau=tau[rows], model="diagonal",
+    )  # fmt: skip
+    assert "nothing judges it" in model.use
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tau": None}, "the commands are not those of the vehicle's actuators"),
+        ({"tau": np.zeros((5, 6))}, r"wrong shape \(field 'tau'\)|field 'tau': wrong shape"),
+        ({"pulses": np.zeros((600, 6))}, "give the force of the actuators or their commands"),
+        ({"model": "diagnal"}, "unknown model.*Did you mean 'diagonal'"),
+        ({"settings": {"fues": {}}}, "no such stage in a fit.*Did you mean 'fuse'"),
+        ({"settings": {"fuse": {"cutof_hz": 1.0}}}, "Did you mean 'cutoff_hz'"),
+        ({"validate_from": 1e6}, "judged outside the data"),
+        ({"vehicle": "nobodys"}, "no such vehicle"),
+        ({"nu": np.full((600, 6), np.nan)}, "not finite"),
+        ({"time": np.zeros(600)}, "times do not ascend"),
+    ],
+)
+def test_a_fit_refuses_in_words(
+    flight: tuple[Array, Array, Any], fossen: auvid.Model, changes: dict[str, Any], message: str
+) -> None:
+    t, tau, motion = flight
+    rows = slice(0, 600)
+    arguments = {
+        "time": t[rows],
+        "nu": motion.iloc[rows, 1:7],
+        "angles": motion.iloc[rows, 10:],
+        "vehicle": fossen.vehicle,
+        "tau": tau[rows],
+    }
+    with pytest.raises(auvid.PipelineError, match=message):
+        auvid.fit(**(arguments | changes))
+
+
+@pytest.mark.parametrize(
+    ("time", "tau", "message"),
+    [
+        ([0.0, 1.0, 3.0], np.zeros(6), "not uniform"),
+        ([0.0, 0.1], np.zeros(5), "wrong shape"),
+        ([0.0, 0.1], np.full(6, np.inf), "not finite"),
+        ([0.0, 0.1], None, "thruster pulses"),
+    ],
+)
+def test_a_simulation_refuses_in_words(
+    fossen: auvid.Model, time: list[float], tau: Any, message: str
+) -> None:
+    with pytest.raises(auvid.PipelineError, match=message):
+        fossen.simulate(time, tau)
+
+
+def test_a_score_on_its_own_run_is_that_of_the_run(
+    results: auvid.RunResults, fossen: auvid.Model
+) -> None:
+    table = results["validate/error_table"]
+    for use in ("training", "validation"):
+        rows = table[(table["use"] == use) & (table["leg"] == "all")].set_index("axis")
+        score = auvid.score(fossen, results, use=use)
+        np.testing.assert_allclose(score["J/J0"], rows["ratio"][score.index], rtol=1e-9)
+    assert np.isfinite(score["free_run"]).any()
+    with pytest.raises(auvid.PipelineError, match="no leg of this use"):
+        auvid.score(fossen, results, use="both")
+
+
+def test_a_score_takes_inertia_and_restoring_of_the_model(
+    results: auvid.RunResults, fossen: auvid.Model
+) -> None:
+    """A vehicle ten times as stiff in roll and pitch misses these moments."""
+    document = fossen.file.vehicle
+    lift = document.rigid_body.centre_of_buoyancy
+    stiff = lift.model_copy(update={"value": (lift.array - np.array([0.0, 0.0, 0.2])).tolist()})
+    body = document.rigid_body.model_dump(exclude_unset=True)
+    body["centre_of_buoyancy"] = stiff.model_dump(exclude_unset=True)
+    from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+    from auvid.hydro.model_file import dynamics_of
+
+    raw = document.model_dump(exclude_unset=True) | {"rigid_body": body}
+    vehicle = vehicle_from_document(raw)
+    dynamics = dynamics_of(vehicle, np.zeros((6, 6)), lag_s=0.0, minimum_speed_m_s=0.05)
+    changed = fossen.file.model_copy(update={"vehicle": vehicle.document, "dynamics": dynamics})
+    before, after = auvid.score(fossen, results), auvid.score(auvid.Model(changed), results)
+    assert after["J"]["X"] == pytest.approx(before["J"]["X"], rel=1e-9)
+    assert after["J"]["M"] > 2.0 * before["J"]["M"]
+
+
+def test_an_export_is_what_the_exporter_writes(
+    fossen: auvid.Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Any] = []
+
+    def write(*arguments: Any, **options: Any) -> list[Path]:
+        calls.append((arguments, options))
+        return [tmp_path / "model.sdf"]
+
+    monkeypatch.setitem(sys.modules, "auvid.export", SimpleNamespace(write=write))
+    assert fossen.export("gazebo", tmp_path, lossy=True) == [tmp_path / "model.sdf"]
+    options = {"lossy": True, "force": False, "name": None}
+    assert calls == [((fossen.file, "gazebo", tmp_path), options)]
+
+
+def test_figures_are_drawn(
+    fossen: auvid.Model, results: auvid.RunResults, flight: tuple[Array, Array, Any]
+) -> None:
+    pytest.importorskip("matplotlib")
+    figure = auvid.plots.motion(flight[2], results["fuse/check/fused"], labels=("a", "b"))
+    assert [len(axes.lines) for axes in figure.axes] == [2] * 6
+    assert len(auvid.plots.coefficients(fossen).axes) == 6
+    assert len(auvid.plots.score(auvid.score(fossen, results)).axes[0].patches) == 14
+
+
+def test_without_matplotlib_a_plot_says_what_to_install(
+    flight: tuple[Array, Array, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(auvid.PipelineError, match="pip install matplotlib"):
+        auvid.plots.motion(flight[2])
