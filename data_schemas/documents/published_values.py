@@ -136,6 +136,38 @@ class PublishedTableEntry(Model):
         return self.evidence, self.reason
 
 
+class PublishedLineEntry(Model):
+    """Lines."""
+
+    name: str
+    """What the line is."""
+    table: str
+    """Table of the results, STAGE/PORT or STAGE/PORT/KEY."""
+    column: str
+    """Column that is drawn over t_s."""
+    recording: str | None = None
+    """Only the rows of this recording."""
+
+
+class PublishedFigureEntry(Model):
+    """Figures."""
+
+    id: str
+    """Number of the figure as printed (Figure 21)."""
+    title: str
+    """What it shows."""
+    label: str
+    """Name of the vertical axis as printed; the horizontal one is time in s."""
+    unit: str
+    """Unit of the vertical axis as printed."""
+    note: str
+    """Caption: what is ours, and what the source says of its own curve."""
+    printed: dict[str, float] = Field(default_factory=dict)
+    """Values that the source states of the curve (largest speed), drawn as level lines."""
+    lines: list[PublishedLineEntry]
+    """Curves of ours."""
+
+
 class ErratumEntry(Model):
     """Errata."""
 
@@ -165,6 +197,8 @@ class PublishedValuesDocument(Model):
     """Where the tables are printed."""
     tables: list[PublishedTableEntry]
     """The tables, in the order of the source."""
+    figures: list[PublishedFigureEntry] = Field(default_factory=list)
+    """Figures of the source that the results can draw."""
     errata: list[ErratumEntry] = Field(default_factory=list)
     """Print errors of the source."""
 

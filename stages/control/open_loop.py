@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from auvid.data_schemas.documents.control_cases import OpenLoopEntry
+from auvid.data_schemas.documents.control_cases import QUANTITIES, OpenLoopEntry
 from auvid.hydro.control.open_loop import (
     Finding,
     OpenLoopRun,
@@ -29,6 +29,8 @@ from auvid.hydro.dynamics.viscous.coefficients import Coefficient
 from auvid.stages.presentation import Block, panel, plot, remark, series, table
 
 SHOWN_SET = "as_simulated"
+UNSTATED = ("steady_u", "steady_w", "steady_phi", "steady_theta", "depth", "radius")
+"""Quantities that every run of the shown set gives, whether the text states them or not."""
 LONGEST_BESIDE_S = 200.0
 """The other parameter sets fly the cases with statements up to this duration: a glide
 of 1000 s says no more than one of 200 s.
@@ -65,7 +67,8 @@ def open_loop_part(cases: Mapping[str, OpenLoopEntry], vehicle: Vehicle) -> Part
         *(remark(words, "note") for words in _ended(runs)),
         *(_plot(run) for run in own),
     ]
-    return Part(tuple(blocks), tuple(_row(item) for item in compared), own)
+    rows = [_row(item) for item in compared] + [row for run in own for row in _unstated(run)]
+    return Part(tuple(blocks), tuple(rows), own)
 
 
 def coefficients_part(vehicle: Vehicle) -> Part:
@@ -131,6 +134,22 @@ def _row(item: Finding) -> dict[str, Any]:
             f" {item.statement.unit}: {item.statement.source}"
         ),
     }
+
+
+def _unstated(run: OpenLoopRun) -> list[dict[str, Any]]:
+    """Return the figures of a run of which the text states nothing, as far as they are."""
+    stated = {item.quantity for item in run.case.statements}
+    values = {name: run.quantity(name) for name in UNSTATED if name not in stated}
+    return [
+        {
+            "quantity": f"open loop {run.case.name}, {name}, {run.parameter_set}",
+            "value": value,
+            "unit": QUANTITIES[name],
+            "note": "the text states none",
+        }
+        for name, value in values.items()
+        if np.isfinite(value)
+    ]
 
 
 def _statements(compared: Sequence[Finding]) -> Block:

@@ -19,7 +19,12 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.stages.base import Collection, Document, Stage, port
 from auvid.stages.columns import stacked
-from auvid.stages.pipendulum.decays import DecayResult, decay_figures, decays_of
+from auvid.stages.pipendulum.decays import (
+    DecayResult,
+    decay_figures,
+    decays_of,
+    measured_rate,
+)
 from auvid.stages.pipendulum.presentation import bench_section, bench_views
 from auvid.stages.pipendulum.recordings import Logs
 from auvid.stages.pipendulum.swings import SwingResult, inertia_document, swing_figures, swings_of
@@ -102,6 +107,7 @@ def _decay_table(decays: list[DecayResult]) -> pa.Table | None:
             "recording": [item.recording.leg] * item.decay.run.grid_s.size,
             "t_s": item.decay.run.grid_s,
             "theta_measured_rad": item.estimate.measured,
+            "speed_m_s": decay.arm * measured_rate(item.decay.run),
             **{
                 f"theta_{name.replace(' ', '_')}_rad": item.estimate.simulated[name]
                 for name in DAMPING

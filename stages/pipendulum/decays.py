@@ -296,6 +296,11 @@ def mean_of(items: Sequence[Derivatives]) -> Derivatives:
     return Derivatives(values, covariance * np.outer(widen, widen))
 
 
+def measured_rate(run: SingleRun) -> Array:
+    """Return the measured rate [rad/s] on the grid (n,) of a run, linear between samples."""
+    return np.interp(run.grid_s, run.grid_s[run.rate_at], run.rate)
+
+
 def decay_figures(decays: Sequence[DecayResult]) -> list[Figure]:
     """Return the derivatives of every decay.
 
@@ -350,6 +355,11 @@ def decay_figures(decays: Sequence[DecayResult]) -> list[Figure]:
                     )
                 )
         rows += _decay_errors(name, item)
+        run = item.recordings[0].decay.run
+        speed = item.arm * float(np.max(np.abs(run.rate)))
+        rows.append(
+            figure(f"{name}: largest speed", speed, "m/s", note="measured rate times the arm")
+        )
         rows.append(
             figure(
                 f"{name}: smallest eigenvalue of C_n",

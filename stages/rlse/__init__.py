@@ -21,11 +21,12 @@ from auvid.hydro.identification.bench.single_channel import (
     DAMPING,
     ChannelEstimate,
     estimate_channel,
+    recursive_fits,
     unexcited,
 )
 from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import leg_window, stacked
-from auvid.stages.rlse.figures import channel_results, dry_mass, no_results
+from auvid.stages.rlse.figures import channel_results, dry_mass, no_results, second_results
 from auvid.stages.rlse.presentation import channel_section, channel_views, unexcited_section
 from auvid.stages.rlse.run_of_leg import LegRun, Streams, run_of_leg
 
@@ -56,6 +57,13 @@ class Params:
         "1",
         1e6,
         meaning="initial covariance gamma_0 of every coefficient of (62)",
+        low=1e-9,
+        high=1e15,
+    )
+    second_prior_spread: float | None = param(
+        "1",
+        None,
+        meaning="gamma_0 of a second recursive estimate, for comparison; null: none",
         low=1e-9,
         high=1e15,
     )
@@ -124,15 +132,25 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             results=no_results(leg, leg_run, reason),
             section=unexcited_section(leg, leg_run, reason),
         )
+    memory_s, limits = params.memory_s or None, (params.lowest_trace, params.highest_trace)
     estimate = estimate_channel(
         leg_run.data,
         filter_rate=params.filter_rate_rad_s,
         prior_spread=params.prior_spread,
-        memory_s=params.memory_s or None,
-        limits=(params.lowest_trace, params.highest_trace),
+        memory_s=memory_s,
+        limits=limits,
     )
     dry = dry_mass(channel, vehicle, inputs.leg)
     results = channel_results(leg, leg_run, estimate, dry)
+    if params.second_prior_spread is not None:
+        fits, _ = recursive_fits(
+            estimate.data,
+            filter_rate=params.filter_rate_rad_s,
+            prior_spread=params.second_prior_spread,
+            memory_s=memory_s,
+            limits=limits,
+        )
+        results["rows"] += second_results(leg_run, fits, dry, params.second_prior_spread)
     return Outputs(
         results=results,
         channel_run=_run_table(leg_run, estimate),

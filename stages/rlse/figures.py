@@ -2,7 +2,8 @@
 
 Names: `m - X_udot`, `X_udot`, `X_u`, `X_u|u|` are those of the chosen damping model by
 output error; in brackets behind them stands another damping model, and `recursive` for
-the recursive estimate: `X_udot (quadratic)`, `X_udot (quadratic, recursive)`. Where
+the recursive estimate: `X_udot (quadratic)`, `X_udot (quadratic, recursive)`, with a
+second initial covariance `X_udot (quadratic, recursive, gamma_0 5)`. Where
 only commands are known: `X_u/(m - X_udot)`, `X_u|u|/(m - X_udot)`, `1/(m - X_udot)`.
 """
 
@@ -78,7 +79,8 @@ def channel_results(
             headline=name is None,
         )
     for name in DAMPING:
-        rows += _recursive_figures(leg_run, estimate.recursive[name], estimate, name, dry)
+        suffix = f" ({name}, recursive)"
+        rows += _recursive_figures(leg_run, estimate.recursive[name], name, dry, suffix)
     signal = "m/s" if CHANNELS.index(leg_run.channel) < 3 else "rad/s"
     if not leg_run.data.run.rate.size:
         signal = "m" if leg_run.channel == "heave" else "rad"
@@ -261,10 +263,23 @@ def _in_commands(
     return rows
 
 
-def _recursive_figures(
-    leg_run: LegRun, fit: RecursiveFit, estimate: ChannelEstimate, name: str, dry: float
+def second_results(
+    leg_run: LegRun, fits: Mapping[str, RecursiveFit], dry: float, spread: float
 ) -> list[Figure]:
-    names, suffix = symbols(leg_run.channel), f" ({name}, recursive)"
+    """Return the figures of recursive estimates with another initial covariance."""
+    return [
+        row
+        for name, fit in fits.items()
+        for row in _recursive_figures(
+            leg_run, fit, name, dry, f" ({name}, recursive, gamma_0 {spread:g})"
+        )
+    ]
+
+
+def _recursive_figures(
+    leg_run: LegRun, fit: RecursiveFit, name: str, dry: float, suffix: str
+) -> list[Figure]:
+    names = symbols(leg_run.channel)
     values, errors = fit.values[-1], fit.spread[-1]
     total = f"{names.mass} - {names.added}"
     if leg_run.normalised:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -237,25 +238,13 @@ def estimate_channel(
         )
     end = float(data.run.grid_s[0] + (1.0 - HELD_OUT) * (data.run.grid_s[-1] - data.run.grid_s[0]))
 
-    def regressions(run: ChannelRun) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
-        form = _static(run, filter_rate)
-        recursive_fits, excited = {}, {}
-        for name in DAMPING:
-            columns = _columns(name, run)
-            part = StaticRegression(
-                form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate
-            )
-            estimate = recursive_least_squares(
-                part,
-                prior_spread=prior_spread,
-                memory_s=memory_s,
-                lowest_trace=limits[0],
-                highest_trace=limits[1],
-            )
-            recursive_fits[name] = _recursive_fit(part, estimate, columns)
-            excited[name] = excitation(part.t_s, part.regressor)
-        return recursive_fits, excited
-
+    regressions = partial(
+        recursive_fits,
+        filter_rate=filter_rate,
+        prior_spread=prior_spread,
+        memory_s=memory_s,
+        limits=limits,
+    )
     recursive, excited = regressions(data)
     if all(item.status == PERSISTENT for item in excited.values()):
         data = replace(data, rate_bias=data.rate_bias or data.current)
@@ -286,6 +275,39 @@ def estimate_channel(
     }
     chosen = choose_damping(sound, fits[BOTH].values[1:3], fits[BOTH].standard_errors[1:3])
     return ChannelEstimate(fits, recursive, excited, chosen, lag, data)
+
+
+def recursive_fits(
+    data: ChannelRun,
+    *,
+    filter_rate: float,
+    prior_spread: float,
+    memory_s: float | None = None,
+    limits: tuple[float, float] = (0.0, np.inf),
+) -> tuple[dict[str, RecursiveFit], dict[str, Excitation]]:
+    """Return the recursive estimate (39), (41) and C_n (51) of every damping model.
+
+    Arguments are those of `estimate_channel`. Theta starts at zero, so that where a run
+    excites little a small prior_spread holds Theta, hence the inverse of the mass, near
+    zero: the mass that comes out is far too large.
+    """
+    form = _static(data, filter_rate)
+    fits, excited = {}, {}
+    for name in DAMPING:
+        columns = _columns(name, data)
+        part = StaticRegression(
+            form.t_s, form.z, np.ascontiguousarray(form.regressor[:, columns]), form.rate
+        )
+        estimate = recursive_least_squares(
+            part,
+            prior_spread=prior_spread,
+            memory_s=memory_s,
+            lowest_trace=limits[0],
+            highest_trace=limits[1],
+        )
+        fits[name] = _recursive_fit(part, estimate, columns)
+        excited[name] = excitation(part.t_s, part.regressor)
+    return fits, excited
 
 
 def _with_lag(data: ChannelRun, lag_s: float) -> ChannelRun:

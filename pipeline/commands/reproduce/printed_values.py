@@ -9,7 +9,7 @@ from auvid.pipeline.commands.reproduce.variants import FILE
 from auvid.pipeline.commands.run.run_summary import comparison_rows, result_files
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.terminal import path_from_here, table
-from auvid.stages.check_published import check_of, evidence_table, printed_rows
+from auvid.stages.check_published.presentation import check_of, evidence_table, printed_rows
 from auvid.stages.reference_check import count_bounds
 
 PUBLISHED = "published_values"

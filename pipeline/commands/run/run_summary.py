@@ -10,7 +10,7 @@ from typing import Any
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.terminal import path_from_here, plain, table
-from auvid.stages.check_published import check_of
+from auvid.stages.check_published.presentation import check_of
 from auvid.stages.number_format import fixed, significant
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_bounds

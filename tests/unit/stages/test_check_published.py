@@ -10,6 +10,7 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.published_values import PublishedValuesDocument
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.tables import make_table
 from auvid.stages import check_published
 from auvid.stages.base import collection
 
@@ -72,10 +73,17 @@ def published(*rows: dict[str, Any], errata: tuple[str, ...] = ("A17",)) -> Publ
     return parse(PublishedValuesDocument, document)
 
 
-def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
+def run(
+    document: PublishedValuesDocument | None, tables: dict[str, Any] | None = None
+) -> check_published.Outputs:
+    return check_published.run(
+        check_published.Inputs(collection(RESULTS), collection(tables or {}), document),
+        check_published.Params(),
     )
+
+
+def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
+    outputs = run(published(*rows))
     assert outputs.comparison is not None
     assert outputs.section is not None
     return outputs.comparison.to_pylist()
@@ -113,10 +121,7 @@ def test_limits_on_the_value_itself():
 
 
 def test_a_missed_limit_is_told_in_the_unit_of_the_row():
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(row(most=-13.2), row(least=-13.0))),
-        check_published.Params(),
-    )
+    outputs = run(published(row(most=-13.2), row(least=-13.0)))
     assert outputs.section is not None
     warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"][1:]
     assert warned == [
@@ -151,10 +156,7 @@ def test_a_verdict_is_held_with_or_without_a_value():
 
 
 def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(row(most_relative_error=0.03))),
-        check_published.Params(),
-    )
+    outputs = run(published(row(most_relative_error=0.03)))
     assert outputs.section is not None
     titles = [block["title"] for block in outputs.section["blocks"] if block["kind"] == "table"]
     assert titles == ["What the bounds show", "Table 4: varying steps", "Errata of the source"]
@@ -171,9 +173,7 @@ def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
 
 def test_what_is_met_stands_among_the_results() -> None:
     rows = (row(most_relative_error=0.04), row(most_relative_error=0.03), row())
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
-    )
+    outputs = run(published(*rows))
     assert outputs.bounds is not None
     check_document(outputs.bounds, "results")
     (found,) = outputs.bounds["rows"]
@@ -183,9 +183,7 @@ def test_what_is_met_stands_among_the_results() -> None:
         "missed",
     )
     assert found["note"] == "largest error 3.5 % (X_udot)"
-    free = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(row())), check_published.Params()
-    )
+    free = run(published(row()))
     assert free.bounds is None
 
 
@@ -201,9 +199,7 @@ def test_what_cannot_fail_is_counted_apart() -> None:
         row(most=0.0, printed=None, evidence="unprinted", reason="no number"),
         row(),
     )
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), published(*rows)), check_published.Params()
-    )
+    outputs = run(published(*rows))
     assert outputs.comparison is not None
     assert outputs.bounds is not None
     assert outputs.section is not None
@@ -244,9 +240,7 @@ def test_a_bound_must_say_what_it_shows() -> None:
 
 
 def test_a_campaign_without_printed_tables_gives_nothing():
-    outputs = check_published.run(
-        check_published.Inputs(collection(RESULTS), None), check_published.Params()
-    )
+    outputs = run(None)
     assert outputs == check_published.Outputs(None, None, None)
 
 
@@ -258,9 +252,7 @@ def test_unknown_errata_are_refused_before_any_stage():
 def test_unknown_figures_are_refused_together():
     document = published(row(ours="rlse/surge:m - X_udo"), row(ours="rlse/sway:Y_v"))
     with pytest.raises(PipelineError) as caught:
-        check_published.run(
-            check_published.Inputs(collection(RESULTS), document), check_published.Params()
-        )
+        run(document)
     words = str(caught.value)
     assert "rlse/surge:m - X_udot" in words
     assert "tables[0].rows[1].ours" in words
@@ -271,3 +263,63 @@ def test_a_bound_without_a_figure_is_refused(bound):
     entry = {"quantity": "I_P", "unit": "kg*m^2", "printed": 2.0, **bound}
     with pytest.raises(PipelineError, match="a bound needs a figure"):
         published(entry)
+
+
+DAMPING = ("linear", "quadratic", "linear_and_quadratic")
+DECAYS = make_table(
+    "decays",
+    {
+        "recording": ["one", "one", "two"],
+        "t_s": [0.0, 1.0, 0.5],
+        "theta_measured_rad": [0.0, 0.1, 0.2],
+        "speed_m_s": [0.3, -0.2, 9.0],
+        **{
+            f"theta_{name}_rad": [0.0] * 3
+            for name in ("linear", "quadratic", "linear_and_quadratic")
+        },
+    },
+)
+LINE = {"name": "surge", "table": "pipendulum/decays", "recording": "one", "column": "speed_m_s"}
+
+
+def with_figure(**line: Any) -> PublishedValuesDocument:
+    entry = {
+        "id": "Figure 21",
+        "title": "velocity",
+        "label": "u",
+        "unit": "m/s",
+        "note": "Ours: the twin's.",
+        "printed": {"largest speed": 0.3515},
+        "lines": [LINE | line],
+    }
+    document = published(row()).model_dump(exclude_unset=True) | {"figures": [entry]}
+    return parse(PublishedValuesDocument, document)
+
+
+def test_figures_of_the_source_are_drawn_on_its_axes() -> None:
+    outputs = run(with_figure(), {"pipendulum/decays": DECAYS})
+    assert outputs.section is not None
+    (drawn,) = [block for block in outputs.section["blocks"] if block["kind"] == "plot"]
+    assert (drawn["title"], drawn["x"]) == (
+        "Figure 21: velocity",
+        {"label": "time", "unit": "s"},
+    )
+    assert drawn["look_for"] == "Ours: the twin's."
+    (axis,) = drawn["panels"]
+    assert (axis["label"], axis["unit"]) == ("u", "m/s")
+    ours, printed = axis["series"]
+    assert (ours["name"], ours["x"], ours["y"]) == ("ours: surge", [0.0, 1.0], [0.3, -0.2])
+    assert (printed["name"], printed["y"]) == ("printed: largest speed", [0.3515, 0.3515])
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ({"table": "pipendulum/decay"}, "Did you mean 'pipendulum/decays'"),
+        ({"column": "speed"}, "no such column"),
+        ({"recording": "three"}, "no such recording"),
+    ],
+)
+def test_lines_of_what_is_not_there_are_refused(line: dict[str, Any], words: str) -> None:
+    with pytest.raises(PipelineError, match=words):
+        run(with_figure(**line), {"pipendulum/decays": DECAYS})

@@ -30,7 +30,7 @@ def test_figures_and_blocks_are_what_the_schemas_ask(part):
 
 
 def test_every_statement_has_its_verdict_under_every_set(part):
-    verdicts = {row["quantity"]: row["verdict"] for row in part.rows}
+    verdicts = {row["quantity"]: row.get("verdict") for row in part.rows}
     assert verdicts["open loop glide_dive, steady_u, as_simulated"] == "holds"
     assert verdicts["open loop glide_dive, steady_u, as_printed"] == "does not hold"
     assert verdicts["open loop glide_dive, steady_u, corrected"] == "does not hold"
@@ -45,6 +45,21 @@ def test_the_runs_of_the_simulations_are_drawn(part):
     drawn = [block for block in part.blocks if block["kind"] == "plot"]
     assert len(drawn) == 3
     assert all(len(block["panels"]) == 3 for block in drawn)
+
+
+def test_runs_of_which_the_text_states_nothing_have_figures_too(part):
+    values = {row["quantity"]: row["value"] for row in part.rows}
+    assert values["open loop float_up, depth, as_simulated"] < -100.0
+    assert 0.5 < values["open loop float_up, steady_theta, as_simulated"] < 1.0
+    assert "open loop float_up, radius, as_simulated" not in values
+
+
+@pytest.mark.parametrize("case", ["float_up", "dive_down", "spiral_ascent", "spiral_descent"])
+def test_every_manoeuvre_of_the_text_has_rows(case):
+    document = read_yaml((ROOT / "campaigns/hauv/published.yaml").read_text())
+    (table,) = [table for table in document["tables"] if table["id"] == "4.1"]
+    names = {row["ours"].split(", ")[1] for row in table["rows"] if f" {case}," in row["ours"]}
+    assert {"depth", "steady_theta", "steady_u", "steady_w"} <= names
 
 
 def test_strip_theory_beside_the_published_tables():

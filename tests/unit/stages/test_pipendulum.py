@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -209,6 +210,13 @@ def test_whole_bench() -> None:
     assert found["surge: X_udot per 1 % of restoring moment"]["value"] == pytest.approx(
         -0.01 * total, rel=1e-4
     )
+    assert outputs.decays is not None
+    swing = outputs.decays.filter(pc.equal(outputs.decays["recording"], "decay")).to_pydict()
+    assert found["surge: largest speed"]["value"] == pytest.approx(
+        np.abs(swing["speed_m_s"]).max(), rel=1e-3
+    )
+    slope = 3.66 * np.gradient(swing["theta_measured_rad"], swing["t_s"])
+    np.testing.assert_allclose(swing["speed_m_s"][1:-1], slope[1:-1], atol=0.01)
     assert "linear damping predicts the validation leg best" in remarks(outputs, "finding")
     assert "correlation 1" in remarks(outputs, "note")
     check_document(outputs.inertia, "inertia")

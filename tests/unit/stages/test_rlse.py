@@ -201,6 +201,28 @@ def test_single_step_is_not_persistently_exciting() -> None:
     assert "Not persistently exciting" in remarks(outputs, "warning")
 
 
+def test_recursion_from_a_small_covariance_misses_the_mass_of_a_step() -> None:
+    """The effect of Table 3: a step leaves Theta near zero, so that the mass is far too
+    large, while varying steps bring it to the truth from the same start.
+    """
+    step, varying = (
+        figures(
+            run(
+                leg_of("surge"),
+                tables_of("surge", percent, noise=0.01),
+                second_prior_spread=4.57,
+            )
+        )
+        for percent in ((60.0,) * 6, (60.0, -40.0, 80.0, -60.0, 30.0, -80.0))
+    )
+    added, small = "X_udot (quadratic, recursive)", "X_udot (quadratic, recursive, gamma_0 4.57)"
+    true = varying["X_udot (quadratic)"]["value"]
+    assert step[added]["value"] == pytest.approx(true, rel=0.2)
+    assert abs(step[small]["value"] / true - 1.0) > 3.0 * abs(varying[small]["value"] / true - 1.0)
+    assert step[small]["value"] < 1.5 * true < 0.0
+    assert small not in figures(run(leg_of("surge"), tables_of("surge", (60.0,) * 6, noise=0.01)))
+
+
 def test_intervals_hold_the_truth_also_under_a_single_step() -> None:
     """As in Table 3, with a run that the added mass is told by a few samples of only."""
     t, u, _, force = stepped_run(
