@@ -21,7 +21,7 @@ setup(
     packages=["auvid", *(name for floor in FLOORS for name in packages_of(floor))],
     package_dir={"auvid": "auvid", **{f"auvid.{floor}": floor for floor in FLOORS}},
     package_data={
-        "": ["*.yaml", "*.css", "*.js", "*.html", "*.j2", "*.csv"],
+        "": ["*.yaml", "*.css", "*.js", "*.html", "*.j2", "*.csv", "py.typed"],
         "auvid.pipeline": ["templates/**"],
     },
 )

@@ -109,6 +109,7 @@ def _figure(width: float, height: float) -> Figure:
         from matplotlib.figure import Figure
     except ImportError:
         raise UsageError(
-            "plots need matplotlib, which is not installed", remedy="pip install matplotlib"
+            "plots need matplotlib, which is not installed",
+            remedy="pip install matplotlib, or auvid[plots]",
         ) from None
     return Figure(figsize=(width, height), layout="constrained")

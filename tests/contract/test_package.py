@@ -32,6 +32,26 @@ for words in ("--help", "vehicles"):
 """
 
 
+INTERFACE = """
+import time
+import auvid
+results = auvid.run("example", progress=False)
+begin = time.process_time()
+from pathlib import Path
+import numpy as np
+model = results.models["symmetric"]
+again = auvid.Model.load(model.save("model.json"))
+t = np.arange(0.0, 60.0, 0.05)
+tau = 20.0 * np.sin(np.outer(t, np.arange(1, 7) * 0.3)) * [1, 1, 1, 0.05, 0.05, 0.1]
+motion = again.simulate(t, tau)
+fitted = auvid.fit(t, motion.iloc[:, 1:7], motion.iloc[:, 10:], again.vehicle, tau=tau)
+assert fitted.coefficients.determined.any(), fitted.coefficients
+assert np.isfinite(auvid.score(again, results)["J/J0"]).all()
+print(auvid.__file__, time.process_time() - begin)
+"""
+"""What a user does with an installed package; seconds of everything but the run."""
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of packages that holds the wheel of auvid and nothing else."""
@@ -76,6 +96,7 @@ def test_wheel_holds_every_file_of_the_package(site: Path) -> None:
         and "__pycache__" not in path.parts
         and path.suffix not in (".md", ".pyc")
     }
+    expected |= {path.relative_to(ROOT / "auvid") for path in (ROOT / "auvid").glob("*.py*")}
     installed = {path.relative_to(site / "auvid") for path in (site / "auvid").rglob("*")}
     assert sorted(map(str, expected - installed)) == []
 
@@ -101,6 +122,16 @@ def test_installed_package_makes_a_workspace(site: Path, tmp_path: Path) -> None
     """Its example is simulated by loops that a fresh package compiles first."""
     python("-c", MAIN, "new", "workspace", folder=tmp_path, path=site)
     assert (tmp_path / "workspace/campaigns/example/logs").is_dir()
+
+
+@pytest.mark.release
+def test_installed_package_serves_python(site: Path, tmp_path: Path) -> None:
+    """A run, then load, simulate, fit and score within 5 s of processor time."""
+    python("-c", MAIN, "new", "workspace", folder=tmp_path, path=site)
+    printed = python("-c", INTERFACE, folder=tmp_path / "workspace", path=site)
+    place, seconds = printed.split()
+    assert place == str(site / "auvid/__init__.py")
+    assert float(seconds) < 5.0
 
 
 def test_modules_are_loaded_under_one_name() -> None:
