@@ -30,6 +30,7 @@ from auvid.hydro.identification.constrained.equations import added_mass_change
 from auvid.hydro.identification.maximum_likelihood.output_error import WINDOW_S
 from auvid.hydro.identification.maximum_likelihood.records import LegRecord
 from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.selection.folds import parts_of
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import ACCELERATION, ACTUATORS, VELOCITY, clock, force_columns, forces
 from auvid.stages.refine.fitting import ESTIMATORS, CardUnknowns, SensorFit, fit_card
@@ -109,7 +110,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             warnings.append(_kept(card, f"the iteration did not converge in {steps} steps."))
             continue
         refined[name] = refined_card(
-            fit, name, params.estimator, legs, _force_errors(inputs, fit, legs), left_out
+            fit,
+            name,
+            params.estimator,
+            legs,
+            dict(zip(AXES, _force_errors(inputs, fit, legs)[0].tolist(), strict=True)),
+            _held_out(inputs, fit, legs),
+            left_out,
         )
     return Outputs(refined, refine_section(inputs.model_card, refined, warnings))
 
@@ -192,8 +199,32 @@ def _kept(card: ModelCard, reason: str) -> str:
     )
 
 
-def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> dict[str, float]:
-    """Return axis -> RMS error of the residual force on the legs [N, N m].
+def _held_out(
+    inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]
+) -> dict[str, dict[str, float | None]]:
+    """Return part of the legs -> axis or all -> J/J0 on it from the others' fit.
+
+    By the parts that synthesise leaves out in turn, so that models compare.
+    """
+    parts: dict[str, list[int]] = {}
+    for number, part in enumerate(parts_of([inputs.segment[leg.name].leg for leg in legs])):
+        parts.setdefault(part, []).append(number)
+    if len(parts) < 2:
+        return {}
+    ratios = {}
+    for part, numbers in parts.items():
+        error, force = _force_errors(inputs, fit.without(numbers), [legs[i] for i in numbers])
+        top = np.append(np.sqrt(np.mean(error**2)), error)
+        bottom = np.append(np.sqrt(np.mean(force**2)), force)
+        ratios[part] = {
+            axis: float(a / b) if b > 0.0 else None
+            for axis, a, b in zip(("all", *AXES), top, bottom, strict=True)
+        }
+    return ratios
+
+
+def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> tuple[Array, Array]:
+    """Return the RMS error (6,) of the residual force on the legs, and its RMS [N, N m].
 
     tau_bar is formed with the inertia of the vehicle file and actuators without a lag,
     so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and tau_U with
@@ -208,8 +239,8 @@ def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> 
     change = added_mass_change(
         {u: float(fit.limited.values[problem.unknowns.index(u)]) for u in problem.inertia}
     )
-    lag_s = problem.parameters.lag_s(fit.estimate.theta)
-    squares, n = np.zeros(6), 0
+    lag_s = fit.lag_s
+    squares, forces_squared, n = np.zeros(6), np.zeros(6), 0
     for leg in legs:
         residual = inputs.residual[leg.name]
         nu, nu_dot = matrix(residual, VELOCITY), matrix(inputs.fused[leg.name], ACCELERATION)
@@ -222,9 +253,11 @@ def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> 
         acting = np.sum([forces(residual, name) for name in names], axis=0)
         step_s = float(np.mean(np.diff(clock(residual))))
         force = force + first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting
-        squares += np.sum((forces(residual, "tau_bar") - force) ** 2, axis=0)
+        tau_bar = forces(residual, "tau_bar")
+        squares += np.sum((tau_bar - force) ** 2, axis=0)
+        forces_squared += np.sum(tau_bar**2, axis=0)
         n += len(nu)
-    return dict(zip(AXES, np.sqrt(squares / n).tolist(), strict=True))
+    return np.sqrt(squares / n), np.sqrt(forces_squared / n)
 
 
 STAGE = Stage(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -191,6 +191,16 @@ class SensorFit:
         }
 
     @property
+    def lag_s(self) -> float:
+        """Return the lag of the actuators [s], 0 where none was fitted."""
+        return float(self.limited.values[-1]) if self.problem.lag else 0.0
+
+    def without(self, legs: Collection[int]) -> SensorFit:
+        """Return the fit to all other legs, one step away, within the same limits."""
+        theta = self.estimate.without(legs)
+        return replace(self, limited=_within_limits(self.problem, self.estimate, theta))
+
+    @property
     def covariance(self) -> Array:
         """Return the covariance (k, k) of physical values, nan where one is fixed."""
         return self.estimate.covariance * np.outer(self.problem.signs, self.problem.signs)
@@ -220,11 +230,16 @@ def fit_card(
         estimate = fit_output_error(
             legs, parameters, start, prior=problem.prior, biases=biases, window_s=window_s
         )
-    values = problem.physical(estimate.theta)
-    signs = problem.signs
+    return SensorFit(problem, estimate, _within_limits(problem, estimate, estimate.theta))
+
+
+def _within_limits(
+    problem: CardUnknowns, estimate: LikelihoodEstimate, theta: Array
+) -> LimitedEstimate:
+    """Return physical values of theta (k,), moved within the limits by the information."""
+    values, signs = problem.physical(theta), problem.signs
     rows, cuts = problem.limits()
-    limited = LimitedEstimate(values, (), 0.0)
-    if rows or cuts:
-        metric = estimate.information_covariance * np.outer(signs, signs)
-        limited = nearest_within(problem.unknowns, values, metric, rows, cuts)
-    return SensorFit(problem, estimate, limited)
+    if not rows and not cuts:
+        return LimitedEstimate(values, (), 0.0)
+    metric = estimate.information_covariance * np.outer(signs, signs)
+    return nearest_within(problem.unknowns, values, metric, rows, cuts)

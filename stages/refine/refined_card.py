@@ -47,11 +47,13 @@ def refined_card(
     estimator: str,
     legs: Sequence[LegRecord],
     force_errors: Mapping[str, float],
+    held_out: Mapping[str, Mapping[str, float | None]],
     left_out: Sequence[str],
 ) -> ModelCard:
     """Return the card of a fit: that which it started from, with its own numbers.
 
-    force_errors: axis -> RMS error of the residual force on training.
+    force_errors: axis -> RMS error of the residual force on training. held_out: part of
+    the legs -> axis or all -> J/J0 on it from the others. left_out: legs without sensors.
     """
     card, words = fit.problem.card, estimator.replace("_", " ")
     status = _statuses(fit)
@@ -61,10 +63,10 @@ def refined_card(
             "title": f"{card.title} ({words})",
             "method": words,
             "velocity_errors": None,
-            # What least squares says of legs left out is not said of this fit.
+            # What least squares says of signs without a leg is not said of this fit.
             "coverage_on_twins": {},
             "left_out": [],
-            "held_out": {},
+            "held_out": {part: dict(row) for part, row in held_out.items()},
             "axes": {
                 axis: _axis(axis, part, fit, status, force_errors[axis])
                 for axis, part in card.axes.items()

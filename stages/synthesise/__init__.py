@@ -34,6 +34,7 @@ from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
+from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
@@ -45,7 +46,6 @@ from auvid.stages.synthesise.training import (
     coloured_covariances,
     motion_factor,
     others_of,
-    parts_of,
 )
 from auvid.stages.synthesise.within_limits import DAMPING, PhysicalLimits, within_limits
 

@@ -55,8 +55,6 @@ HAC_BLOCK_SAMPLES = 32_768
 """The coloured standard errors take correlation within so many samples into account (11
 minutes at 50 Hz): it bounds their memory.
 """
-MOST_PARTS = 8
-"""Legs are left out one by one up to this number of legs, in so many groups beyond it."""
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
 ACTUATORS = ("fins", "propeller", "thrusters")
 """Components of the residual force that a lag of the actuators delays."""
@@ -231,22 +229,6 @@ class TrainingData:
         return TrainingData(
             self.factor.merge(other.factor), self.errors.merge(other.errors), motion
         )
-
-
-def parts_of(legs: Sequence[str]) -> list[str]:
-    """Return the name of the part that each leg is left out with.
-
-    >>> parts_of(["a", "a", "b"])
-    ['a', 'a', 'b']
-    """
-    names = list(dict.fromkeys(legs))
-    if len(names) <= MOST_PARTS:
-        return list(legs)
-    groups = [names[i * len(names) // MOST_PARTS] for i in range(MOST_PARTS)]
-    ends = [*map(names.index, groups[1:]), len(names)]
-    titles = [f"{first} to {names[end - 1]}" for first, end in zip(groups, ends, strict=True)]
-    of = {name: titles[sum(end <= i for end in ends)] for i, name in enumerate(names)}
-    return [of[leg] for leg in legs]
 
 
 def others_of(parts: Mapping[str, TriangularFactor]) -> dict[str, TriangularFactor]:

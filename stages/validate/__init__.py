@@ -333,6 +333,7 @@ def _flights(
             errors=force_errors(card, samples_per_one, 1.0 / segment.rate_hz),
             windows=windows,
             minimum_speed=params.minimum_speed_m_s,
+            lag_s=chosen.lag_s,
         )
         if flight is not None:
             flights[key] = flight

@@ -166,11 +166,17 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
 def force_errors(
     card: ModelCard, samples_per_one: Mapping[str, float], step_s: float
 ) -> tuple[Array, Array]:
-    """Return size (6,) [N, N m] and memory (6,) [s] of a card's training error.
+    """Return size (6,) [N, N m] and memory (6,) [s] of a card's force error in training.
 
-    A first-order autoregression of which R samples count as one has the coefficient
-    (R - 1) / (R + 1) from sample to sample.
+    Of filter error the unsteady force that it was fitted with, over the legs. Else of the
+    residual force: a first-order autoregression of which R samples count as one has the
+    coefficient (R - 1) / (R + 1) from sample to sample.
     """
+    fit = card.likelihood
+    if fit is not None and fit.force_time_s is not None:
+        squares = [[leg.force_sd[axis] ** 2 for axis in AXES] for leg in fit.legs if leg.force_sd]
+        memory = np.array([fit.force_time_s[axis] for axis in AXES])
+        return np.sqrt(np.mean(squares, axis=0)), memory
     ratio = np.maximum([samples_per_one.get(axis, 1.0) for axis in AXES], 1.001)
     memory = step_s / np.log((ratio + 1.0) / (ratio - 1.0))
     return np.array([card.axes[axis].j for axis in AXES]), memory
@@ -186,10 +192,12 @@ def fly(
     errors: tuple[Array, Array],
     windows: int,
     minimum_speed: float,
+    lag_s: float = 0.0,
 ) -> FreeFlight | None:
     """Return the flight of a model (draws of one) over a segment, None if too short.
 
     windows: how many there are in all segments, which decides how many draws fly.
+    lag_s: of the actuators, in all of them.
     """
     stride = max(1, round(SHOWN_S / motion.step_s))
     starts = starts_of(motion, window_s)
@@ -220,6 +228,7 @@ def fly(
                 added_mass=flown.added_mass,
                 minimum_speed=minimum_speed,
                 disturbance=disturbance,
+                lags_s=np.full(len(flown.models), lag_s),
             )
             return flights[:, 0][..., COMPARED], gone[:, 0]
 

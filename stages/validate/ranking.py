@@ -80,7 +80,7 @@ def rank(
             )
         )
     models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))
-    legs = max((len(card.held_out) for card in cards.values()), default=0)
+    legs = _legs_left_out(cards)
     choice, rule = _choice(models, cards, information, judge)
     chosen = next((item for item in models if item.name == choice), None)
     return RankingRecord(
@@ -181,6 +181,8 @@ def _choice(
         return item.axes[ALL].validation if judge == "validation" else item.axes[ALL].training
 
     better = [item for item in models if (value := ratio(item)) is not None and value < 1.0]
+    # A BIC of the force compares fits to the force: one to the sensors has no part in it.
+    apart = () if _legs_left_out(cards) >= 2 else _refined(cards)
     candidates = [
         RankedModel(
             item.name,
@@ -192,6 +194,7 @@ def _choice(
             not item.faults,
         )
         for item in better
+        if item.name not in apart
     ]
     chosen = choose(candidates)
     if chosen is None:
@@ -204,7 +207,45 @@ def _choice(
         words += f"; of {len(models)} models {passing} pass physics"
     elif not passing:
         words += "; none of the models passes physics"
-    return chosen.name, words
+    name, place = chosen.name, {item.name: item for item in better}
+    for other in apart:
+        fit = cards[other].likelihood
+        if fit is None or fit.started_from != chosen.name or other not in place:
+            continue
+        worse = _worse_on_validation(place[other], place[chosen.name])
+        if worse:
+            words += f"; {cards[other].title} does not replace it: {worse}"
+        else:
+            name = other
+            words += (
+                f"; {cards[other].title} replaces it: sound, and nearer to the validation legs in"
+                " force and in free runs"
+            )
+    return name, words
+
+
+def _worse_on_validation(other: MeritRecord, taken: MeritRecord) -> str:
+    """Return in what a model is no better than the one taken, empty for nothing.
+
+    Physics, the force and the free runs of the validation legs: each must speak for it.
+    """
+    if other.faults:
+        return other.faults[0]
+    for name, words in (("validation", "force error"), ("free_run", "free runs")):
+        one, two = (getattr(item.axes[ALL], name) for item in (other, taken))
+        if one is None or two is None:
+            return f"no {words} on validation legs"
+        if one >= two:
+            return f"{words} on the validation legs {one:.2f} for {two:.2f}"
+    return ""
+
+
+def _legs_left_out(cards: Mapping[str, ModelCard]) -> int:
+    return max((len(card.held_out) for card in cards.values()), default=0)
+
+
+def _refined(cards: Mapping[str, ModelCard]) -> tuple[str, ...]:
+    return tuple(name for name, card in cards.items() if card.likelihood is not None)
 
 
 def _information(

@@ -7,7 +7,7 @@ not (White 1982; Newey and West 1987).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,14 @@ from auvid.hydro.identification.regression.standard_errors import automatic_lags
 
 
 @dataclass(frozen=True)
+class LegEquations:
+    """Information (g, g) and minus gradient (g,) of a leg by all unknowns."""
+
+    information: Array
+    vector: Array
+
+
+@dataclass(frozen=True)
 class LikelihoodEstimate:
     """Parameters theta (k,) in the order of `names`, with what belongs to them.
 
@@ -39,7 +47,8 @@ class LikelihoodEstimate:
     square of errors in parts of their standard deviations, 1 for a model that explains
     its data; `channel_residuals` (13,) the same by channel, nan without samples.
     `word`: `converged`, or `no convergence` for the best point of the steps allowed;
-    `at_bound` (k,).
+    `at_bound` (k,). `leg_equations`: what each leg tells of all unknowns, theta first,
+    and `prior_equations` the prior; `held`: which of them are at a bound.
     """
 
     names: tuple[str, ...]
@@ -57,6 +66,9 @@ class LikelihoodEstimate:
     at_bound: Mask
     windows: int
     dropped: tuple[DroppedWindow, ...]
+    leg_equations: tuple[LegEquations, ...]
+    prior_equations: LegEquations
+    held: Mask
 
     @property
     def standard_errors(self) -> Array:
@@ -68,6 +80,21 @@ class LikelihoodEstimate:
         """Return normal 95 % intervals (k, 2)."""
         half = NORMAL_95 * self.standard_errors
         return np.stack([self.theta - half, self.theta + half], axis=-1)
+
+    def without(self, legs: Collection[int]) -> Array:
+        """Return theta (k,) that all legs but these give, by one step from the optimum.
+
+        theta + sum(N)^-1 sum(b) over the other legs: N, b information and minus gradient
+        of a leg. Exact where the log-likelihood is a parabola; no leg is run again.
+        """
+        others = [item for i, item in enumerate(self.leg_equations) if i not in legs]
+        parts = [*others, self.prior_equations]
+        information = np.sum([part.information for part in parts], axis=0)
+        vector = np.sum([part.vector for part in parts], axis=0)
+        informed = ~self.held & (np.diag(information) > 0.0)
+        step = np.zeros(len(vector))
+        step[informed] = solve_scaled(information[np.ix_(informed, informed)], vector[informed])
+        return np.asarray(self.theta + step[: len(self.theta)])
 
 
 def estimate_from(
@@ -82,11 +109,12 @@ def estimate_from(
     word: str,
     log_likelihood: Sequence[float],
     dropped: Sequence[DroppedWindow],
+    leg_equations: Sequence[LegEquations],
 ) -> LikelihoodEstimate:
     """Return the estimate at `common` unknowns.
 
     `information` (n, n) and long-run `moment` (n, n) of the scores of all unknowns,
-    those of `common` first; `at_bound` (n,).
+    those of `common` first; `at_bound` (n,); `leg_equations` without the prior.
     """
     theta, biases = likelihood.split(common)
     k, g = len(theta), len(common)
@@ -115,7 +143,18 @@ def estimate_from(
         at_bound=at_bound[:k],
         windows=len(likelihood.windows),
         dropped=tuple(dropped),
+        leg_equations=tuple(leg_equations),
+        prior_equations=_prior_equations(likelihood, theta, len(information)),
+        held=at_bound,
     )
+
+
+def _prior_equations(likelihood: Likelihood, theta: Array, size: int) -> LegEquations:
+    matrix, vector, k = np.zeros((size, size)), np.zeros(size), len(theta)
+    if likelihood.prior is not None:
+        matrix[:k, :k] = likelihood.prior.precision
+        vector[:k] = likelihood.prior.precision @ (likelihood.prior.mean - theta)
+    return LegEquations(matrix, vector)
 
 
 def _larger(white: Array, robust: Array) -> Array:

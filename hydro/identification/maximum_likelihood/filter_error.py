@@ -18,11 +18,13 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.maximum_likelihood.estimate import (
+    LegEquations,
     LikelihoodEstimate,
     estimate_from,
     score_moment,
 )
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
+    GAIN,
     Evaluation,
     NormalEquations,
     maximise,
@@ -125,7 +127,14 @@ def fit_filter_error(
         secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(points[-SECANTS - 1 :])]
         return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
 
+    def move(values: Array, step: Array) -> Array:
+        # A step of the noise is one of its variance: exact for a channel of white noise.
+        phi = values[size:] + 0.5 * np.log1p(2.0 * step[size:])
+        return np.concatenate([values[:size] + step[:size], phi])
+
     low, high = unknown.bounds(floor)
+    free, shares = np.full(size, np.inf), np.full(unknown.size, 2.0 * LONGEST_STEP)
+    shortest, longest = 0.5 * np.expm1(-shares), 0.5 * np.expm1(shares)
     optimum = maximise(
         evaluate,
         np.concatenate([common, unknown.logarithms(noise)]),
@@ -134,7 +143,9 @@ def fit_filter_error(
         upper=np.concatenate([upper, high]),
         most_steps=STEPS,
         tolerance=TOLERANCE,
-        reach=np.concatenate([np.full(size, np.inf), np.full(unknown.size, LONGEST_STEP)]),
+        least_gain=GAIN,
+        reach=(np.concatenate([-free, shortest]), np.concatenate([free, longest])),
+        move=move,
     )
     common, noise = optimum.common[:size], unknown.noise_at(optimum.common[size:], noise.sensor_sd)
     runs, information = latest[0]  # of the point that was taken last
@@ -149,4 +160,7 @@ def fit_filter_error(
         word=optimum.word,
         log_likelihood=[-value for value in optimum.objectives],
         dropped=dropped,
+        leg_equations=[
+            LegEquations(*scoring(part, unknown, own)) for part, own in likelihood.by_leg(runs)
+        ],
     )

@@ -95,13 +95,18 @@ def maximise(
     upper: Array,
     most_steps: int,
     tolerance: float = 0.02,
-    reach: Array | float = np.inf,
+    least_gain: float = 0.0,
+    reach: tuple[Array, Array] | None = None,
+    move: Callable[[Array, Array], Array] = np.add,
 ) -> Optimum:
-    """Return the optimum within bounds from a start; steps stay within `reach` (g,).
+    """Return the optimum within bounds from a start.
+
+    Steps stay within `reach`, two of (g,), and take unknowns to `move(common, step)`.
 
     A step is taken when the objective falls, or changes by less than `GAIN`. It has
     converged when no common unknown moves by more than `tolerance` of its standard
-    error. Raises `DataError` where the start itself diverges.
+    error, or when the full step promises less than `least_gain` (then it is not taken).
+    Raises `DataError` where the start itself diverges.
     """
     common = np.clip(common, lower, upper)
     here = evaluate(common, local, True)
@@ -116,10 +121,18 @@ def maximise(
         assert here.equations is not None
         taken = False
         while damping < LARGEST_DAMPING:
-            low, high = np.maximum(lower, common - reach), np.minimum(upper, common + reach)
+            low, high = lower, upper
+            if reach is not None:
+                low, high = (
+                    np.maximum(lower, common + reach[0]),
+                    np.minimum(upper, common + reach[1]),
+                )
             step, fixed, spread = bounded_step(here.equations, common, low, high, damping)
+            if 0.5 * float(step @ here.equations.vector) < least_gain and damping < FELT_DAMPING:
+                small = True
+                break
             moves = here.equations.local_steps(step, damping)
-            moved = np.clip(common + step, lower, upper)
+            moved = np.clip(move(common, step), lower, upper)
             shifted = local + moves if len(moves) else local
             small = bool(np.all(np.abs(moved - common) <= tolerance * spread))
             there = evaluate(moved, shifted, False)

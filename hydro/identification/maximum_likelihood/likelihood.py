@@ -322,6 +322,16 @@ class Likelihood:
             vector[:k] += self.prior.precision @ (self.prior.mean - theta)
         return NormalEquations(matrix, vector, tuple(local), tuple(coupling), tuple(right))
 
+    def by_leg(self, runs: Sequence[WindowRun]) -> list[tuple[Likelihood, list[WindowRun]]]:
+        """Return the likelihood of each leg alone, without the prior, and its runs."""
+        return [
+            (
+                replace(self, windows=[w for w in self.windows if w.leg == leg], prior=None),
+                [run for w, run in zip(self.windows, runs, strict=True) if w.leg == leg],
+            )
+            for leg in range(len(self.legs))
+        ]
+
     def places(self, leg: int) -> Index:
         """Return the places of theta and of a leg's biases in the common unknowns."""
         k = len(self.parameters.names)

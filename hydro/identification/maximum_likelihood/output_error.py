@@ -17,6 +17,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.maximum_likelihood.estimate import (
+    LegEquations,
     LikelihoodEstimate,
     estimate_from,
     projected_scores,
@@ -109,6 +110,10 @@ def fit_output_error(
         word=optimum.word,
         log_likelihood=history,
         dropped=dropped,
+        leg_equations=[
+            LegEquations(*part.normal_equations(own, part.split(common)[0]).reduced())
+            for part, own in likelihood.by_leg(runs)
+        ],
     )
 
 

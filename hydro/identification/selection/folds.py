@@ -1,4 +1,4 @@
-"""Leave one leg out, from the triangular factors of the legs alone."""
+"""Leave one leg out: the parts of legs, and the triangular factors of the others."""
 
 from __future__ import annotations
 
@@ -7,6 +7,25 @@ from itertools import accumulate
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
+
+MOST_PARTS = 8
+"""Legs are left out one by one up to this number of legs, in so many groups beyond it."""
+
+
+def parts_of(legs: Sequence[str]) -> list[str]:
+    """Return the name of the part that each leg is left out with.
+
+    >>> parts_of(["a", "a", "b"])
+    ['a', 'a', 'b']
+    """
+    names = list(dict.fromkeys(legs))
+    if len(names) <= MOST_PARTS:
+        return list(legs)
+    groups = [names[i * len(names) // MOST_PARTS] for i in range(MOST_PARTS)]
+    ends = [*map(names.index, groups[1:]), len(names)]
+    titles = [f"{first} to {names[end - 1]}" for first, end in zip(groups, ends, strict=True)]
+    of = {name: titles[sum(end <= i for end in ends)] for i, name in enumerate(names)}
+    return [of[leg] for leg in legs]
 
 
 def without_each(legs: Sequence[TriangularFactor]) -> list[TriangularFactor]:

@@ -29,6 +29,7 @@ from auvid.hydro.dynamics.viscous.models import (
 from auvid.hydro.identification.regression.excitation import axis_excitation
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
+from auvid.hydro.identification.selection import folds
 from auvid.stages import synthesise
 from auvid.stages.base import Collection, collection
 from auvid.stages.columns import (
@@ -684,8 +685,8 @@ def test_a_coefficient_that_one_leg_carries_is_weak_and_the_leg_is_named() -> No
 
 def test_many_legs_are_left_out_in_groups_and_each_once() -> None:
     legs = [f"leg {i}" for i in range(30) for _ in range(2)]
-    parts = training.parts_of(legs)
-    assert len(set(parts)) == training.MOST_PARTS
+    parts = folds.parts_of(legs)
+    assert len(set(parts)) == folds.MOST_PARTS
     assert parts == sorted(parts, key=parts.index), "neighbours go together"
     assert all(parts[2 * i] == parts[2 * i + 1] for i in range(30)), "a leg stays in one part"
     assert parts[0] == "leg 0 to leg 2"

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid.data_schemas.records.likelihood import LegFit, LikelihoodFit
 from auvid.data_schemas.records.models import CovarianceCard, ModelCard
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.equations_of_motion import Control
@@ -150,6 +151,14 @@ def test_force_errors_forget_themselves_as_the_residual_does() -> None:
     rho = np.exp(-0.02 / memory[0])
     assert (1.0 + rho) / (1.0 - rho) == pytest.approx(3.0)
     assert memory[1] < 0.02, "white"
+
+
+def test_a_fit_to_the_sensors_flies_under_its_own_unsteady_force() -> None:
+    legs = [LegFit.model_construct(force_sd=dict.fromkeys("XYZKMN", sd)) for sd in (3.0, 4.0)]
+    fit = LikelihoodFit.model_construct(legs=legs, force_time_s=dict.fromkeys("XYZKMN", 7.0))
+    size, memory = force_errors(card({}).model_copy(update={"likelihood": fit}), {"X": 3.0}, 0.02)
+    np.testing.assert_allclose(size, np.sqrt(12.5))
+    np.testing.assert_allclose(memory, 7.0)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from auvid.data_schemas.records.models import RankingRecord
+from auvid.data_schemas.records.likelihood import LikelihoodFit
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -80,6 +81,46 @@ def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
     assert next(m for m in record.models if m.name == "coe").axes["X"].left_out == pytest.approx(
         0.2
     )
+
+
+@pytest.mark.parametrize(
+    ("force", "motion", "choice", "words"),
+    [
+        (0.2, 0.05, "coe_filter_error", "replaces it: sound, and nearer"),
+        (0.4, 0.05, "coe", "does not replace it: force error on the validation legs 0.40 for 0.30"),
+        (0.2, 0.15, "coe", "does not replace it: free runs on the validation legs 0.75 for 0.50"),
+    ],
+)
+def test_a_fit_to_the_sensors_is_judged_by_validation_where_one_leg_trains(
+    run: ExampleRun, force: float, motion: float, choice: str, words: str
+) -> None:
+    name = "coe_filter_error"
+    run.cards[name] = refined(run.cards["coe"], name)
+    set_sse(run, {"coe": 1.0})
+    own = [row for row in run.errors if row["model"] == "coe"]
+    run.errors += [{**row, "model": name, "sse": 500.0} for row in own]
+    for row in run.errors:
+        if row["use"] == "validation" and row["model"] in ("coe", name):
+            row["ratio"] = force if row["model"] == name else 0.3
+    record = ranked(run, [*rows("coe", ALWAYS), *rows(name, (motion,) * 9)[:1]])
+    assert record.choice == choice
+    assert words in record.rule
+
+
+def test_a_fit_to_the_sensors_competes_on_left_out_legs(run: ExampleRun) -> None:
+    run.cards["coe_filter_error"] = refined(run.cards["coe"], "coe_filter_error")
+    own = [row for row in run.errors if row["model"] == "coe"]
+    run.errors += [{**row, "model": "coe_filter_error"} for row in own]
+    for name, card in run.cards.items():
+        error = 0.2 if name == "coe_filter_error" else 0.4
+        held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two")}
+        run.cards[name] = card.model_copy(update={"held_out": held_out})
+    assert ranked(run).choice == "coe_filter_error"
+
+
+def refined(card: ModelCard, name: str) -> ModelCard:
+    fit = LikelihoodFit.model_construct(started_from=card.name, lag=None, force_time_s=None)
+    return card.model_copy(update={"name": name, "likelihood": fit})
 
 
 def test_a_model_of_which_runs_are_lost_stands_back(run: ExampleRun) -> None:

@@ -103,6 +103,21 @@ def test_short_runs_scatter_little_more_than_they_say_and_the_noise_is_recovered
     assert np.median(times) == pytest.approx(TIME_S, rel=0.25)
 
 
+def test_a_leg_left_out_by_one_step_is_the_fit_to_the_others() -> None:
+    legs = [sway_leg(*pushed_run(seed, 1000)) for seed in (1, 2, 3)]
+    start, biases, noise = starting_values(legs, SWAY)
+    fit = fit_filter_error(legs, SWAY, start, biases=biases, noise=noise)
+    assert fit.without([])[0] == pytest.approx(fit.theta[0], abs=0.35 * fit.standard_errors[0])
+    for number in range(3):
+        others = [leg for i, leg in enumerate(legs) if i != number]
+        start, biases, noise = starting_values(others, SWAY)
+        again = fit_filter_error(others, SWAY, start, biases=biases, noise=noise)
+        # A third of the data moves the value by about its standard error.
+        assert fit.without([number])[0] == pytest.approx(
+            again.theta[0], abs=0.4 * again.standard_errors[0]
+        )
+
+
 def test_without_convergence_the_best_point_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(filter_error, "STEPS", 1)
     leg = sway_leg(*pushed_run(4, 300))

@@ -101,11 +101,39 @@ def test_no_step_is_longer_than_its_reach() -> None:
         lower=-none,
         upper=none,
         most_steps=20,
-        reach=2.0,
+        reach=(np.full(1, -2.0), np.full(1, 2.0)),
     )
     assert optimum.word == "converged"
     assert not optimum.at_bound.any()
     assert np.abs(np.diff(points)).max() <= 2.0
+
+
+def test_a_step_that_promises_too_little_is_not_taken() -> None:
+    def evaluate(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        return Evaluation(0.5 * x[0] ** 2, NormalEquations(np.eye(1), -x))
+
+    none = np.full(1, np.inf)
+    for start, steps in ((0.3, 0), (0.4, 1)):  # a gain of .045 and of .08
+        optimum = maximise(
+            evaluate, np.array([start]), np.zeros((0, 1)), lower=-none, upper=none,
+            most_steps=5, least_gain=0.05,
+        )  # fmt: skip
+        assert optimum.word == "converged"
+        assert len(optimum.objectives) == 1 + steps
+
+
+def test_a_step_moves_unknowns_by_its_own_map() -> None:
+    # Steps of exp(x): from 0 to the optimum at 1 in one, where x itself would take several.
+    def evaluate(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        off = np.exp(x[0]) - np.e
+        return Evaluation(0.5 * off**2, NormalEquations(np.eye(1), np.array([-off])))
+
+    none = np.full(1, np.inf)
+    optimum = maximise(
+        evaluate, np.zeros(1), np.zeros((0, 1)), lower=-none, upper=none, most_steps=5,
+        move=lambda x, step: np.log(np.exp(x) + step),
+    )  # fmt: skip
+    assert optimum.objectives[1] < 1e-6
 
 
 def test_a_start_that_diverges_is_refused() -> None:
