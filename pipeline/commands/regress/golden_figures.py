@@ -119,7 +119,13 @@ class RunSums:
 
 def stages_of(run: Run) -> list[AnyStage]:
     """Return the stages whose results have golden figures."""
-    return [stage for stage in run.graph.stages if stage.name != LAST]
+    giving = {port.stage.name for port in run.graph.outputs if _counts(port.schema)}
+    return [stage for stage in run.graph.stages if stage.name in giving - {LAST}]
+
+
+def _counts(schema_name: str) -> bool:
+    """Return whether an artefact of a schema gives golden figures."""
+    return schema(schema_name).kind == "table" or schema_name in READERS
 
 
 def figures_of(run: Run) -> dict[str, dict[Key, GoldenFigure]]:
@@ -128,7 +134,7 @@ def figures_of(run: Run) -> dict[str, dict[Key, GoldenFigure]]:
     for stage in stages_of(run):
         by_port: dict[str, tuple[Port, list[tuple[str, Any]]]] = {}
         for port, item, key, artefact in run.artefacts(stage):
-            if schema(port.schema).kind == "table" or port.schema in READERS:
+            if _counts(port.schema):
                 _, loads = by_port.setdefault(port.name, (port, []))
                 loads.append((item if key is None else str(key), artefact))
         for name, (port, artefacts) in by_port.items():
