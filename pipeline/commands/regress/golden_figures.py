@@ -128,10 +128,12 @@ def _counts(schema_name: str) -> bool:
     return schema(schema_name).kind == "table" or schema_name in READERS
 
 
-def figures_of(run: Run) -> dict[str, dict[Key, GoldenFigure]]:
-    """Return the golden figures of what the stages of a run left behind."""
+def figures_of(
+    run: Run, stages: Sequence[AnyStage] | None = None
+) -> dict[str, dict[Key, GoldenFigure]]:
+    """Return the golden figures of what stages of a run left behind, or all of them."""
     figures: dict[str, dict[Key, GoldenFigure]] = {name: {} for name in FILES}
-    for stage in stages_of(run):
+    for stage in stages_of(run) if stages is None else stages:
         by_port: dict[str, tuple[Port, list[tuple[str, Any]]]] = {}
         for port, item, key, artefact in run.artefacts(stage):
             if _counts(port.schema):
@@ -368,6 +370,14 @@ def _checks(
         yield ReferenceCheck(
             f"scale of {quantity}", new.scale, old.unit, reference=old.scale, tolerance=near
         )
+
+
+def without(figures: Figures, stages: Sequence[str]) -> Figures:
+    """Return figures without those of some stages."""
+    return {
+        file: {key: figure for key, figure in rows.items() if key[0] not in stages}
+        for file, rows in figures.items()
+    }
 
 
 def first_change(departures: Sequence[Departure]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
@@ -42,27 +43,33 @@ class Setting:
     changelog: Path
     tables: Tables
     figures: Figures = field(default_factory=dict)
+    not_run: tuple[str, ...] = ()
 
 
 def open_setting(campaign: str, baseline: Path | None) -> Setting:
     """The results of a campaign's run and where its golden content is.
 
     Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden`
-    in the campaign's folder. Raises `PipelineError` where the campaign has not been
-    run, or its results are not up to date.
+    in the campaign's folder. Stages behind the error tables need not have run. Raises
+    `PipelineError` where others have not, or results are not up to date.
     """
     run = open_run(campaign)
     root = workspace_of(campaign).root
     folder = (
         baseline.expanduser() if baseline is not None else default_folder(root, run.campaign.folder)
     )
-    check_fresh(run, figures.stages_of(run))
+    tables, stages = error_tables(run), figures.stages_of(run)
+    not_run = tuple(
+        stage.name for stage in stages if tables and not run.manifests[stage.name].records
+    )
+    check_fresh(run, [stage for stage in stages if stage.name not in not_run])
     return Setting(
         run.campaign.name,
         folder,
         root / changelog.FILE,
-        error_tables(run),
+        tables,
         figures.figures_of(run),
+        not_run,
     )
 
 
@@ -113,7 +120,11 @@ def check(setting: Setting, *, as_json: bool) -> bool:
         golden.read_tolerances(setting.folder / golden.TOLERANCES, columns) if columns else {}
     )
     within, departures = golden.compare(old, setting.tables, tolerances)
-    more, moved = figures.compare(old_figures, setting.figures)
+    if setting.not_run:
+        names = ", ".join(setting.not_run)
+        print(f"not run, and not compared: {names}", file=sys.stderr)
+    ran = figures.without(old_figures, setting.not_run)
+    more, moved = figures.compare(ran, setting.figures)
     if as_json:
         document = _document(setting, within + more, departures, moved)
         print(json.dumps(document, indent=1, ensure_ascii=False))
@@ -208,6 +219,13 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
     contents |= {
         setting.folder / f"{use}.csv": None for use in golden.USES if use not in setting.tables
     }
+    if setting.not_run:
+        raise PipelineError(
+            "not all stages have been run",
+            field="--update",
+            value=", ".join(setting.not_run),
+            remedy=f"auvid run {setting.campaign}",
+        )
     for name in figures.FILES:
         rows = setting.figures.get(name)
         contents[setting.folder / f"{name}.csv"] = figures.to_csv(rows) if rows else None
