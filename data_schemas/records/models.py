@@ -209,12 +209,20 @@ class ModelCard(Model):
     """Per axis, term -> number that predicts the force, whatever its verdict (0 for all
     but one of an inseparable group). Results are those of `axes`, with a verdict.
     """
-    method: Literal["least squares", "within limits", "output error", "filter error"] = (
-        "least squares"
-    )
+    method: Literal[
+        "least squares", "within limits", "error function", "output error", "filter error"
+    ] = "least squares"
     """Least squares alone, or with physical limits and the six axes as one problem, or
-    maximum likelihood of the sensors themselves.
+    another error function, or maximum likelihood of the sensors themselves.
     """
+    error_function: Literal["squares", "absolute", "median", "huber"] = "squares"
+    """What of the force error is least: sum of squares, sum of moduli, median of moduli,
+    Huber's function.
+    """
+    weights: Literal["equal", "deviations"] = "equal"
+    """Weights of samples: equal, or by the deviation that velocities give the force."""
+    minimiser: Literal["own", "nelder_mead"] = "own"
+    """How the least value was found: the function's own way, or the simplex."""
     damping: Literal["free", "negative", "dissipative"] = "free"
     """Limits on damping: none; no positive damping along an axis; no motion of the flown
     range that gains energy.

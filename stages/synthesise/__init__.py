@@ -31,12 +31,26 @@ from auvid.hydro.dynamics.viscous.models import (
     without_propeller_terms,
 )
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.identification.regression.error_functions import (
+    ERROR_FUNCTIONS,
+    MINIMISERS,
+    OWN,
+    SQUARES,
+)
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.synthesise.error_choice import (
+    EQUAL,
+    WEIGHTS,
+    ErrorChoice,
+    Samples,
+    by_error_function,
+    check_choice,
+)
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
 from auvid.stages.synthesise.training import (
@@ -99,6 +113,27 @@ class Params:
         meaning="lags of the coloured standard errors; null chooses by Andrews's rule",
         low=0,
     )
+    error_function: str = param(
+        "1",
+        SQUARES,
+        meaning=(
+            "what of the force error is least: sum of squares, sum of moduli (exact, a linear"
+            " programme), median of moduli, Huber's function"
+        ),
+        allowed=ERROR_FUNCTIONS,
+    )
+    weights: str = param(
+        "1",
+        EQUAL,
+        meaning="weights of samples: equal, or by what velocity deviations do to the force",
+        allowed=WEIGHTS,
+    )
+    minimiser: str = param(
+        "1",
+        OWN,
+        meaning="how: the error function's own way, or the simplex of Nelder and Mead",
+        allowed=MINIMISERS,
+    )
     prior: str = param(
         "1",
         "none",
@@ -131,6 +166,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     """
     declared = _chosen(params)
     prior = Prior(params.prior, params.prior_sd, _prior_means(params.prior, inputs.vehicle))
+    choice = ErrorChoice(params.error_function, params.weights, params.minimiser)
+    published = {model.name for model in MODELS}
+    bound = params.damping != "free" or bool(params.inertia)
+    check_choice(
+        choice,
+        limited=[m.name for m in declared if bound and m.name not in published],
+        prior=params.prior,
+        largest={
+            model.name: max(map(len, model.terms.values())) + params.trim for model in declared
+        },
+    )
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(
@@ -171,7 +217,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name in others
         }
     covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
-    published = {model.name for model in MODELS}
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
     none = Prior("none", params.prior_sd, {})
     on_published = prior if prior.source == "strip_theory" else none
@@ -190,8 +235,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for whole, model in zip(declared, models, strict=True)
     }
-    structures = [model for model in models if model.name not in published]
-    if structures:
+    if not choice.is_plain:
+        samples = Samples.of(legs(), terms, data.factor.n_samples)
+        cards = {
+            name: by_error_function(
+                card, {axis: fits[name, axis] for axis in AXES}, data.factor, samples, choice
+            )
+            for name, card in cards.items()
+        }
+    elif structures := [model for model in models if model.name not in published]:
         limits = PhysicalLimits(params.damping, params.inertia, prior)
         moving = data.factor
         if params.inertia:

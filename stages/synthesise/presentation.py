@@ -13,11 +13,18 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.presentation import equation, remark, section, table
+from auvid.stages.synthesise.error_choice import MOST_SAMPLES
 from auvid.stages.synthesise.model_card import excitation_word
 
 PRIOR_TEXT = {
     "strip_theory": "strip theory of the vehicle's geometry",
     "vehicle": "coefficients published in the vehicle file",
+}
+ERROR_TEXT = {
+    "squares": "the sum of squares",
+    "absolute": "the sum of moduli",
+    "median": "the median of moduli",
+    "huber": "Huber's function",
 }
 
 
@@ -88,7 +95,14 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
         ", with a prior" if card.prior is not None else ""
     )
     note = "Standard errors allow for coloured residuals (Newey-West)"
-    if card.velocity_errors:
+    if card.method == "error function":
+        note = (
+            f"Least is {ERROR_TEXT[card.error_function]}, weights {card.weights}, minimiser"
+            f" {card.minimiser}. No interval of it is known here, so nothing is called identified;"
+            f" whether terms are excited and can be told apart is that of least squares. At most"
+            f" {MOST_SAMPLES} samples have a part in it."
+        )
+    elif card.velocity_errors:
         note += (
             " and for the effect of velocity errors, of the size that fuse states, on the"
             " coefficients."
@@ -104,7 +118,7 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
             " On twins, 95 % intervals of identified coefficients held the truth in"
             f" {' and '.join(shares)}."
         )
-    if not card.left_out:
+    if not card.left_out and card.method != "error function":
         note += " There is one training leg: whether signs hold without it is not tested."
     if card.spreads:
         note += (

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linprog, minimize
-from scipy.sparse import csc_array, eye_array, hstack
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -26,6 +25,12 @@ errors (Huber 1981).
 NORMAL_MAD = 0.6744897501960817
 """Median of |e| of a standard normal error."""
 SEED = 0
+SQUARES, ABSOLUTE, MEDIAN, HUBER = "squares", "absolute", "median", "huber"
+ERROR_FUNCTIONS = (SQUARES, ABSOLUTE, MEDIAN, HUBER)
+OWN, NELDER_MEAD = "own", "nelder_mead"
+MINIMISERS = (OWN, NELDER_MEAD)
+SIMPLEX_TERMS = 12
+"""Coefficients beyond which the simplex of Nelder & Mead is not to be tried."""
 
 
 def sum_of_squares(error: Array) -> float:
@@ -53,6 +58,44 @@ class RobustFit:
     iterations: int
 
 
+def minimise_error(
+    rows: ArrayLike,
+    force: ArrayLike,
+    error_function: str,
+    *,
+    weights: ArrayLike | None = None,
+    minimiser: str = OWN,
+) -> Array:
+    """Return the coefficients (k,) that minimise one of `ERROR_FUNCTIONS` of root(w) e.
+
+    Weights (n,) are inverse variances: each error counts in its own deviations. Own
+    minimisers: solution of the normal equations, linear programme, best of random
+    subsets, reweighting. Raises `DataError` for Huber's function with the simplex, whose
+    scale moves with the coefficients, and for too many coefficients.
+
+    >>> minimise_error([[1.0, 1.0, 1.0]], [1.0, 2.0, 30.0], "absolute").round(6).tolist()
+    [2.0]
+    """
+    A, b = _checked(rows, force)
+    root = np.sqrt(_weights(weights, b))
+    A, b = A * root[:, None], b * root
+    if minimiser == NELDER_MEAD:
+        if error_function == HUBER:
+            raise DataError("the scale of Huber's function moves with the coefficients")
+        if A.shape[1] > SIMPLEX_TERMS:
+            raise DataError(
+                "too many coefficients for a simplex", value=A.shape[1], allowed=SIMPLEX_TERMS
+            )
+        functions = {SQUARES: sum_of_squares, ABSOLUTE: sum_of_moduli, MEDIAN: median_of_moduli}
+        start = least_squares(A.T, b)
+        return nelder_mead(A.T, b, functions[error_function], start=start)
+    if error_function == ABSOLUTE:
+        return least_moduli(A.T, b)
+    if error_function == MEDIAN:
+        return least_median(A.T, b)
+    return huber(A.T, b).coefficients if error_function == HUBER else least_squares(A.T, b)
+
+
 def least_squares(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None = None) -> Array:
     """Return the coefficients (k,) that minimise sum w e^2; weights (n,)."""
     A, b = _checked(rows, force)
@@ -64,7 +107,8 @@ def least_squares(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | Non
 def least_moduli(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None = None) -> Array:
     """Return the coefficients (k,) that minimise sum w |e|, exactly.
 
-    As a linear programme: min w'(p + m) with A x + p - m = b, p, m >= 0.
+    As a linear programme, min w'(p + m) with A x + p - m = b and p, m >= 0, by its dual:
+    max b'z with A'z = 0 and |z| <= w, of which x are the multipliers (HiGHS).
 
     >>> least_moduli([[1.0, 1.0, 1.0]], [1.0, 2.0, 30.0]).round(9).tolist()
     [2.0]
@@ -72,18 +116,16 @@ def least_moduli(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None
     A, b = _checked(rows, force)
     w, scale = _weights(weights, b), np.linalg.norm(A, axis=0)
     size = max(float(np.abs(b).max()), np.finfo(float).tiny)
-    n, k = A.shape
-    one = eye_array(n, format="csc")
     answer = linprog(
-        np.concatenate([np.zeros(k), w, w]),
-        A_eq=hstack([csc_array(A / scale), one, -one], format="csc"),
-        b_eq=b / size,
-        bounds=[(None, None)] * k + [(0.0, None)] * (2 * n),
-        method="highs",
+        -b / size,
+        A_eq=(A / scale).T,
+        b_eq=np.zeros(A.shape[1]),
+        bounds=np.column_stack([-w, w]),
+        method="highs-ds",
     )
     if answer.status != 0:
         raise DataError("the linear programme has no solution", value=answer.message)
-    return np.asarray(answer.x[:k] * size / scale)
+    return np.asarray(-answer.eqlin.marginals * size / scale)
 
 
 def huber(
@@ -170,6 +212,8 @@ def nelder_mead(
             "adaptive": len(x0) > 4,
         },
     )
+    if not answer.success:
+        raise DataError("the simplex does not settle", value=int(answer.nit), allowed="iterations")
     return np.asarray(np.linalg.solve(R, answer.x))
 
 
@@ -185,13 +229,19 @@ def total_error(
 
 
 def deviation_weights(
-    terms: tuple[str, ...], coefficients: ArrayLike, nu: ArrayLike, sd: ArrayLike, *, noise: float
+    terms: tuple[str, ...],
+    coefficients: ArrayLike,
+    nu: ArrayLike,
+    sd: ArrayLike,
+    *,
+    noise: float,
+    ratio: ArrayLike | None = None,
 ) -> Array:
     """Return weights (n,) = noise^2 / variance of each sample's force error, <= 1.
 
     The variance is noise^2 [N or N m] plus what the deviations of the velocities sd (n,
     6) [m/s, rad/s] give the modelled force: sum over velocities of (d(xi K) / dnu_j
-    sd_j)^2.
+    sd_j)^2. ratio (n,): propulsion ratio, for terms that have it.
     """
     k = np.asarray(coefficients, dtype=np.float64)
     velocity, deviation = np.asarray(nu, dtype=np.float64), np.asarray(sd, dtype=np.float64)
@@ -199,8 +249,8 @@ def deviation_weights(
     for j in range(6):
         shift = np.zeros_like(velocity)
         shift[:, j] = deviation[:, j]
-        change = basis_rows((velocity + shift).T, None, terms) - basis_rows(
-            (velocity - shift).T, None, terms
+        change = basis_rows((velocity + shift).T, ratio, terms) - basis_rows(
+            (velocity - shift).T, ratio, terms
         )
         variance += (0.5 * change.T @ k) ** 2
     return np.asarray(noise**2 / variance)

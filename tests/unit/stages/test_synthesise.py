@@ -26,6 +26,11 @@ from auvid.hydro.dynamics.viscous.models import (
     model_named,
     without_propeller_terms,
 )
+from auvid.hydro.identification.regression.error_functions import (
+    deviation_weights,
+    huber,
+    least_moduli,
+)
 from auvid.hydro.identification.regression.excitation import axis_excitation
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
@@ -40,7 +45,7 @@ from auvid.stages.columns import (
     force_columns,
     named,
 )
-from auvid.stages.synthesise import training
+from auvid.stages.synthesise import error_choice, training
 from tests.support.motions import (
     ratio_of,
     residual_table,
@@ -738,3 +743,105 @@ def test_only_methods_that_were_measured_state_their_coverage() -> None:
     assert not found.model_card["diagonal"].coverage_on_twins
     notes = [block["note"] for block in found.section["blocks"] if block.get("note")]
     assert sum("% where the truth is Linear and" in note for note in notes) == 1
+
+
+@pytest.mark.parametrize("function", ["absolute", "huber"])
+def test_another_error_function_is_that_of_the_samples_and_claims_no_interval(
+    function: str,
+) -> None:
+    legs = noisy_legs(with_ratio=False)
+    found = run(legs, models=("linear",), error_function=function, trim=True)
+    card = found.model_card["linear"]
+    assert (card.method, card.error_function) == ("error function", function)
+    nu, force = (np.concatenate([leg[index] for leg in legs.values()]) for index in (0, 1))
+    rows = np.vstack([nu.T, np.ones((1, len(nu)))])
+    for i, axis in enumerate(AXES):
+        oracle = (
+            least_moduli(rows, force[:, i])
+            if function == "absolute"
+            else huber(rows, force[:, i]).coefficients
+        )
+        own = np.array(list(card.predictor[axis].values()))
+        np.testing.assert_allclose(own, oracle, rtol=1e-7)
+        error = force[:, i] - own @ rows
+        assert card.axes[axis].j == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+        for item in card.axes[axis].terms:
+            assert item.standard_error is None
+            assert item.verdict != "identified"
+            assert item.value in (None, card.predictor[axis][item.term])
+    assert "No interval" in str(found.section)
+
+
+def test_weights_by_deviations_are_those_of_weighted_least_squares() -> None:
+    nu, force, _ = noisy_legs(with_ratio=False)["one"]
+    sd = 0.02 + 0.2 * np.abs(nu)
+    table = residual_table(nu, force)
+    for name, values in named(VELOCITY_SD, sd).items():
+        table = table.append_column(name, pa.array(values))
+    inputs = synthesise.Inputs(
+        collection({"one": table}),
+        collection({"one": segment_document("one")}),
+        shipped_vehicle("bluerov2_heavy"),
+    )
+    params = synthesise.Params(models=("linear",), weights="deviations")
+    card = synthesise.run(inputs, params).model_card["linear"]
+    terms = tuple("uvwpqr")
+    plain = np.linalg.lstsq(nu, force[:, 1], rcond=None)[0]
+    noise = float(np.sqrt(np.mean((force[:, 1] - nu @ plain) ** 2)))
+    root = np.sqrt(deviation_weights(terms, plain, nu, sd, noise=noise))
+    oracle = np.linalg.lstsq(nu * root[:, None], force[:, 1] * root, rcond=None)[0]
+    np.testing.assert_allclose(list(card.predictor["Y"].values()), oracle, rtol=1e-9)
+    assert np.abs(oracle / plain - 1.0).max() > 0.01, "the weights do something"
+
+
+def test_many_samples_are_taken_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    legs = noisy_legs(with_ratio=False)
+    monkeypatch.setattr(error_choice, "MOST_SAMPLES", 500)
+    card = run(legs, models=("linear",), error_function="absolute").model_card["linear"]
+    step = -(-sum(len(nu) for nu, _, _ in legs.values()) // 500)
+    rows = np.concatenate([nu[::step] for nu, _, _ in legs.values()]).T
+    force = np.concatenate([force[::step, 2] for _, force, _ in legs.values()])
+    oracle = least_moduli(rows, force)
+    np.testing.assert_allclose(list(card.predictor["Z"].values()), oracle, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        ({"error_function": "huber", "minimiser": "nelder_mead"}, "scale of Huber"),
+        ({"minimiser": "nelder_mead", "models": ("mcfarland",)}, "a simplex crawls"),
+        ({"error_function": "absolute", "models": ("symmetric",)}, "need the sum of squares"),
+        ({"weights": "deviations", "prior": "strip_theory"}, "a prior weighs"),
+        ({"weights": "deviations"}, "fuse gave none"),
+    ],
+)
+def test_error_functions_that_cannot_be_are_refused_in_words(
+    params: dict[str, Any], words: str
+) -> None:
+    with pytest.raises((CampaignError, DataError), match=words) as refused:
+        run(noisy_legs(with_ratio=False), **{"models": ("linear",)} | params)
+    assert (refused.value.field or "").startswith("stages.synthesise.")
+
+
+def test_a_minimum_that_is_not_found_names_model_and_axis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unsettled(*_: object, **__: object) -> Array:
+        raise DataError("Huber's estimate does not settle", value=500, allowed="iterations")
+
+    monkeypatch.setattr(error_choice, "minimise_error", unsettled)
+    with pytest.raises(DataError, match="does not settle") as refused:
+        run(noisy_legs(with_ratio=False), models=("linear",), error_function="huber")
+    assert refused.value.field == "linear, axis X, huber"
+    assert "error_function" in (refused.value.remedy or "")
+
+
+def test_structures_without_limits_take_any_error_function() -> None:
+    found = run(
+        noisy_legs(with_ratio=False),
+        vehicle="bluerov2_heavy",
+        models=("symmetric",),
+        damping="free",
+        error_function="absolute",
+    )
+    assert found.model_card["symmetric"].method == "error function"

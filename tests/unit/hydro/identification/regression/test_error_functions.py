@@ -13,6 +13,7 @@ from auvid.hydro.identification.regression.error_functions import (
     least_moduli,
     least_squares,
     median_of_moduli,
+    minimise_error,
     nelder_mead,
     sum_of_moduli,
     sum_of_squares,
@@ -98,6 +99,31 @@ def test_nelder_mead_finds_the_minimum_of_any_function():
     assert sum_of_moduli(force - moduli @ rows) == pytest.approx(
         sum_of_moduli(force - least_moduli(rows, force) @ rows), rel=1e-4
     )
+
+
+def test_least_moduli_is_the_quantile_regression_of_scikit_learn():
+    from sklearn.linear_model import QuantileRegressor  # here, since it takes seconds
+
+    _, rows, force = data(200)
+    oracle = QuantileRegressor(quantile=0.5, alpha=0.0, fit_intercept=False, solver="highs-ipm")
+    np.testing.assert_allclose(
+        least_moduli(rows, force), oracle.fit(rows.T, force).coef_, rtol=1e-7
+    )
+
+
+def test_a_function_by_name_counts_errors_in_their_own_deviations():
+    _, rows, force = data(100)
+    weights = np.linspace(0.2, 2.0, 100)
+    root = np.sqrt(weights)
+    for name, own in (("squares", least_squares), ("absolute", least_moduli)):
+        found = minimise_error(rows, force, name, weights=weights)
+        np.testing.assert_allclose(found, own(rows * root, force * root), rtol=1e-9)
+        simplex = minimise_error(rows, force, name, weights=weights, minimiser="nelder_mead")
+        np.testing.assert_allclose(simplex, found, rtol=1e-2)
+    found = minimise_error(rows, force, "huber", weights=weights)
+    np.testing.assert_array_equal(found, huber(rows * root, force * root).coefficients)
+    with pytest.raises(DataError, match="scale of Huber"):
+        minimise_error(rows, force, "huber", minimiser="nelder_mead")
 
 
 def test_errors_of_axes_are_weighted():
