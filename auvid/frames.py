@@ -24,7 +24,8 @@ def as_frame(table: pa.Table, name: str) -> pd.DataFrame:
         ``attrs`` holds ``schema``, ``meaning``, and ``units``, ``frames`` and
         ``meanings`` by column.
     """
-    kind, frame = schema(name), table.to_pandas()
+    kind = schema(name)
+    frame: pd.DataFrame = table.to_pandas()
     columns = {key: kind.columns[key] for key in frame.columns if key in kind.columns}
     frame.attrs = {
         "schema": name,

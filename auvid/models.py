@@ -249,7 +249,7 @@ class VehicleModel:
             first=np.zeros(1, dtype=np.intp),
             steps=np.arange(count, dtype=np.intp),
             lags_s=np.array([self.file.dynamics.actuator_lag_s]),
-            **_minimum_speed(self.file),
+            minimum_speed=_minimum_speed(self.file),
         )
         frame = pd.DataFrame(states[0, 0], columns=list(STATE_COLUMNS))
         frame.insert(0, "t_s", t_s)
@@ -293,9 +293,9 @@ class VehicleModel:
         return write(self.file, target, Path(folder), lossy=lossy, force=force, name=name)
 
 
-def _minimum_speed(file: ModelFile) -> dict[str, float]:
+def _minimum_speed(file: ModelFile) -> float:
     screw = file.dynamics.propeller
-    return {} if screw is None else {"minimum_speed": screw.minimum_speed_m_s}
+    return 0.05 if screw is None else screw.minimum_speed_m_s
 
 
 def _shaped(values: ArrayLike, name: str) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -20,7 +20,7 @@ from auvid.data_schemas.records.models import (
     Verdict,
 )
 
-FORMAT = 1
+FORMAT: Final = 1
 """Number of the layout below; it goes up when a reader of the old one would be wrong."""
 
 Axis = Literal["X", "Y", "Z", "K", "M", "N"]
@@ -332,9 +332,9 @@ class ModelFile(Model):
     """The viscous force: tau_viscous of an axis is the sum over its coefficients of
     predictor * product(factors).
     """
-    covariance: dict[Axis, CovarianceCard]
+    covariance: dict[str, CovarianceCard]
     """Axis -> covariance of its coefficients by noise."""
-    combinations: dict[Axis, list[TermCombination]]
+    combinations: dict[str, list[TermCombination]]
     """Axis -> what the data determine of inseparable coefficients."""
     fitted_inertia: list[InertiaCard]
     """Inertia that the run fitted; `dynamics` has it."""
