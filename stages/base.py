@@ -21,7 +21,7 @@ stage of the graph feeds gets the document of its schema that the manifest names
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -151,13 +151,17 @@ def param(
     high: float | None = None,
     allowed: tuple[Any, ...] | None = None,
     names: tuple[str, ...] | None = None,
+    replaces: tuple[str, ...] = (),
+    instead: str = "",
 ) -> Any:
     """Declare a stage parameter: unit, default, bounds or choices, one-line meaning.
 
-    `names`: the keys that a mapping may have, or the items that a list may.
+    `names`: the keys that a mapping may have, or the items that a list may. `replaces`:
+    parameters that are no more, and `instead` what says the same (`installation:
+    estimate`).
     """
     metadata = {"unit": unit, "low": low, "high": high, "allowed": allowed, "meaning": meaning}
-    metadata["names"] = names
+    metadata |= {"names": names, "replaces": replaces, "instead": instead}
     if isinstance(default, dict | list):
         return field(default_factory=lambda: default.copy(), metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -183,7 +187,11 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
     for key, value in values.items():
         path = f"stages.{stage}.{key}"
         if key not in declared:
-            remedy = nearest(key, declared) or f"Known parameters: {', '.join(declared)}."
+            remedy = (
+                _replaced(key, declared.values())
+                or nearest(key, declared)
+                or f"Known parameters: {', '.join(declared)}."
+            )
             faults.append(CampaignError("unknown parameter", file=file, field=path, remedy=remedy))
             continue
         try:
@@ -193,6 +201,18 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
             faults.append(fault)
     raise_faults(faults, file=file)
     return kind(**checked)
+
+
+def _replaced(key: str, declared: Iterable[Field[Any]]) -> str | None:
+    """Return what says the same as a parameter that is no more."""
+    return next(
+        (
+            f"It is no more; write '{item.metadata['instead']}'."
+            for item in declared
+            if key in item.metadata["replaces"]
+        ),
+        None,
+    )
 
 
 TYPES = {float: "a number", int: "an integer", str: "text", list: "a list", Mapping: "a mapping"}

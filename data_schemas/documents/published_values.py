@@ -147,6 +147,8 @@ class PublishedLineEntry(Model):
     """Column that is drawn over t_s."""
     recording: str | None = None
     """Only the rows of this recording."""
+    factor: float = 1.0
+    """The line is this times the column: unit and sign of the source."""
 
 
 class PublishedFigureEntry(Model):

@@ -9,10 +9,11 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.campaign import DOCUMENTS
 from auvid.pipeline.graph import MANIFEST_PORTS, ONCE, AnyStage, Graph, stages_of_kind
-from auvid.stages.base import ports
+from auvid.stages.base import make_params, ports
 
 COMMENT_AT = 44
 CODE = "runs/.code"
@@ -54,8 +55,15 @@ def bounds(meta: Mapping[str, Any]) -> str:
     )
 
 
-def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
-    """Return params.yaml: each parameter's default, unit, bounds and meaning."""
+def params_yaml(
+    stages: Sequence[AnyStage],
+    campaigns: Sequence[str],
+    values: Mapping[str, Mapping[str, Any]] | None = None,
+) -> str:
+    """Return params.yaml: each parameter's value, unit, bounds and meaning.
+
+    values: by stage and parameter; the default where there is none.
+    """
     lines = [
         (
             "# Defaults of every stage parameter, one section per stage. A campaign sets what"
@@ -74,14 +82,16 @@ def params_yaml(stages: Sequence[AnyStage], campaigns: Sequence[str]) -> str:
         ]
         for item in fields(stage.params):
             unit, allowed = item.metadata["unit"], bounds(item.metadata)
+            default = default_of(item)
+            value = ((values or {}).get(stage.name) or {}).get(item.name, default)
             notes = [
                 *([f"[{unit}]"] if unit != "1" else []),
                 item.metadata["meaning"],
                 *([f"({allowed})"] if allowed else []),
+                *([f"(default {_scalar(default)})"] if value != default else []),
             ]
             lines.append(
-                f"  {item.name}: {_scalar(default_of(item))}".ljust(COMMENT_AT - 1)
-                + f" # {' '.join(notes)}"
+                f"  {item.name}: {_scalar(value)}".ljust(COMMENT_AT - 1) + f" # {' '.join(notes)}"
             )
     return "\n".join(lines) + "\n"
 
@@ -201,20 +211,45 @@ def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:
     }
 
 
+def _kept(stages: Sequence[AnyStage], document: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the values of a params.yaml that its stages still have, checked."""
+    defaults = {
+        stage.name: {item.name: default_of(item) for item in fields(stage.params)}
+        for stage in stages
+    }
+    kept: dict[str, dict[str, Any]] = {}
+    for name, section in document.items():
+        for key, value in (section or {}).items() if name != "campaigns" else ():
+            if key not in defaults.get(name, {}):
+                print(f"params.yaml: {name}.{key} is no parameter; left out, was {value!r}")
+                continue
+            kept.setdefault(name, {})[key] = value
+            if value != defaults[name][key]:
+                print(f"params.yaml: {name}.{key} stays {value!r}, default {defaults[name][key]!r}")
+    for stage in stages:
+        make_params(stage.params, kept.get(stage.name, {}), stage=stage.name, file="params.yaml")
+    return kept
+
+
 def main(names: Sequence[str] = ("params.yaml", "dvc.yaml")) -> None:
-    """Write these declarations of this folder; the list of campaigns stays."""
+    """Write these declarations of this folder; campaigns and values of params.yaml stay.
+
+    Values that differ from the default are named, and so are those of parameters that
+    are no more, which are left out. Raises `CampaignError` for a value that is not valid.
+    """
     from auvid.pipeline.campaigns.yaml_files import load_yaml
     from auvid.pipeline.store.atomic_files import write_atomically
     from auvid.stages import KINDS, STAGES
 
     params = Path("params.yaml")
+    document = load_yaml(params).value if params.is_file() else {}
     campaigns = sorted(
-        load_yaml(params).value["campaigns"]
+        document["campaigns"] or []
         if params.is_file()
         else [path.parent.name for path in Path("campaigns").glob("*/campaign.yaml")]
     )
     texts = {
-        "params.yaml": params_yaml(STAGES, campaigns),
+        "params.yaml": params_yaml(STAGES, campaigns, _kept(STAGES, document)),
         "dvc.yaml": dvc_yaml(STAGES, KINDS, campaign_kinds(Path(), campaigns)),
     }
     for name in names:
@@ -222,4 +257,7 @@ def main(names: Sequence[str] = ("params.yaml", "dvc.yaml")) -> None:
 
 
 if __name__ == "__main__":
-    main(*([sys.argv[1:]] if sys.argv[1:] else []))
+    try:
+        main(*([sys.argv[1:]] if sys.argv[1:] else []))
+    except PipelineError as fault:
+        sys.exit(str(fault))

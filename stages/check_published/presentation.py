@@ -73,10 +73,17 @@ def printed_rows(
     )
 
 
+HEADS: dict[Evidence, str] = {
+    "method": "tests",
+    "construction": "by construction",
+    "tuned": "tuned",
+    "unprinted": "not printed",
+}
+"""What bounds show, in heads of columns."""
 EVIDENCE_NOTE = (
     "A bound tests the method where the method could have missed the print. It holds by"
     " construction where the twin flew the printed value and the chain inverts the twin: what it"
-    " shows is that the two agree."
+    " shows is that the two agree. It is tuned where a value was set so that it is met."
 )
 VALUES = ("printed", "corrected", "truth", "ours")
 
@@ -102,7 +109,7 @@ def evidence_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[l
         ]
         for name, own in parts.items()
     ]
-    return ["table", *(EACH[kind] for kind in used), "bounds", "met"], cells
+    return ["table", *(HEADS[kind] for kind in used), "bounds", "met"], cells
 
 
 def evidence_reasons(rows: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -111,11 +118,12 @@ def evidence_reasons(rows: Iterable[Mapping[str, Any]]) -> list[str]:
     for row in rows:
         if row["evidence"]:
             reasons.setdefault((row["evidence"], row["reason"]), []).append(row["quantity"])
-    of_all = len(reasons) == 1
-    return [
-        f"{'' if of_all else ', '.join(names) + ': '}{EACH[kind]}, as {reason}."
-        for (kind, reason), names in reasons.items()
-    ]
+    sentences = []
+    for (kind, reason), names in reasons.items():
+        what = f"{EACH[kind]}, as {reason}."
+        of_all = len(reasons) == 1
+        sentences.append(what[0].upper() + what[1:] if of_all else f"{', '.join(names)}: {what}")
+    return sentences
 
 
 def _percent(share: float | None) -> str:
@@ -142,7 +150,7 @@ def _figure_block(entry: PublishedFigureEntry, tables: Collection[pa.Table]) -> 
         t = clock(rows)
         spans += [float(t[0]), float(t[-1])]
         role = "measured" if number == 0 else f"line {number}"
-        lines.append(series(f"ours: {line.name}", t, column(rows, line.column), role))
+        lines.append(series(f"ours: {line.name}", t, line.factor * column(rows, line.column), role))
     ends = np.array([min(spans), max(spans)])
     lines += [
         series(f"printed: {name}", ends, np.full(2, value), "true")

@@ -112,6 +112,8 @@ class Params:
             " it from all legs together"
         ),
         allowed=("vehicle_file", "estimate"),
+        replaces=("estimate_dvl_arm", "estimate_dvl_mounting"),
+        instead="installation: estimate",
     )
     estimate_current: bool = param(
         "1",

@@ -238,7 +238,7 @@ def _signals(
             rotation = rotations.get(stream)
             signals[stream] = item if rotation is None else in_body_axes(item, rotation)
         elif stream in ("attitude", "depth"):
-            raise missing_stream(stream, inputs.leg, logged=table is not None)
+            raise missing_stream(stream, inputs.leg, table, start_us=start_us)
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
     if "imu" in signals:

@@ -13,7 +13,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
-from auvid.data_schemas.tables import matrix
+from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.signal_checks import attitude_jumps
@@ -172,13 +172,28 @@ def gap_list(signals: Sequence[Signal], max_gap_s: float, window: Span) -> list[
     return sorted(pauses, key=lambda gap: (gap.start_s, gap.stream))
 
 
-def missing_stream(stream: str, leg: LegEntry, *, logged: bool) -> DataError:
-    """Return the error for a stream that the chain cannot do without."""
-    reason = "has fewer than five samples of it in the leg" if logged else "has none"
+def missing_stream(
+    stream: str, leg: LegEntry, table: pa.Table | None, *, start_us: int
+) -> DataError:
+    """Return the error for a stream that the chain cannot do without.
+
+    table: what the log has of it outside the leg, with the times from start_us on.
+    """
+    words, supply = f"leg '{leg.id}' needs stream '{stream}', and log '{leg.log}'", ""
+    if table is None or not table.num_rows:
+        supply = f"What could supply it: {supply_text(stream)}."
+        return DataError(f"{words} has none", field=stream, remedy=supply)
+    t_s = (column(table, "time_us") - start_us) / 1e6
+    first, last = float(t_s.min()), float(t_s.max())
     return DataError(
-        f"leg '{leg.id}' needs stream '{stream}', and log '{leg.log}' {reason}",
+        f"{words} has fewer than five samples of it in the leg",
         field=stream,
-        remedy=f"What could supply it: {supply_text(stream)}.",
+        value=f"{stream} begins at {first:.1f} s of the log and ends at {last:.1f} s",
+        allowed="a leg in which all sensors run",
+        remedy=(
+            f"Choose start_s and end_s of the leg between {first:.1f} and {last:.1f} s, or another"
+            f" source: {supply_text(stream)}."
+        ),
     )
 
 
@@ -187,9 +202,15 @@ def too_short(
 ) -> DataError:
     """Return the error for a leg of which no part is covered for long enough."""
     cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
+    shared = max(common_spans(signals), key=lambda span: span[1] - span[0], default=None)
+    together = (
+        "they never run together"
+        if shared is None
+        else f"all run together from {shared[0]:.1f} to {shared[1]:.1f} s at most"
+    )
     return DataError(
         f"no part of leg '{leg.id}' is covered by all sensors for {min_segment_s:g} s",
-        value=cover,
+        value=f"{cover}; {together}",
         allowed=f"pauses up to {max_gap_s:g} s",
         remedy=(
             "Raise stages.resample.max_gap_s, lower stages.resample.min_segment_s, choose another"

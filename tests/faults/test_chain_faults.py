@@ -128,6 +128,11 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
         "ingest",
         ("stages.fuse.methd", "unknown parameter", "Did you mean 'method'?"),
     ),
+    "PARAMETER_REPLACED": (
+        replaced(MANIFEST, "method: kinematic", "estimate_dvl_arm: true"),
+        "ingest",
+        ("stages.fuse.estimate_dvl_arm", "unknown parameter", "write 'installation: estimate'"),
+    ),
     "UNIT_WRONG": (
         replaced(MAP, "field: depth_m, unit: m", "field: depth_m, unit: kg"),
         "ingest",

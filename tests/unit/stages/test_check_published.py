@@ -279,7 +279,13 @@ DECAYS = make_table(
         },
     },
 )
-LINE = {"name": "surge", "table": "pipendulum/decays", "recording": "one", "column": "speed_m_s"}
+LINE = {
+    "name": "surge",
+    "table": "pipendulum/decays",
+    "recording": "one",
+    "column": "speed_m_s",
+    "factor": -2.0,
+}
 
 
 def with_figure(**line: Any) -> PublishedValuesDocument:
@@ -308,7 +314,7 @@ def test_figures_of_the_source_are_drawn_on_its_axes() -> None:
     (axis,) = drawn["panels"]
     assert (axis["label"], axis["unit"]) == ("u", "m/s")
     ours, printed = axis["series"]
-    assert (ours["name"], ours["x"], ours["y"]) == ("ours: surge", [0.0, 1.0], [0.3, -0.2])
+    assert (ours["name"], ours["x"], ours["y"]) == ("ours: surge", [0.0, 1.0], [-0.6, 0.4])
     assert (printed["name"], printed["y"]) == ("printed: largest speed", [0.3515, 0.3515])
 
 

@@ -404,13 +404,23 @@ def test_a_missing_stream_says_what_could_supply_it() -> None:
         ),
     ):
         run(attitude=None)
-    with pytest.raises(DataError, match=r"needs stream 'depth', .* fewer than five samples"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"needs stream 'depth', .* fewer than five samples.*"
+            r"depth begins at 0\.\d s of the log and ends at 1\d\.\d s"
+        ),
+    ):
         run({"start_s": 30.0}, depth=depth(times(10, end_s=20.0)))
+    with pytest.raises(DataError, match=r"attitude begins at 40\.\d s.*Choose start_s and end_s"):
+        run({"end_s": 30.0}, attitude=attitude(times(20, start_s=40.0)))
 
 
 def test_no_part_is_covered_long_enough() -> None:
     with pytest.raises(
-        DataError, match=r"no part of leg 'leg' is covered .*velocity 0.1 to 19.7 s.*max_gap_s"
+        DataError,
+        match=r"no part of leg 'leg' is covered .*velocity 0.1 to 19.7 s.*"
+        r"all run together from 18\.\d to 19\.7 s at most.*max_gap_s",
     ):
         run(velocity=velocity(times(8, end_s=20.0)), depth=depth(times(10, start_s=18.0)))
 
