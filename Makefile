@@ -63,7 +63,7 @@ $(TEST): requirements-test.lock pyproject.toml setup.py | $(VENV)/bin/python
 # Folder links in which mypy and editors find the package: build/typing/auvid/stages -> stages.
 typing:
 	@mkdir -p $(TYPING)
-	@for part in data_schemas hydro stages pipeline auvid/*.py; do \
+	@for part in data_schemas hydro stages export pipeline auvid/*.py; do \
 		ln -sfn ../../../$$part $(TYPING)/$$(basename $$part); done
 
 demo: $(RUN)

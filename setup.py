@@ -8,7 +8,7 @@ else is in pyproject.toml.
 
 from setuptools import find_namespace_packages, setup
 
-FLOORS = ("data_schemas", "hydro", "stages", "pipeline", "vehicles")
+FLOORS = ("data_schemas", "hydro", "stages", "export", "pipeline", "vehicles")
 
 
 def packages_of(floor: str) -> list[str]:

@@ -514,9 +514,72 @@ def coefficients(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print coefficients of strip theory and published ones, with their sources."""
-    from auvid.pipeline.commands.coefficients import print_coefficients
+    from auvid.pipeline.commands.model.coefficients import print_coefficients
 
     print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
+
+
+@app.command(
+    epilog=(
+        "Examples: auvid export bluerov2_dvl --to gazebo --lossy | auvid export"
+        " bluerov2_dvl/fossen --to mss --name rov | auvid export linear.json --to draws --draws 500"
+    )
+)
+def export(
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL",
+            help="Path of a model file, CAMPAIGN for its recommended model, or CAMPAIGN/MODEL.",
+        ),
+    ],
+    target: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="TARGET",
+            help=(
+                "gazebo, uuv, mss, pvs, holoocean, stonefish, mujoco, sitl, python, json or draws."
+            ),
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder. [default: NAME_TARGET]"),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of files, functions, classes. [default: VEHICLE_MODEL]"),
+    ] = None,
+    lossy: Annotated[
+        bool,
+        typer.Option(
+            "--lossy", help="Write it although the target loses more than 1 % of a force."
+        ),
+    ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Overwrite files, and export a model that is usable for nothing."
+        ),
+    ] = False,
+    draws: Annotated[int, typer.Option(metavar="N", min=1, help="Of target draws.")] = 1000,
+) -> None:
+    """Write a model for a simulator, and print what that cannot hold of it.
+
+    Exit codes: 0 written; 1 refused; 2 wrong use.
+    """
+    from auvid.pipeline.commands.model import export_command
+
+    export_command.export(
+        model,
+        target,
+        folder=output,
+        file_name=name,
+        lossy=lossy,
+        force=force,
+        draws=draws,
+    )
 
 
 @app.command(epilog="Example: auvid new ~/campaigns_2026")

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-PRODUCT = ("data_schemas", "hydro", "stages", "pipeline")
+PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
 """The floors, lowest first."""
 PACKAGE = "auvid"
 

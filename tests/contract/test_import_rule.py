@@ -1,4 +1,4 @@
-"""The floors of the house: data_schemas <- hydro <- stages <- pipeline, and purity
+"""The floors of the house: data_schemas <- hydro <- stages, export <- pipeline, and purity
 below pipeline. Held by reading the source; each test lists all offenders.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from auvid.stages import STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("data_schemas", "hydro", "stages", "pipeline")
+FLOORS = ("data_schemas", "hydro", "stages", "export", "pipeline")
 HYDRO_PACKAGES = {"numpy", "scipy", "filterpy", "numba"}
 SHARED_IN_STAGES = {
     "base",
@@ -123,6 +123,10 @@ def test_each_floor_imports_only_from_below() -> None:
     for floor, name in enumerate(FLOORS):
         above = set(FLOORS[floor + 1 :])
         assert offenders({path: top_names(path) & above for path in modules(name)}) == {}
+
+
+def test_export_imports_no_stage() -> None:
+    assert offenders({path: top_names(path) & {"stages"} for path in modules("export")}) == {}
 
 
 def test_hydro_imports_only_mathematics() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PRODUCT = ("data_schemas", "hydro", "stages", "pipeline")
+PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
 DOCUMENTS = ("data_schemas/documents/", "data_schemas/records/")
 """Fields here are keys of YAML and JSON."""
 SAYS_NOTHING = {

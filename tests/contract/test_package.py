@@ -16,7 +16,7 @@ import pytest
 import auvid
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("data_schemas", "hydro", "stages", "pipeline", "vehicles")
+FLOORS = ("data_schemas", "hydro", "stages", "export", "pipeline", "vehicles")
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel({!r}))"
 MAIN = "from auvid.pipeline.cli import main; main()"
 COMMANDS = """

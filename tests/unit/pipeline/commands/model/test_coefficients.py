@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
-from auvid.pipeline.commands.coefficients import coefficients_of
+from auvid.pipeline.commands.model.coefficients import coefficients_of
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[5]
 
 
 def test_text_shows_value_unit_formula_source_and_the_published_value():

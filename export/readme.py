@@ -1,0 +1,94 @@
+"""The README beside exported files: use, convention, what is lost."""
+
+from __future__ import annotations
+
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.export.exported import Exported, Target
+from auvid.export.losses import ExportLosses
+from auvid.hydro.arrays import AXES
+
+
+def readme(
+    model: ModelFile,
+    target: Target,
+    exported: Exported,
+    losses: ExportLosses,
+    *,
+    name: str,
+    useless: bool,
+) -> str:
+    """Return the page in Markdown."""
+    judged = "all, since no validation leg judges it" if model.use.axes is None else None
+    parts = [
+        f"# {name}: {model.title} for {target.name}",
+        f"{target.title}. Files: {', '.join(f'`{file}`' for file in exported.files)}.",
+        f"**Use of the model.** {model.use.sentence}. Why this choice: {model.use.rule}."
+        + ("\n\n**Exported by force: it is usable for nothing.**" if useless else ""),
+        "## How to use it",
+        exported.usage.strip(),
+        "## Convention",
+        exported.convention,
+        "## What is lost",
+        loss_table(losses),
+    ]
+    if losses.notes:
+        parts.append("\n".join(f"- {note}" for note in losses.notes))
+    parts.append(
+        "RMS force over velocities spread evenly within the flown range, in N and N m; the last"
+        " row is the model's own viscous force."
+        f" Axes that the model is usable for: {judged or ', '.join(losses.judged)}."
+    )
+    parts += ["## Where it comes from", _origin(model, target)]
+    return "\n\n".join(parts) + "\n"
+
+
+def loss_table(losses: ExportLosses) -> str:
+    """Return the losses as a table in Markdown."""
+    if not losses.rows:
+        return "Nothing: the files hold every force of the model."
+    head = ["what is lost", "why", *AXES]
+    rows = [[row.what, row.why, *map(_number, row.rms)] for row in losses.rows]
+    rows.append(["**all together**", "", *map(_number, losses.total_rms)])
+    shares = [percent(share) for share in losses.shares.values()]
+    rows.append(["share of the viscous force", "", *shares])
+    rows.append(["viscous force of the model", "", *map(_number, losses.viscous_rms)])
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines)
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, "-" for one of nothing.
+
+    >>> percent(0.0308), percent(1.45), percent(float("inf"))
+    ('3.08 %', '145 %', '-')
+    """
+    if share == float("inf"):
+        return "-"
+    return f"{100.0 * share:.3g} %" if share < 10.0 else f"{100.0 * share:.0f} %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _origin(model: ModelFile, target: Target) -> str:
+    origin = model.origin
+    files = [
+        f"- log {log}: {', '.join(f'{k} {v}' for k, v in item.items())}"
+        for log, items in origin.logs.items()
+        for item in items
+    ]
+    return "\n".join(
+        [
+            f"- auvid {model.auvid}, campaign {origin.campaign}, vehicle {model.vehicle.title}"
+            f" ({origin.vehicle_hash})",
+            f"- model {model.name}: {model.source}; {model.method}",
+            *files,
+            f"- formula of the target: {target.source}",
+            f"- assumed figures of the vehicle: {len(model.assumed)}, listed by the target json",
+        ]
+    )

@@ -1,0 +1,118 @@
+"""Draws from the posterior of the coefficients, for randomisation in training."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.export.exported import Exported, Request, Target
+from auvid.export.text import number
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.identification.constrained.draws import draw_within
+from auvid.hydro.identification.constrained.equations import Unknown, added_mass_unknown
+from auvid.hydro.identification.constrained.limits import damping_limits
+from auvid.hydro.identification.regression.least_squares import CONSTANT
+
+SEED = 0
+MOST_LIMITS = 5
+"""Limits that are named."""
+CONVENTION = (
+    "A row per draw, a column per coefficient by its name (Y_v|v| multiplies v|v| in the force Y);"
+    " body axes x forward, y starboard, z down; forces on the right-hand side, so that damping is"
+    " negative; SI and radians. X_constant is a constant force, X_udot an added mass."
+)
+_USAGE = """\
+Take a row per episode and put its numbers in place of those of another export of the
+same model, as `auvid export ... --to python`, `mss` or `gazebo` (mind that target's
+signs). The first row is the model itself.
+
+{counts}
+"""
+
+
+def export(request: Request) -> Exported:
+    """Return `NAME_draws.csv`: the model itself, then draws that gain no energy.
+
+    Normal draws of each axis in the covariance of the model file, in the size of the
+    printed standard errors; those whose damping gives energy to some motion of the flown
+    range count at the nearest passive model, in the metric of the posterior. Inertia that
+    was fitted is drawn too.
+    """
+    model, count = request.model, request.draws
+    unknowns, values, covariance = posterior(model)
+    flown = [model.validity[name] for name in VELOCITIES]
+    reach = [max(abs(v.low), abs(v.high), v.threshold) for v in flown]
+    rows, cuts = damping_limits(unknowns, "dissipative", reach)
+    if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
+        # Of other than linear terms the rows hold the power at many velocities already.
+        cuts = []
+    drawn = draw_within(unknowns, values, covariance, rows, cuts, count=count, seed=SEED)
+    counts = (
+        f"{count} draws, of which {drawn.moved} were not passive (they give energy to a motion of"
+        " the flown range) and stand at the nearest passive model"
+    )
+    often = sorted(drawn.outside.items(), key=lambda item: -item[1])[:MOST_LIMITS]
+    limits_hit = "; ".join(f"{name}: {times}" for name, times in often)
+    counts += f"; limits that held most: {limits_hit}." if limits_hit else "."
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["draw", *(_column(unknown) for unknown in unknowns)])
+    for place, row in enumerate([values, *drawn.values]):
+        writer.writerow([place, *(number(value) for value in row)])
+    return Exported(
+        {f"{request.name}_draws.csv": out.getvalue()},
+        (),
+        CONVENTION,
+        _USAGE.format(counts=counts),
+        (
+            counts,
+            "Axes are drawn independently of each other; assumed figures of the vehicle and the"
+            " form of the model are not drawn.",
+        ),
+    )
+
+
+def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
+    """Return unknowns (p), values (p,) and covariance (p, p) of a model file.
+
+    What it has no error of has the variance 0. Each axis in the size of the printed
+    standard errors.
+    """
+    entries = {Unknown(item.axis, item.term): item for item in model.coefficients}
+    unknowns, values = list(entries), [item.predictor for item in model.coefficients]
+    for item in model.fitted_inertia:
+        unknowns.append(added_mass_unknown(item.name))
+        place = AXES.index(unknowns[-1].axis), VELOCITIES.index(item.name[2])
+        values.append(model.dynamics.added_mass[place[0]][place[1]])
+    covariance = np.zeros((len(unknowns), len(unknowns)))
+    for axis, card in model.covariance.items():
+        places = [unknowns.index(Unknown(axis, term)) for term in card.terms]
+        block = np.zeros((len(places), len(places)))
+        for i, row in enumerate(card.lower):
+            block[i, : i + 1] = block[: i + 1, i] = row
+        own = np.sqrt(np.maximum(np.diag(block), 0.0))
+        errors = [entries[unknowns[place]].standard_error for place in places]
+        printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
+        scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
+        covariance[np.ix_(places, places)] = block * np.outer(scale, scale)
+    for item in model.fitted_inertia:
+        place_of = unknowns.index(added_mass_unknown(item.name))
+        covariance[place_of, place_of] = item.standard_error**2
+    return unknowns, np.array(values), covariance
+
+
+def _column(unknown: Unknown) -> str:
+    return f"{unknown.axis}_{CONSTANT}" if unknown.term == CONSTANT else str(unknown)
+
+
+DRAWS = Target(
+    "draws",
+    "passive draws of the coefficients as CSV",
+    "coefficients and their covariance, not the vehicle",
+    "none",
+    export,
+)

@@ -1,0 +1,163 @@
+"""Writing a model in the form of a target: refusals, files, README."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from auvid.data_schemas.errors import DataError, UsageError, nearest
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.models import UsableFor
+from auvid.export.body import body_of
+from auvid.export.exported import Request, Target
+from auvid.export.losses import LARGEST_SHARE, ExportLosses, measure
+from auvid.export.readme import readme
+from auvid.export.targets import TARGETS
+from auvid.export.text import identifier, sanitised
+
+README = "README.md"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Files of a target (name -> text, with README.md), and what they lose."""
+
+    files: Mapping[str, str]
+    losses: ExportLosses
+
+
+def write(
+    model: ModelFile,
+    target: str,
+    folder: Path,
+    *,
+    lossy: bool = False,
+    force: bool = False,
+    name: str | None = None,
+    draws: int = 1000,
+) -> list[Path]:
+    """Write a model in the form of a target into a folder and return the paths.
+
+    Raises as `prepare`, and `UsageError` where a file exists, unless `force`.
+    """
+    prepared = prepare(model, target, lossy=lossy, force=force, name=name, draws=draws)
+    return write_files(prepared, folder, force=force)
+
+
+def prepare(
+    model: ModelFile,
+    target: str,
+    *,
+    lossy: bool = False,
+    force: bool = False,
+    name: str | None = None,
+    draws: int = 1000,
+) -> Prepared:
+    """Return the files of a target as text, with the losses.
+
+    name: of files and of functions or classes in them; default VEHICLE_MODEL. Raises
+    `UsageError` for an unknown target and a name that is no identifier; `DataError` for
+    a model that is usable for nothing, unless `force`, and where the target loses more
+    than `LARGEST_SHARE` of the viscous force on an axis that the model is usable for,
+    unless `lossy`.
+    """
+    to = _target(target)
+    named = identifier(name) if name else sanitised(f"{model.vehicle.name}_{model.name}")
+    if draws < 1:
+        raise UsageError("how many draws", field="draws", value=draws, allowed="1 or more")
+    useless = _usable_for_nothing(model.use.axes)
+    if useless and not force:
+        raise DataError(
+            "the model is usable for nothing",
+            field="model",
+            value=f"{model.title}: {model.use.sentence}",
+            remedy="Export the model that its run recommends, or this one with --force"
+            " (force=True): its files then say so.",
+        )
+    body = body_of(model)
+    exported = to.export(Request(model, body, named, _head(model, useless), draws))
+    losses = measure(
+        to.name,
+        body,
+        exported.lost,
+        validity=model.validity,
+        use=model.use.axes,
+        notes=exported.notes,
+    )
+    if losses.too_large and not lossy:
+        raise DataError(
+            f"{to.title} cannot hold this model: it loses"
+            f" {_shares(losses)} of the RMS viscous force within the flown range",
+            field="target",
+            value=to.name,
+            allowed=f"{100 * LARGEST_SHARE:g} % on the axes that the model is usable for",
+            remedy=f"Lost: {'; '.join(row.what for row in losses.rows)}. Take --lossy"
+            " (lossy=True) to write it all the same, a model without these terms, or the"
+            " target python, which holds everything.",
+        )
+    page = readme(model, to, exported, losses, name=named, useless=useless)
+    return Prepared({**exported.files, README: page}, losses)
+
+
+def write_files(prepared: Prepared, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write prepared files into a folder and return their paths.
+
+    Raises `UsageError` where one exists, unless `force`.
+    """
+    paths = [folder / name for name in prepared.files]
+    there = [str(path) for path in paths if path.exists()]
+    if there and not force:
+        raise UsageError(
+            "the file exists",
+            file=there[0],
+            remedy="Name another folder with --output, or overwrite with --force (force=True).",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, text in zip(paths, prepared.files.values(), strict=True):
+        path.write_text(text, encoding="utf-8")
+    return paths
+
+
+def _target(name: str) -> Target:
+    if name not in TARGETS:
+        raise UsageError(
+            "unknown target",
+            field="target",
+            value=name,
+            allowed=list(TARGETS),
+            remedy=nearest(name, TARGETS),
+        )
+    return TARGETS[name]
+
+
+def _usable_for_nothing(use: UsableFor | None) -> bool:
+    return use is not None and not (use.forces or use.simulation or use.control)
+
+
+def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
+    """Return lines that each file carries: origin, use, and what is not known."""
+    unknown = sum(not item.determined for item in model.coefficients)
+    lines = [
+        f"Written by auvid {model.auvid} from model {model.name} ({model.title}) of campaign"
+        f" {model.origin.campaign}; fitted by {model.method}.",
+        f"Use: {model.use.sentence}.",
+    ]
+    if useless:
+        lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)
+    if model.use.axes is None:
+        lines.append("No validation leg judges this model: no axis has a verdict.")
+    if unknown:
+        lines.append(
+            f"{unknown} of {len(model.coefficients)} coefficients are not determined by the data;"
+            " the numbers here belong together and mean nothing one by one."
+        )
+    flown = ", ".join(
+        f"{name} {span.low:.3g} to {span.high:.3g}" for name, span in model.validity.items()
+    )
+    lines.append(f"Valid within the flown range (m/s, rad/s): {flown}.")
+    return tuple(lines)
+
+
+def _shares(losses: ExportLosses) -> str:
+    return ", ".join(f"{100 * losses.shares[axis]:.3g} % of {axis}" for axis in losses.too_large)

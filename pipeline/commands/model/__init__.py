@@ -1,0 +1,1 @@
+"""Commands about models: coefficients of vehicles, and export to simulators."""

@@ -1,0 +1,103 @@
+"""What is refused, what files say, and which names they take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from auvid.data_schemas.errors import DataError, UsageError
+from auvid.data_schemas.records.models import UsableFor
+from auvid.export import TARGETS, prepare, write
+from auvid.export.text import identifier, number
+from tests.support.model_files import DAMPED, NO_USE, model_file
+
+FILES = {
+    "gazebo": ["rov.sdf"],
+    "uuv": ["rov.xacro"],
+    "mss": ["rov.m"],
+    "pvs": ["rov.py"],
+    "holoocean": ["rov.json"],
+    "stonefish": ["rov.scn"],
+    "mujoco": ["rov.xml", "rov_forces.py"],
+    "sitl": ["rov.parm", "rov.md"],
+    "python": ["rov.py"],
+    "json": ["rov.json"],
+    "draws": ["rov_draws.csv"],
+}
+
+
+@pytest.mark.parametrize("target", sorted(TARGETS))
+def test_files_have_their_names_and_a_readme(target: str, tmp_path: Path) -> None:
+    paths = write(model_file(), target, tmp_path, name="rov", lossy=True, draws=5)
+    assert [path.name for path in paths] == [*FILES[target], "README.md"]
+    assert all(path.stat().st_size for path in paths)
+    page = paths[-1].read_text(encoding="utf-8")
+    assert "## Convention" in page
+    assert "## How to use it" in page
+    if target not in ("json", "draws"):
+        head = paths[0].read_text(encoding="utf-8")
+        assert "Made up: use it" in head
+        assert "flown range" in head
+
+
+def test_unknown_target_names_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"Did you mean 'gazebo'\?"):
+        write(model_file(), "gazbo", tmp_path)
+
+
+def test_a_file_is_not_overwritten_without_force(tmp_path: Path) -> None:
+    model = model_file()
+    (path, _) = write(model, "python", tmp_path, name="rov")
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(UsageError, match="the file exists"):
+        write(model, "python", tmp_path, name="rov")
+    assert path.read_text(encoding="utf-8") == "mine"
+    write(model, "python", tmp_path, name="rov", force=True)
+    assert path.read_text(encoding="utf-8") != "mine"
+
+
+def test_a_model_for_nothing_needs_force_and_says_so(tmp_path: Path) -> None:
+    model = model_file(use=NO_USE)
+    with pytest.raises(DataError, match="usable for nothing"):
+        write(model, "python", tmp_path, name="rov")
+    assert not list(tmp_path.iterdir())
+    paths = write(model, "python", tmp_path, name="rov", force=True)
+    assert all("USABLE FOR NOTHING" in path.read_text(encoding="utf-8").upper() for path in paths)
+
+
+def test_a_model_that_nothing_judges_is_written_and_says_so(tmp_path: Path) -> None:
+    paths = write(model_file(use=None), "python", tmp_path, name="rov")
+    assert "no axis has a verdict" in paths[0].read_text(encoding="utf-8")
+
+
+def test_losses_count_on_usable_axes_alone(tmp_path: Path) -> None:
+    """A constant pitch force does not matter where the model is usable for surge alone."""
+    terms = {**DAMPED, "M": {"q": -3.0, "constant": 0.5}}
+    use = UsableFor(forces=["X"], simulation=[], control=[], speeds={})
+    assert prepare(model_file(terms, use=use), "gazebo").losses.too_large == ()
+    with pytest.raises(DataError, match="M_constant"):
+        write(model_file(terms), "gazebo", tmp_path)
+    lossy = prepare(model_file(terms), "gazebo", lossy=True).losses
+    assert lossy.too_large == ("M",)
+    assert lossy.rows[0].rms == pytest.approx((0, 0, 0, 0, 0.5, 0))
+
+
+def test_a_small_loss_is_written_and_printed(tmp_path: Path) -> None:
+    """0.005 N of 2.4 N are below 1 %."""
+    terms = {**DAMPED, "X": {"u": -6.0, "constant": 0.005}}
+    losses = prepare(model_file(terms), "uuv").losses
+    assert 0.0 < losses.shares["X"] < 0.01
+
+
+@pytest.mark.parametrize("name", ["2fast", "a-b", "", "class", "endfunction", "ü", "a" * 64])
+def test_a_name_that_is_no_identifier_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="Take for example") as caught:
+        identifier(name)
+    better = str(caught.value).rsplit(" ", 1)[1].rstrip(".")
+    assert identifier(better) == better
+
+
+def test_numbers_read_back_as_they_are() -> None:
+    for value in (0.1, 1e-300, -1.0 / 3.0, 12345678.9012345):
+        assert float(number(value)) == value
