@@ -16,6 +16,7 @@ import ast
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
@@ -70,6 +71,7 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     return found - {name}
 
 
+@cache
 def import_graph(root: Path) -> dict[str, set[str]]:
     """Return module -> modules of the product that it imports."""
     files = module_files(root)

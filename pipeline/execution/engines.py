@@ -37,10 +37,10 @@ class Serial:
 
 
 class Processes:
-    """A pool of fresh interpreters, started by the first stage with several items.
+    """A pool of processes, started by the first stage with several items.
 
-    Fresh (spawned) rather than forked, so that a worker has one BLAS thread and no
-    state of the parent.
+    They come from a fresh interpreter, not from this one, so that a worker has one BLAS
+    thread and no state of the parent.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -55,7 +55,7 @@ class Processes:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self._jobs,
-                mp_context=multiprocessing.get_context("spawn"),
+                mp_context=_context(),
                 initializer=_end_with_parent,
             )
         with _interrupts_held_back():
@@ -79,6 +79,15 @@ class Processes:
                 worker.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool, self._waiting = None, {}
+
+
+def _context() -> multiprocessing.context.BaseContext:
+    """Return what starts workers: a server that imports the stages once, or anew each."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["auvid.pipeline.execution.task", "auvid.stages"])
+    return context
 
 
 def _end_with_parent() -> None:

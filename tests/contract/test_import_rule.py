@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from auvid.stages import STAGES
+from tests.support import source_trees
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "export", "pipeline")
@@ -48,9 +49,8 @@ def modules(*floors: str) -> list[Path]:
     return sorted(path for floor in floors for path in (ROOT / floor).rglob("*.py"))
 
 
-@cache
 def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return source_trees.tree_of(path.read_text(encoding="utf-8"))
 
 
 def executed(tree: ast.AST) -> Iterator[ast.AST]:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.source_trees import tree_of
+
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
 DOCUMENTS = ("data_schemas/documents/", "data_schemas/records/")
@@ -87,7 +89,7 @@ def modules() -> Iterator[Module]:
 @cache
 def nodes_of(source: str) -> tuple[ast.AST, ...]:
     """Return all nodes of a source text, read once."""
-    return tuple(ast.walk(ast.parse(source)))
+    return tuple(ast.walk(tree_of(source)))
 
 
 @cache

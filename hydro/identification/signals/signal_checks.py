@@ -503,8 +503,8 @@ def response_lag(
     if total == 0.0:
         return None
     lags = np.arange(early, late + 1)
-    shares = np.array(
-        [_explained(commands[late - lag : late - lag + count], response, total) for lag in lags]
+    shares = _explained(
+        [commands[late - lag : late - lag + count] for lag in lags], response, total
     )
     return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 
@@ -515,12 +515,13 @@ def _without_drift(values: Array, width: int) -> Array:
     return np.asarray(values - drift)
 
 
-def _explained(design: Array, response: Array, total: float) -> float:
-    """Return the adjusted share of variance of (n,) explained by design (n, k)."""
-    moment = design.T @ design
+def _explained(designs: list[Array], response: Array, total: float) -> Array:
+    """Return the adjusted share of variance of (n,) explained by each design (n, k)."""
+    moment = np.stack([design.T @ design for design in designs])
+    cross = np.stack([design.T @ response for design in designs])
+    count, width = designs[0].shape
     # A little ridge: outputs of a mixer are often linear combinations of each other.
-    moment += np.eye(len(moment)) * 1e-9 * max(float(np.trace(moment)), 1e-30)
-    cross = design.T @ response
-    share = float(cross @ np.linalg.solve(moment, cross)) / total
-    count, width = design.shape
-    return float(1.0 - (1.0 - share) * (count - 1) / (count - width - 1))
+    ridge = 1e-9 * np.maximum(np.trace(moment, axis1=1, axis2=2), 1e-30)
+    moment += np.eye(width) * ridge[:, None, None]
+    share = np.sum(cross * np.linalg.solve(moment, cross[..., None])[..., 0], axis=1) / total
+    return np.asarray(1.0 - (1.0 - share) * (count - 1) / (count - width - 1))

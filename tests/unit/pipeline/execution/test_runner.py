@@ -425,9 +425,8 @@ def test_full_or_faulty_disk_is_named_wherever_it_shows(
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     code = (
         "import os, time; from concurrent.futures import ProcessPoolExecutor as Pool;"
-        "from multiprocessing import get_context;"
-        "from auvid.pipeline.execution.engines import _end_with_parent;"
-        "pool = Pool(1, mp_context=get_context('spawn'), initializer=_end_with_parent);"
+        "from auvid.pipeline.execution.engines import _context, _end_with_parent;"
+        "pool = Pool(1, mp_context=_context(), initializer=_end_with_parent);"
         "print(pool.submit(os.getpid).result(), flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as parent:
