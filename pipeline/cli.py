@@ -582,6 +582,33 @@ def export(
     )
 
 
+@app.command(
+    epilog=(
+        "Examples: auvid score bluerov2_dvl; auvid score bluerov2_dvl --with 'bluerov2_*' --with"
+        " other.json"
+    )
+)
+def score(
+    campaign: CampaignName,
+    others: Annotated[
+        list[str],
+        typer.Option(
+            "--with",
+            metavar="NAME",
+            help=(
+                "shelf (all published sets), a name of one (* stands for any letters), a vehicle"
+                " file (.yaml) or a model file (.json); may be repeated."
+            ),
+        ),
+    ] = ["shelf"],  # noqa: B006
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Judge published sets of coefficients, or models, on the dive of a run."""
+    from auvid.pipeline.commands.model.score_command import print_score
+
+    print_score(campaign, others, as_json=as_json)
+
+
 @app.command(epilog="Example: auvid new ~/campaigns_2026")
 def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns, make_table, matrix
@@ -25,6 +26,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorSums
+from auvid.hydro.model_file import vehicle_of, viscous_model
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import (
     ACCELERATION,
@@ -82,25 +84,23 @@ class Outputs:
 
 @dataclass(frozen=True)
 class PublishedSet:
-    """A set of the shelf on the actuators of the user's vehicle."""
+    """A set of the shelf, or another model, on the actuators of the user's vehicle."""
 
+    title: str
     vehicle: Vehicle
     model: IdentifiedModel
 
     @classmethod
     def of(cls, published: Vehicle, own: Vehicle) -> PublishedSet:
         """Return a published vehicle with the actuators of the user's own."""
-        body = replace(
-            own,
-            mass_kg=published.mass_kg,
-            displaced_mass_kg=published.displaced_mass_kg,
-            r_G=published.r_G,
-            r_B=published.r_B,
-            inertia=published.inertia,
-            added_mass=published.added_mass,
-        )
         terms = viscous_terms(published.published.values())
-        return cls(body, IdentifiedModel(published.name, terms))
+        model = IdentifiedModel(published.name, terms)
+        return cls(published.title, _in_body(published, own), model)
+
+    @classmethod
+    def of_file(cls, file: ModelFile, own: Vehicle) -> PublishedSet:
+        """Return a model of a file with the actuators of the user's vehicle."""
+        return cls(file.title, _in_body(vehicle_of(file), own), viscous_model(file)[0])
 
     def missing_force(self, residual: pa.Table, fused: pa.Table) -> Array:
         """Return the force (n, 6) [N, N m] that the set leaves unexplained.
@@ -116,6 +116,19 @@ class PublishedSet:
             if has_columns(residual, force_columns(name)):
                 force -= forces(residual, name)
         return force - self.model.force(nu) if self.model.terms else force
+
+
+def _in_body(published: Vehicle, own: Vehicle) -> Vehicle:
+    """Return the user's vehicle with mass, buoyancy and inertia of another."""
+    return replace(
+        own,
+        mass_kg=published.mass_kg,
+        displaced_mass_kg=published.displaced_mass_kg,
+        r_G=published.r_G,
+        r_B=published.r_B,
+        inertia=published.inertia,
+        added_mass=published.added_mass,
+    )
 
 
 @dataclass(frozen=True)
@@ -141,23 +154,31 @@ class Score:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """Judge every set of the shelf as the campaign's own models are judged.
-
-    A constant force per axis is fitted to the training legs for each, as for the models
-    of the campaign: net buoyancy and tether are the day's, not the vehicle's.
-    """
+    """Judge every set of the shelf as the campaign's own models are judged."""
     if not inputs.shelf:
         return Outputs()
     sets = {name: PublishedSet.of(item, inputs.vehicle) for name, item in inputs.shelf.items()}
+    rows = judge(sets, inputs, params)
+    heads = ("set", "title", "use", *RATIOS.values(), "starts", "diverged", *RMS)
+    scores = make_table("shelf_scores", {head: [row[head] for row in rows] for head in heads})
+    return Outputs(scores, shelf_section(rows, params.horizon_s))
+
+
+def judge(sets: Mapping[str, PublishedSet], inputs: Inputs, params: Params) -> list[dict[str, Any]]:
+    """Return a row per set and use, those of the campaign's own model first.
+
+    A constant force per axis is fitted to the training legs for each set, as for the
+    models of the campaign: net buoyancy and tether are the day's, not the vehicle's.
+    """
     uses = {key: str(segment.use) for key, segment in inputs.segment.items()}
     rows = list(_own_rows(inputs, params))
     for name, own in sets.items():
         trim = _trim(own, inputs, uses)
-        for use, score in _scores(own, trim, inputs, params, uses):
-            rows.append({"set": name, "title": inputs.shelf[name].title, "use": use, **score.row()})
-    heads = ("set", "title", "use", *RATIOS.values(), "starts", "diverged", *RMS)
-    scores = make_table("shelf_scores", {head: [row[head] for row in rows] for head in heads})
-    return Outputs(scores, shelf_section(rows, params.horizon_s))
+        rows += [
+            {"set": name, "title": own.title, "use": use, **score.row()}
+            for use, score in _scores(own, trim, inputs, params, uses)
+        ]
+    return rows
 
 
 def _trim(own: PublishedSet, inputs: Inputs, uses: Mapping[str, str]) -> Array:

@@ -1,0 +1,107 @@
+"""`auvid score`: published sets and other models on the dive of a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.errors import CampaignError, UsageError, nearest
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.regression.error_measures import TOTAL
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
+from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.execution.runner import Place
+from auvid.pipeline.graph import ONCE
+from auvid.pipeline.store.model_files import read_model
+from auvid.pipeline.terminal import table
+from auvid.stages.number_format import significant
+from auvid.stages.page.first_screen import AXIS_WORDS
+from auvid.stages.score_shelf import (
+    RATIOS,
+    STAGE,
+    Inputs,
+    PublishedSet,
+    judge,
+    nearest_set,
+    worse_than_nothing,
+)
+
+SHELF = "shelf"
+
+
+def score(campaign: str, others: Sequence[str]) -> list[dict[str, Any]]:
+    """Return a row per set and use of what `others` names, and of the run's own model.
+
+    others: `shelf` for all published sets, names of them (with * for any letters), paths
+    of vehicle files (.yaml) or model files (.json). Raises `PipelineError` for what is
+    none of these and for a campaign that has not run.
+    """
+    run = open_run(campaign)
+    if STAGE.name not in (stage.name for stage in run.graph.stages):
+        raise UsageError(
+            "this kind of campaign identifies no model of forces",
+            value=run.campaign.document["kind"],
+            allowed="identification, twin",
+        )
+    task = run.task(run.graph.stage(STAGE.name), Place(ONCE))
+    inputs = Inputs(**{name: source.load() for name, source in task.sources.items()})
+    sets = sets_named(others, run.campaign.vehicle)
+    return judge(sets, inputs, run.params[STAGE.name])
+
+
+def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
+    """Return the sets that `others` of `score` names, on the user's actuators."""
+    shipped = shelf_files()
+    sets: dict[str, PublishedSet] = {}
+    for name in others:
+        path = Path(name).expanduser()
+        if path.suffix == ".json":
+            sets[path.stem] = PublishedSet.of_file(read_model(path), own)
+            continue
+        pattern = "*" if name == SHELF else name
+        found = {key: file for key, file in shipped.items() if fnmatchcase(key, pattern)}
+        if path.suffix == ".yaml":
+            found = {path.stem: path}
+        if not found:
+            raise CampaignError(
+                "not on the shelf",
+                value=name,
+                allowed=[SHELF, *shipped],
+                remedy=nearest(name, shipped) or "Name a vehicle file (.yaml) or a model (.json).",
+            )
+        sets |= {
+            key: PublishedSet.of(load_vehicle(file).vehicle, own) for key, file in found.items()
+        }
+    return sets
+
+
+def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
+    """Print `score` as text, the nearest set first, or as JSON."""
+    rows = score(campaign, others)
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return
+    best = nearest_set(rows)
+    if best is None:
+        return
+    judged = sorted((row for row in rows if row["use"] == best["use"]), key=_total)
+    heads = ("set", *AXIS_WORDS.values(), "total", "u", "v", "w", "r")
+    table(heads, [_cells(row) for row in judged], title=f"J/J0 on {best['use']}, and free runs")
+    print("Above 1: worse than no force. u v w [m/s], r [rad/s]: RMS error of free runs.")
+    print(f"Nearest: {best['title']}.")
+    if axes := worse_than_nothing(rows):
+        print(f"Worse than no model in every set: {', '.join(AXIS_WORDS[axis] for axis in axes)}.")
+
+
+def _total(row: Mapping[str, Any]) -> float:
+    return float(row["ratio"])
+
+
+def _cells(row: Mapping[str, Any]) -> list[str]:
+    ratios = [significant(row[RATIOS[axis]], 2) for axis in (*AXIS_WORDS, TOTAL)]
+    names = ("u_rms_m_s", "v_rms_m_s", "w_rms_m_s", "r_rms_rad_s")
+    errors = [significant(row[name], 2) if row["starts"] else "" for name in names]
+    return [row["set"], *ratios, *errors]

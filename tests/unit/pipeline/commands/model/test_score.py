@@ -1,0 +1,71 @@
+"""`auvid score`: published sets on the dive of a run, as README prints them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from auvid.pipeline import cli
+
+README = (Path(__file__).resolve().parents[5] / "README.md").read_text(encoding="utf-8")
+DIVE = "bluerov2_dvl"
+
+
+@pytest.fixture
+def dive(committed_run: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Workspace in which the bundled dive has run."""
+    workspace = committed_run(DIVE)
+    monkeypatch.chdir(workspace)
+    return workspace
+
+
+def printed_rows(text: str) -> dict[str, list[float]]:
+    rows = re.findall(r"^ *(this dive|bluerov2_\w+|lauv) +([\d. e-]+)$", text, re.MULTILINE)
+    return {name: [float(cell) for cell in cells.split()] for name, cells in rows}
+
+
+def test_readme_has_what_the_command_prints(dive: Path) -> None:
+    result = CliRunner().invoke(cli.app, ["score", DIVE], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    ours, readme = printed_rows(result.output), printed_rows(README)
+    assert set(ours) == set(readme)
+    for name, cells in readme.items():
+        # Two figures are printed: one unit of the last.
+        assert ours[name] == pytest.approx(cells, rel=0.11), name
+    assert "Nearest: BlueROV2 Heavy, von Benzon et al. 2022." in result.output
+
+
+def test_a_model_file_scores_as_in_the_tables_of_its_run(
+    example_workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The constant is fitted anew, so nearly."""
+    monkeypatch.chdir(example_workspace)
+    files = example_workspace / "runs/example/model_file/model_file"
+    options = [word for file in sorted(files.glob("*.json")) for word in ("--with", str(file))]
+    result = CliRunner().invoke(cli.app, ["score", "example", *options, "--json"])
+    assert result.exit_code == 0, result.output
+    rows = {(row["set"], row["use"]): row for row in json.loads(result.output)}
+    own = rows["this dive", "validation"]
+    name = own["title"].partition(",")[0]
+    other = rows[name, "validation"]
+    assert other["ratio"] == pytest.approx(own["ratio"], rel=0.05)
+    assert other["ratio_X"] == pytest.approx(own["ratio_X"], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("bluerov2_wi_2018", "Did you mean 'bluerov2_wu_2018'?"),
+        ("nothing.yaml", "nothing.yaml"),
+        ("nothing.json", "nothing.json"),
+    ],
+)
+def test_what_is_not_there_is_named(dive: Path, name: str, words: str) -> None:
+    result = CliRunner().invoke(cli.app, ["score", DIVE, "--with", name])
+    assert result.exit_code != 0
+    assert words in result.output or words in str(result.exception)
