@@ -58,6 +58,7 @@ from auvid.stages.validate.flight import (
     draw_models,
     fly,
     force_errors,
+    grown_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks
 from auvid.stages.validate.presentation import (
@@ -323,14 +324,17 @@ def _flights(
     window_s = params.free_run_horizons_s[-1]
     windows = sum(math.ceil(segment.duration_s / window_s) for segment in segments.values())
     flights: dict[str, FreeFlight] = {}
+    trained = [key for key, segment in inputs.segment.items() if segment.use == "training"]
+    usual = _acting_rms(inputs, trained)
     for key, segment in segments.items():
+        size, memory = force_errors(card, samples_per_one, 1.0 / segment.rate_hz)
         flight = fly(
             inputs.vehicle,
             model,
             draws,
             measured_motion(inputs.fused[key], inputs.controls[key]),
             window_s=window_s,
-            errors=force_errors(card, samples_per_one, 1.0 / segment.rate_hz),
+            errors=(grown_errors(size, usual, _acting_rms(inputs, [key])), memory),
             windows=windows,
             minimum_speed=params.minimum_speed_m_s,
             lag_s=chosen.lag_s,
@@ -340,6 +344,16 @@ def _flights(
     flights = dict(zip(flights, calibrated(list(flights.values())), strict=True))
     blocks = flight_blocks(choice, card.title, flights, segments, draws, window_s=window_s)
     return flights, blocks
+
+
+def _acting_rms(inputs: Inputs, keys: Sequence[str]) -> Array:
+    """Return the RMS force (6,) of the actuators over segments [N, N m]."""
+    parts = []
+    for residual in (inputs.residual[key] for key in keys):
+        names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+        zero = np.zeros((residual.num_rows, 6))
+        parts.append(sum((forces(residual, name) for name in names), zero))
+    return np.asarray(np.sqrt(np.mean(np.vstack(parts) ** 2, axis=0)))
 
 
 def _can_fly(inputs: Inputs, params: Params) -> bool:

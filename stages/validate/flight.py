@@ -1,7 +1,8 @@
 """The chosen model flown over the measured motion, with a band of its doubt.
 
 Draws of its coefficients fly beside it, each under a force that wanders as the error of
-training did. Ten or more validation legs widen the band to what legs really did.
+training did, larger where the actuators push harder than there. Ten or more validation
+legs widen the band to what legs really did.
 """
 
 from __future__ import annotations
@@ -180,6 +181,21 @@ def force_errors(
     ratio = np.maximum([samples_per_one.get(axis, 1.0) for axis in AXES], 1.001)
     memory = step_s / np.log((ratio + 1.0) / (ratio - 1.0))
     return np.array([card.axes[axis].j for axis in AXES]), memory
+
+
+def grown_errors(size: Array, usual: Array, acting: Array) -> Array:
+    """Return force errors (6,) of training where actuators push harder [N, N m].
+
+    size acting / usual, within size and the larger of size and acting. usual, acting
+    (6,): RMS force of the actuators in training and now. A model explains a share of the
+    force, so what it leaves grows in proportion, up to the force itself.
+
+    >>> size, usual, acting = np.array([[0.5, 0.5, 0.5], [2.0, 4.0, 0.1], [6.0, 1.0, 3.0]])
+    >>> grown_errors(size, usual, acting).tolist()
+    [1.5, 0.5, 3.0]
+    """
+    grown = np.divide(size * acting, usual, out=size.copy(), where=usual > 0.0)
+    return np.clip(grown, size, np.maximum(size, acting))
 
 
 def fly(

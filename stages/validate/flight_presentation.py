@@ -75,7 +75,8 @@ def _coverage(
         kind = f"split conformal over {legs} legs, each band from the other {legs - 1}"
     else:
         kind = "the model's own, from the covariance of its coefficients and its force error in"
-        kind += f" training, not calibrated: that takes {LEAST_LEGS} validation legs"
+        kind += " training, larger by as much as the actuators push harder here; not calibrated:"
+        kind += f" that takes {LEAST_LEGS} validation legs"
     words = f"Band for {100 * LEVEL:g} % of the time: {kind}."
     words += f" Of {len(draws.models)} draws of {title}'s coefficients {draws.moved} lay outside"
     words += " the physical limits and count at the nearest point within; none was rejected"

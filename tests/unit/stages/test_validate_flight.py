@@ -26,6 +26,7 @@ from auvid.stages.validate.flight import (
     draw_models,
     fly,
     force_errors,
+    grown_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks, flight_views
 from tests.support.example_run import example_run
@@ -151,6 +152,13 @@ def test_force_errors_forget_themselves_as_the_residual_does() -> None:
     rho = np.exp(-0.02 / memory[0])
     assert (1.0 + rho) / (1.0 - rho) == pytest.approx(3.0)
     assert memory[1] < 0.02, "white"
+
+
+def test_a_force_error_grows_with_the_actuators_up_to_their_force() -> None:
+    size, usual = np.full(4, 0.5), np.array([2.0, 4.0, 0.1, 0.0])
+    grown = grown_errors(size, usual, np.array([6.0, 1.0, 3.0, 9.0]))
+    assert grown.tolist() == [1.5, 0.5, 3.0, 0.5]
+    np.testing.assert_array_equal(size, 0.5)
 
 
 def test_a_fit_to_the_sensors_flies_under_its_own_unsteady_force() -> None:
