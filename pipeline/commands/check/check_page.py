@@ -153,11 +153,14 @@ def _print_legs(legs: Sequence[Mapping[str, Any]]) -> None:
             *(fixed(leg[key], 1) for key in ("start_s", "end_s", "covered_s")),
             percent(leg["active_share"], 2, empty=""),
             ", ".join(leg["excited"]) if leg["inside"] else "outside the log",
+            "; ".join(leg["unusable"]),
         )
         for leg in legs
     ]
     columns = ("leg", "use", "from s", "to s", "covered s", "outputs active", "moves in")
-    table(columns, rows, title="legs")
+    if any(row[-1] for row in rows):
+        columns = (*columns, "not usable")
+    table(columns, [row[: len(columns)] for row in rows], title="legs")
 
 
 def html(pages: Sequence[LogPage], alignment: ClockAlignment | None = None) -> str:

@@ -31,6 +31,7 @@ from auvid.stages.ingest.health.sensor_agreement import (
     inertial_findings,
     velocity_findings,
 )
+from auvid.stages.ingest.health.unusable_spans import unusable_findings
 from auvid.stages.ingest.health.usability import (
     capabilities,
     common_spans,
@@ -130,6 +131,7 @@ CHECKS = (
     velocity_findings,
     motion_findings,
     actuation_findings,
+    unusable_findings,
     battery_findings,
     response_findings,
     identity_findings,

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.checks import checks
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.unusable_spans import unusable_spans
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
 from auvid.stages.number_format import significant
 
@@ -170,11 +172,12 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
 def legs(log: CheckedLog, entries: Sequence[Document]) -> list[dict[str, Any]]:
     """Return the legs of a manifest in this log.
 
-    Span, time that all sensors cover in one piece, share of active outputs, RMS per
-    axis.
+    Span, time that all sensors cover in one piece, share of active outputs, stretches
+    that it should not have, RMS per axis.
     """
     length = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
     moving = activity(log) if log.has("actuators") else None
+    unusable = unusable_spans(log)
     rows = []
     for entry in entries:
         start = float(entry.get("start_s") or 0.0)
@@ -196,6 +199,12 @@ def legs(log: CheckedLog, entries: Sequence[Document]) -> list[dict[str, Any]]:
                 "inside": inside,
                 "covered_s": longest_common_s(log, (start, min(end, length))) if inside else 0.0,
                 "active_share": active,
+                "unusable": [
+                    f"{max(start, first):.0f} to {min(end, last):.0f} s {checks()[name].title}"
+                    for name, spans in unusable.items()
+                    for first, last in spans
+                    if max(start, first) < min(end, last)
+                ],
                 "rms": {axis: item["rms"] for axis, item in excited.items()},
                 "excited": [
                     MOTION_WORDS[axis] for axis, item in excited.items() if item["excited"]

@@ -14,7 +14,11 @@ import pytest
 
 from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
 from tests.support.sound_log import (
@@ -336,6 +340,26 @@ def _disarmed(log: Log) -> None:
     log.streams["mode"]["armed"] = [False]
 
 
+@spoils("without_vehicle")
+def _long_after(log: Log) -> None:
+    log.info["end_us"] = log.info["end_us"] + 900_000_000
+
+
+@spoils("out_of_water")
+def _on_deck(log: Log) -> None:
+    for number in range(1, 9):
+        at("actuators", 0.0, 35.0, **{f"pwm_{number}_us": 1500.0})(log)
+    at("depth", 0.0, 35.0, depth_m=0.02)(log)
+
+
+@spoils("moved_by_hand")
+def _carried(log: Log) -> None:
+    for number in range(1, 9):
+        at("actuators", 0.0, 15.0, **{f"pwm_{number}_us": 1500.0})(log)
+    turning = np.where(log.t_s("imu") < 12.0, np.sin(4.0 * log.t_s("imu")), 0.0)
+    log.streams["imu"]["gyro_y_rad_s"] = log.streams["imu"]["gyro_y_rad_s"] + turning
+
+
 @spoils("no_actuation")
 def _neutral(log: Log) -> None:
     for number in range(1, 9):
@@ -535,3 +559,19 @@ def test_duration_counts_from_the_first_record() -> None:
     log = sound()
     assert log.health()["duration_s"] == LENGTH_S
     assert int(micro(np.zeros(1))[0]) == FIRST_US
+
+
+def test_a_leg_over_a_stretch_by_hand_is_named() -> None:
+    log = sound()
+    _carried(log)
+    assert "0 to 12 s" in log.finding("moved_by_hand")["text"]
+    tables = {name: make_table(name, columns) for name, columns in log.streams.items()}
+    columns = {name: [] for name in ("stream", "reason", "count", "bytes", "first", "last")}
+    recorded = CheckedLog(
+        tables, LogInfo.model_validate(log.info), make_table("dropped", columns), log.vehicle
+    )
+    before, after = legs(
+        recorded, [{"id": "a", "start_s": 5.0}, {"id": "b", "start_s": 16.0, "end_s": 30.0}]
+    )
+    assert before["unusable"] == ["5 to 12 s moved by hand"]
+    assert after["unusable"] == []

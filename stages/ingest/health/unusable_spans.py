@@ -1,0 +1,110 @@
+"""Stretches that no leg may have: without the vehicle, out of the water, by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.arrays import Array, Mask
+from auvid.stages.columns import GYRO
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.vehicle import activity
+
+Span = tuple[float, float]
+OF_VEHICLE = ("attitude", "imu", "depth", "velocity", "actuators")
+COASTING_S = 2.0
+"""A vehicle that was driven comes to rest within this time."""
+HAND_RAD_S = 0.5
+"""RMS of turning within a second; an idle vehicle in waves of ten degrees stays below 0.3."""
+AT_SURFACE_M = 0.1
+PAUSE_S = 3
+"""A shorter pause does not part two stretches."""
+NAMED = 3
+LONGEST_S = 1e6
+"""A log that seems longer has a clock that leaps."""
+WORDS = {
+    "without_vehicle": "No sensor of the vehicle is recorded",
+    "out_of_water": f"Nothing acts and depth is within {AT_SURFACE_M:g} m of zero",
+    "moved_by_hand": "The vehicle turns while nothing acts",
+}
+
+
+def unusable_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield the stretches to keep legs away from, a finding for each cause."""
+    for name, spans in unusable_spans(log).items():
+        where = [f"{start:.0f} to {end:.0f} s" for start, end in spans[:NAMED]]
+        if len(spans) > NAMED:
+            where.append(f"{len(spans) - NAMED} more")
+        yield finding(
+            name,
+            f"{WORDS[name]}: {listed(where)}.",
+            value=sum(end - start for start, end in spans),
+            at_s=spans[0][0],
+            remedy=f"Keep legs away from {listed(where)}.",
+        )
+
+
+def unusable_spans(log: CheckedLog) -> dict[str, list[Span]]:
+    """Return the stretches by their finding, in seconds of the log.
+
+    Seconds are judged one by one. Out of the water, or floating, and by hand are judged
+    where actuators are logged alone.
+    """
+    length = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
+    streams = [name for name in OF_VEHICLE if log.has(name)]
+    if not streams or not 1.0 <= length <= LONGEST_S:
+        return {}
+    seconds = int(np.ceil(length))
+    absent = np.ones(seconds, dtype=bool)
+    for name in streams:
+        absent[_second(log.t_s(name), seconds)] = False
+    found = {"without_vehicle": absent}
+    idle = _idle(log, seconds)
+    if idle is not None and log.under_water is not False:
+        if log.has("depth"):
+            deepest = _largest(log.t_s("depth"), log.column("depth", "depth_m"), seconds)
+            found["out_of_water"] = idle & (deepest <= AT_SURFACE_M)
+        if log.has("imu"):
+            rates = log.values("imu", GYRO)
+            squares = np.sum((rates - np.median(rates, axis=0)) ** 2, axis=1)
+            at = _second(log.t_s("imu"), seconds)
+            count = np.bincount(at, minlength=seconds)
+            mean = np.bincount(at, np.nan_to_num(squares), seconds) / np.maximum(count, 1)
+            found["moved_by_hand"] = idle & (mean > HAND_RAD_S**2)
+    spans = {name: _spans(mask, limit(name), length) for name, mask in found.items()}
+    return {name: own for name, own in spans.items() if own}
+
+
+def _second(t_s: Array, seconds: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    return np.clip(np.floor(t_s), 0, seconds - 1).astype(np.intp)
+
+
+def _largest(t_s: Array, values: Array, seconds: int) -> Array:
+    """Return the largest value of each second (seconds,); infinite without a sample."""
+    largest = np.full(seconds, -np.inf)
+    np.maximum.at(largest, _second(t_s, seconds), np.where(np.isfinite(values), values, np.inf))
+    return np.where(np.isfinite(largest), largest, np.inf)
+
+
+def _idle(log: CheckedLog, seconds: int) -> Mask | None:
+    """Return the seconds in which nothing acts, nor shortly before; outputs hold."""
+    acting = activity(log) if log.has("actuators") else None
+    if acting is None:
+        return None
+    t_s, start = log.t_s("actuators"), np.arange(seconds, dtype=np.float64)
+    first = np.maximum(np.searchsorted(t_s, start - COASTING_S, side="right") - 1, 0)
+    last = np.searchsorted(t_s, start + 1.0, side="left")
+    before = np.concatenate([[0], np.cumsum(acting)])
+    inside = (start >= t_s[0]) & (start <= t_s[-1])
+    return np.asarray(inside & (before[np.maximum(last, first)] == before[first]))
+
+
+def _spans(mask: Mask, least_s: float, length: float) -> list[Span]:
+    """Return the stretches of a mask over seconds that last longer than `least_s`."""
+    at = np.flatnonzero(mask)
+    if not at.size:
+        return []
+    parts = np.split(at, np.flatnonzero(np.diff(at) > PAUSE_S) + 1)
+    spans = [(float(part[0]), min(float(part[-1]) + 1.0, length)) for part in parts]
+    return [(start, end) for start, end in spans if end - start > least_s]
