@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, model_validator
 
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.documents.model import Faults, Model, Range, fault
@@ -95,6 +95,25 @@ class LegEntry(Model):
     """
 
 
+class PriorEntry(Model):
+    """What another measurement knows of coefficients: `bench` or `campaign`."""
+
+    bench: str | None = None
+    """Path of the `results.json` of a bench stage."""
+    campaign: str | None = None
+    """Path of a model card (.json) of another campaign: its posterior."""
+    terms: list[str] | None = None
+    """Coefficients to take, as `Y_v` or `X_u|u|`; all of the file without."""
+    widen: Annotated[float, Range(1.0)] = 1.0
+    """Factor on standard deviations: bench, load and day differ."""
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> PriorEntry:
+        if (self.bench is None) == (self.campaign is None):
+            raise Faults(fault("name a file under `bench` or `campaign`, one of the two"))
+        return self
+
+
 class CampaignDocument(Model):
     """The manifest of a campaign."""
 
@@ -116,6 +135,8 @@ class CampaignDocument(Model):
     """Published vehicles to judge on this dive: names in vehicles/shelf, with * for any
     letters, or paths.
     """
+    priors: list[PriorEntry] | None = None
+    """Priors on coefficients of structures, from a bench or from another campaign."""
     cases: str | None = None
     """Control campaigns: path of the document of trajectories, weights, limits and
     disturbances.

@@ -111,6 +111,17 @@ class PriorCard(Model):
     """Per axis, term -> mean in SI."""
 
 
+class MeasuredPriorCard(Model):
+    """Coefficients that another measurement found, with its covariance."""
+
+    source: Literal["bench", "campaign"]
+    """A bench, or another campaign."""
+    file: str
+    """Its results or its model card."""
+    means: dict[str, dict[str, float]]
+    """Per axis, term -> mean in SI."""
+
+
 class VelocityRange(Model):
     """What the training legs cover of a velocity, in SI."""
 
@@ -241,6 +252,8 @@ class ModelCard(Model):
     """The prior on coefficients, where one was used; verdicts stay those of the data
     alone.
     """
+    measured_priors: list[MeasuredPriorCard] = Field(default_factory=list)
+    """Priors from a bench or from other campaigns."""
     likelihood: LikelihoodFit | None = None
     """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
 

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.documents.campaign import PriorEntry
 from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import (
     CampaignError,
@@ -20,6 +21,7 @@ from auvid.data_schemas.errors import (
     raise_faults,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.pipeline.campaigns.prior_files import prior_source
 from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
@@ -36,6 +38,8 @@ DOCUMENTS = {
 """Documents beside a manifest: schema -> the key that names the file, and the stage
 whose optional port it feeds.
 """
+PRIORS = "prior_sources"
+"""Schema of what the key `priors` of a manifest names."""
 ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 
 
@@ -169,6 +173,14 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
             )  # JSON is YAML
             document.check(name)
             by_schema[name] = document.value
+    entries = [PriorEntry.model_validate(entry) for entry in file.value.get("priors") or ()]
+    if entries:
+        sources = []
+        for index, entry in enumerate(entries):
+            path = inside(folder, str(entry.bench or entry.campaign), file.path)
+            field = f"priors[{index}]"
+            sources.append(prior_source(entry, path, named_in=file.path, field=field))
+        by_schema[PRIORS] = {"sources": sources}
     return by_schema
 
 
@@ -235,7 +247,7 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
         )
         return
     stages = kinds[manifest["kind"]]
-    for key, stage in DOCUMENTS.values():
+    for key, stage in (*DOCUMENTS.values(), ("priors", "synthesise")):
         if key in manifest and stage not in stages:
             having = [kind for kind, names in kinds.items() if stage in names]
             yield CampaignError(

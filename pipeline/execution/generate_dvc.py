@@ -11,7 +11,7 @@ from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.schemas import schema
-from auvid.pipeline.campaigns.campaign import DOCUMENTS
+from auvid.pipeline.campaigns.campaign import DOCUMENTS, PRIORS
 from auvid.pipeline.graph import MANIFEST_PORTS, ONCE, AnyStage, Graph, stages_of_kind
 from auvid.stages.base import make_params, ports
 
@@ -144,7 +144,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     manifest = {
         feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers
     }
-    documents = {feed.schema for feed in feeds if not feed.producers} & set(DOCUMENTS)
+    documents = {feed.schema for feed in feeds if not feed.producers} & {*DOCUMENTS, PRIORS}
     producers = {port.stage.name for feed in feeds for port in feed.producers}
     if stage.maps_over == "segment":
         producers |= {other.name for other in graph.stages if other.yields == "segment"}

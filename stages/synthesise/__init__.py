@@ -18,6 +18,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.data_schemas.records.models import FactorRecord, ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import has_columns
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
@@ -31,6 +32,7 @@ from auvid.hydro.dynamics.viscous.models import (
     without_propeller_terms,
 )
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.regression.error_functions import (
     ERROR_FUNCTIONS,
     MINIMISERS,
@@ -61,7 +63,12 @@ from auvid.stages.synthesise.training import (
     motion_factor,
     others_of,
 )
-from auvid.stages.synthesise.within_limits import DAMPING, PhysicalLimits, within_limits
+from auvid.stages.synthesise.within_limits import (
+    DAMPING,
+    PhysicalLimits,
+    normal_priors,
+    within_limits,
+)
 
 PRIORS = ("none", "vehicle", "strip_theory")
 STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True))
@@ -76,6 +83,7 @@ class Inputs:
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     fusion: Collection[FusionRecord] | None = port("fusion", many=True, optional=True)
     controls: Collection[pa.Table] | None = port("controls", many=True, optional=True)
+    priors: PriorSourcesRecord | None = port("prior_sources", optional=True)
 
 
 @dataclass(frozen=True)
@@ -172,10 +180,14 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     check_choice(
         choice,
         limited=[m.name for m in declared if bound and m.name not in published],
-        prior=params.prior,
+        prior="of a file" if inputs.priors is not None else params.prior,
         largest={
             model.name: max(map(len, model.terms.values())) + params.trim for model in declared
         },
+    )
+    sources = normal_priors(
+        inputs.priors,
+        {m.name: viscous_equations(m) for m in declared if m.name not in published},
     )
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
@@ -244,7 +256,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name, card in cards.items()
         }
     elif structures := [model for model in models if model.name not in published]:
-        limits = PhysicalLimits(params.damping, params.inertia, prior)
+        limits = PhysicalLimits(params.damping, params.inertia, prior, sources)
         moving = data.factor
         if params.inertia:
             factors = {}

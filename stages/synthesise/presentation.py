@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from auvid.data_schemas.records.models import ModelCard, PriorCard
+from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
 from auvid.hydro.dynamics.viscous.models import MODELS, model_named
 from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
@@ -19,6 +19,8 @@ from auvid.stages.synthesise.model_card import excitation_word
 PRIOR_TEXT = {
     "strip_theory": "strip theory of the vehicle's geometry",
     "vehicle": "coefficients published in the vehicle file",
+    "bench": "results of a bench",
+    "campaign": "the model of another campaign",
 }
 ERROR_TEXT = {
     "squares": "the sum of squares",
@@ -130,6 +132,7 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
     blocks = [table(title, heads, rows, note=note, fold=fold)]
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))
+    blocks += [_prior_remark(card, prior) for prior in card.measured_priors]
     blocks += _limit_blocks(card)
     sums = [
         [axis, item.reading, item.standard_error]
@@ -219,9 +222,9 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
     return blocks
 
 
-def _prior_remark(card: ModelCard, prior: PriorCard) -> dict[str, Any]:
+def _prior_remark(card: ModelCard, prior: PriorCard | MeasuredPriorCard) -> dict[str, Any]:
     """Return which coefficients have a prior, and which the data leave to it."""
-    means, sd = prior.means, prior.relative_sd
+    means = prior.means
     identified = {
         (axis, item.term)
         for axis, part in card.axes.items()
@@ -234,9 +237,13 @@ def _prior_remark(card: ModelCard, prior: PriorCard) -> dict[str, Any]:
         for term in terms
         if (axis, term) not in identified
     ]
+    spread = (
+        f"with a standard deviation of {100.0 * prior.relative_sd:g} % of each value"
+        if isinstance(prior, PriorCard)
+        else f"({prior.file}), with its covariance"
+    )
     words = (
-        f"{card.title}: a prior was used, {PRIOR_TEXT[prior.source]} with a standard"
-        f" deviation of {100.0 * sd:g} % of each value, on {sum(map(len, means.values()))}"
-        " coefficients. Verdicts are those of the data alone."
+        f"{card.title}: a prior was used, {PRIOR_TEXT[prior.source]} {spread}, on"
+        f" {sum(map(len, means.values()))} coefficients. Verdicts are those of the data alone."
     )
     return remark(words + (f" On the prior rest: {', '.join(resting)}." if resting else ""))

@@ -14,15 +14,18 @@ from functools import partial
 
 import numpy as np
 
+from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.records.models import (
     AxisCard,
     CovarianceCard,
     InertiaCard,
     LimitCard,
+    MeasuredPriorCard,
     ModelCard,
     PriorCard,
     TermCard,
 )
+from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
@@ -76,12 +79,14 @@ class PhysicalLimits:
     """What a structure is fitted within.
 
     damping: of `DAMPING`; inertia: added masses to fit, as `N_rdot`; prior: means by
-    axis and term, with a relative standard deviation.
+    axis and term, with a relative standard deviation; sources: priors of other
+    measurements, with the covariance of each.
     """
 
     damping: str
     inertia: tuple[str, ...]
     prior: Prior
+    sources: tuple[NormalPrior, ...] = ()
 
 
 def within_limits(
@@ -104,13 +109,16 @@ def within_limits(
         equations = equations.with_unknowns_of(inertia_equations(limits.inertia))
     noise = _noise(factor, equations, samples_per_one)
     prior = _prior(limits.prior, equations.unknowns)
+    others_known = [
+        used for item in limits.sources if (used := item.of(equations.unknowns)).unknowns
+    ]
     rows, cuts = _physics(equations.unknowns, card, limits, vehicle)
     solve = partial(
         fit_within,
         equations=equations,
         limits=rows,
         cuts=cuts,
-        priors=[] if prior is None else [prior],
+        priors=[*([] if prior is None else [prior]), *others_known],
         noise=noise,
     )
     fit = solve(factor)
@@ -139,7 +147,18 @@ def within_limits(
                 axis: {term: values[axis][term] for term in row}
                 for axis, row in card.predictor.items()
             },
-            "prior": None if prior is None else _prior_card(limits.prior, prior),
+            "prior": (
+                None
+                if prior is None
+                else PriorCard.model_validate(
+                    {
+                        "source": limits.prior.source,
+                        "relative_sd": limits.prior.relative_sd,
+                        "means": _means(prior),
+                    }
+                )
+            ),
+            "measured_priors": [_measured_card(item) for item in others_known],
         }
     )
 
@@ -190,13 +209,44 @@ def _prior(prior: Prior, unknowns: Sequence[Unknown]) -> NormalPrior | None:
     return NormalPrior.independent(prior.source, values) if values else None
 
 
-def _prior_card(prior: Prior, used: NormalPrior) -> PriorCard:
+def normal_priors(
+    sources: PriorSourcesRecord | None, models: Mapping[str, ForceEquations]
+) -> tuple[NormalPrior, ...]:
+    """Return the priors of other measurements; each has a coefficient of a structure.
+
+    models: the structures fitted. Raises `CampaignError` for a prior on none of them.
+    """
+    priors = []
+    known = {unknown for equations in models.values() for unknown in equations.unknowns}
+    for index, item in enumerate([] if sources is None else sources.sources):
+        unknowns = tuple(Unknown(entry.axis, entry.term) for entry in item.terms)
+        if not known & set(unknowns):
+            raise CampaignError(
+                "no fitted structure has a coefficient of this prior",
+                field=f"priors[{index}]",
+                value=", ".join(map(str, unknowns)),
+                allowed=sorted(map(str, known)),
+                remedy=nearest(str(unknowns[0]), map(str, known))
+                or "Name a structure under stages.synthesise.models; published forms take none.",
+            )
+        covariance = np.zeros((len(unknowns),) * 2)
+        for i, row in enumerate(item.lower):
+            covariance[i, : i + 1] = covariance[: i + 1, i] = row
+        mean = np.array([entry.value for entry in item.terms])
+        priors.append(NormalPrior(f"{item.kind}: {item.file}", unknowns, mean, covariance))
+    return tuple(priors)
+
+
+def _measured_card(used: NormalPrior) -> MeasuredPriorCard:
+    source, _, file = used.source.partition(": ")
+    return MeasuredPriorCard.model_validate({"source": source, "file": file, "means": _means(used)})
+
+
+def _means(used: NormalPrior) -> dict[str, dict[str, float]]:
     means: dict[str, dict[str, float]] = {}
     for unknown, mean in zip(used.unknowns, used.mean.tolist(), strict=True):
         means.setdefault(unknown.axis, {})[unknown.term] = mean
-    return PriorCard.model_validate(
-        {"source": prior.source, "relative_sd": prior.relative_sd, "means": means}
-    )
+    return means
 
 
 def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:

@@ -16,6 +16,7 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
@@ -845,3 +846,49 @@ def test_structures_without_limits_take_any_error_function() -> None:
         error_function="absolute",
     )
     assert found.model_card["symmetric"].method == "error function"
+
+
+def with_priors(*sources: dict[str, Any], models: tuple[str, ...] = ("symmetric",)) -> ModelCard:
+    """Fit the motion of u and w alone, with priors from elsewhere."""
+    nu, _, _ = noisy_legs(with_ratio=False)["one"]
+    nu = nu * [1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    force = -20.0 * nu + np.random.default_rng(4).normal(size=nu.shape)
+    inputs = synthesise.Inputs(
+        collection({"one": residual_table(nu, force)}),
+        collection({"one": segment_document("one")}),
+        shipped_vehicle("bluerov2_heavy"),
+        priors=PriorSourcesRecord.model_validate({"sources": list(sources)}),
+    )
+    found = synthesise.run(inputs, synthesise.Params(models=models))
+    check_document(found.model_card[models[0]], "model_card")
+    return found.model_card[models[0]]
+
+
+def a_prior(kind: str, axis: str, term: str, value: float, sd: float) -> dict[str, Any]:
+    terms = [{"axis": axis, "term": term, "value": value}]
+    return {"kind": kind, "file": f"{kind}.json", "terms": terms, "lower": [[sd**2]]}
+
+
+@pytest.mark.parametrize("kind", ["bench", "campaign"])
+def test_a_prior_of_another_measurement_speaks_where_the_data_are_silent(kind: str) -> None:
+    card = with_priors(a_prior(kind, "K", "p", -3.0, 0.2), a_prior(kind, "X", "u", -900.0, 1e4))
+    entries = {(axis, item.term): item for axis in AXES for item in card.axes[axis].terms}
+    roll, surge = entries["K", "p"], entries["X", "u"]
+    assert roll.verdict == "from the prior"
+    assert roll.value == pytest.approx(-3.0)
+    assert roll.standard_error == pytest.approx(0.2, rel=1e-6)
+    assert surge.verdict == "identified"
+    assert surge.value == pytest.approx(-20.0, rel=0.05)
+    assert [(item.source, item.means) for item in card.measured_priors] == [
+        (kind, {"K": {"p": -3.0}}),
+        (kind, {"X": {"u": -900.0}}),
+    ]
+
+
+def test_a_prior_on_no_fitted_coefficient_is_refused() -> None:
+    with pytest.raises(CampaignError, match="no fitted structure") as refused:
+        with_priors(a_prior("bench", "K", "q", -3.0, 0.2), models=("diagonal",))
+    assert refused.value.field == "priors[0]"
+    with pytest.raises(CampaignError, match="no fitted structure") as refused:
+        with_priors(a_prior("bench", "K", "p", -3.0, 0.2), models=("linear",))
+    assert "published forms take none" in (refused.value.remedy or "")

@@ -1,0 +1,114 @@
+"""Priors of a campaign from files: results of a bench stage, cards of other campaigns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from auvid.data_schemas.documents import delivered
+from auvid.data_schemas.documents.campaign import PriorEntry
+from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.hydro.arrays import AXES
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
+from auvid.pipeline.campaigns.yaml_files import load_yaml
+
+NAMES = {f"{axis}_{term.replace('*', '')}": (axis, term) for axis in AXES for term in BASIS_TERMS}
+"""Name of a coefficient -> axis and term: `X_u|u|`."""
+RESTING = ("at its bound", "from the prior")
+"""Verdicts of numbers that are not of that campaign's data."""
+
+
+class Known(NamedTuple):
+    """Coefficients of a file by name, and their covariances by pairs of names."""
+
+    values: Mapping[str, float]
+    covariances: Mapping[tuple[str, str], float]
+
+
+def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -> dict[str, Any]:
+    """Return the document of a `PriorSource`; raise `CampaignError` for unknown terms."""
+    file = load_yaml(path, named_in=named_in, what=field)  # JSON is YAML
+    kind = "bench" if entry.bench is not None else "campaign"
+    known = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
+    for index, name in enumerate(entry.terms or ()):
+        if name not in known.values:
+            raise CampaignError(
+                "the file has no such coefficient with a standard error",
+                file=named_in,
+                field=f"{field}.terms[{index}]",
+                value=name,
+                allowed=list(known.values),
+                remedy=nearest(name, known.values),
+            )
+    names = entry.terms or list(known.values)
+    if not names:
+        raise CampaignError(
+            "the file has no coefficient of damping with a standard error",
+            file=named_in,
+            field=field,
+            value=str(path),
+        )
+    factor = entry.widen**2
+    return {
+        "kind": kind,
+        "file": path.name,
+        "terms": [
+            {"axis": NAMES[name][0], "term": NAMES[name][1], "value": known.values[name]}
+            for name in names
+        ],
+        "lower": [
+            [factor * known.covariances.get((name, other), 0.0) for other in names[: i + 1]]
+            for i, name in enumerate(names)
+        ],
+    }
+
+
+def _of_bench(document: object, path: Path) -> Known:
+    """Return the figures of `results` that are coefficients in SI, independent."""
+    results = delivered(document, "results", file=path)
+    values, covariances = {}, {}
+    rows: Sequence[Mapping[str, Any]] = results["rows"]
+    for row in rows:
+        name, error = row["quantity"], row.get("standard_error")
+        if name not in NAMES or row["value"] is None or not error:
+            continue
+        unit = coefficient_unit(*NAMES[name])
+        if row["unit"].replace("*", " ") != unit.replace("*", " "):
+            raise CampaignError(
+                "a bench result in another unit is no prior",
+                file=path,
+                field=name,
+                value=row["unit"],
+                allowed=unit,
+            )
+        values[name] = float(row["value"])
+        covariances[name, name] = float(error) ** 2
+    return Known(values, covariances)
+
+
+def _of_card(document: object, path: Path) -> Known:
+    """Return the posterior of a card, in the size of the printed standard errors."""
+    card = delivered(document, "model_card", file=path)
+    values, covariances = {}, {}
+    for axis, part in card.axes.items():
+        terms = {
+            item.term: item
+            for item in part.terms
+            if item.value is not None and item.standard_error and item.verdict not in RESTING
+        }
+        listed, lower = part.covariance.terms, part.covariance.lower
+        name_of = {term: f"{axis}_{term.replace('*', '')}" for term in listed}
+        kept = [i for i, term in enumerate(listed) if term in terms and term in BASIS_TERMS]
+        scale = {
+            i: terms[listed[i]].standard_error / lower[i][i] ** 0.5 for i in kept if lower[i][i] > 0
+        }
+        for i in scale:
+            values[name_of[listed[i]]] = float(terms[listed[i]].value)
+            for j in scale:
+                if j <= i:
+                    covariances[name_of[listed[i]], name_of[listed[j]]] = (
+                        lower[i][j] * scale[i] * scale[j]
+                    )
+    both = {(b, a): value for (a, b), value in covariances.items()}
+    return Known(values, both | covariances)

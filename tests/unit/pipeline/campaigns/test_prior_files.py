@@ -1,0 +1,102 @@
+"""Priors from results of a bench and from model cards of other campaigns."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import PriorEntry
+from auvid.data_schemas.errors import CampaignError
+from auvid.pipeline.campaigns.prior_files import prior_source
+from tests.support.example_run import example_run
+
+BENCH = {
+    "title": "roll of leg tank",
+    "rows": [
+        {"quantity": "K_p", "value": -1.2, "unit": "N m s/rad", "standard_error": 0.1},
+        {"quantity": "K_p|p|", "value": -3.0, "unit": "N m s^2/rad^2", "standard_error": 0.5},
+        {"quantity": "K_pdot", "value": -0.2, "unit": "kg m^2", "standard_error": 0.02},
+        {"quantity": "K_r", "value": None, "unit": "N m s/rad", "standard_error": None},
+    ],
+}
+
+
+def source(folder: Path, document: object, **entry: Any) -> dict[str, Any]:
+    path = folder / "results.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    found = prior_source(
+        PriorEntry.model_validate(entry), path, named_in=folder / "campaign.yaml", field="priors[0]"
+    )
+    check_document({"sources": [found]}, "prior_sources")
+    return found
+
+
+def test_a_bench_gives_its_damping_with_independent_errors(tmp_path: Path) -> None:
+    found = source(tmp_path, BENCH, bench="results.json")
+    assert [(item["axis"], item["term"], item["value"]) for item in found["terms"]] == [
+        ("K", "p", -1.2),
+        ("K", "p*|p|", -3.0),
+    ]
+    assert found["lower"] == [[pytest.approx(0.01)], [0.0, pytest.approx(0.25)]]
+    wider = source(tmp_path, BENCH, bench="results.json", terms=["K_p"], widen=3.0)
+    assert wider["lower"] == [[pytest.approx(0.09)]]
+
+
+def test_a_card_gives_its_posterior_in_the_size_of_its_printed_errors(tmp_path: Path) -> None:
+    card = example_run({"train": 4.0, "check": 2.0}).cards["coe"]
+    part = card.axes["X"]
+    items = [
+        item.model_copy(update={"value": value, "standard_error": 2.0, "verdict": verdict})
+        for item, value, verdict in zip(
+            part.terms[:3],
+            (-5.0, -7.0, -9.0),
+            ("identified", "weak", "from the prior"),
+            strict=True,
+        )
+    ]
+    names = [item.term for item in items]
+    covariance = {"terms": names, "lower": [[1.0], [0.5, 4.0], [0.0, 0.0, 1.0]]}
+    document = card.model_dump(mode="json")
+    document["axes"]["X"]["terms"] = [item.model_dump(mode="json") for item in items]
+    document["axes"]["X"]["covariance"] = covariance
+    for axis in "YZKMN":
+        document["axes"][axis]["covariance"] = {"terms": [], "lower": []}
+    found = source(tmp_path, document, campaign="results.json")
+    assert [item["value"] for item in found["terms"]] == [-5.0, -7.0]
+    # Correlation .5 / root(1 * 4), deviations 2 and 2.
+    np.testing.assert_allclose(found["lower"][1], [0.25 * 4.0, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("entry", "words", "remedy"),
+    [
+        ({"terms": ["K_q"]}, "no such coefficient", "K_p"),
+        ({"terms": ["K_pdot"]}, "no such coefficient", "K_p"),
+    ],
+)
+def test_unknown_terms_are_refused_with_the_nearest(
+    tmp_path: Path, entry: dict[str, Any], words: str, remedy: str
+) -> None:
+    with pytest.raises(CampaignError, match=words) as refused:
+        source(tmp_path, BENCH, bench="results.json", **entry)
+    assert refused.value.field == "priors[0].terms[0]"
+    assert remedy in (refused.value.remedy or "")
+
+
+def test_other_units_and_files_without_a_figure_are_refused(tmp_path: Path) -> None:
+    row = {"quantity": "K_p", "value": -1.2, "unit": "1", "standard_error": 0.1}
+    with pytest.raises(CampaignError, match="another unit"):
+        source(tmp_path, {"title": "roll", "rows": [row]}, bench="results.json")
+    with pytest.raises(CampaignError, match="no coefficient of damping"):
+        source(tmp_path, {"title": "roll", "rows": []}, bench="results.json")
+
+
+@pytest.mark.parametrize("entry", [{}, {"bench": "a.json", "campaign": "b.json"}])
+def test_an_entry_names_one_file(entry: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="one of the two"):
+        PriorEntry.model_validate(entry)
