@@ -33,7 +33,7 @@ BENCHMARKS = {
 
 def main() -> None:
     """Run all and print the figures."""
-    found = {}
+    figures = {}
     for name, arguments in BENCHMARKS.items():
         print(f"{name} ...", file=sys.stderr, flush=True)
         done = subprocess.run(
@@ -42,8 +42,8 @@ def main() -> None:
             check=True,
             stdout=subprocess.PIPE,
         )
-        found[name] = json.loads(done.stdout)
-    words = json.dumps(found, indent=2)
+        figures[name] = json.loads(done.stdout)
+    words = json.dumps(figures, indent=2)
     (ROOT / "runs").mkdir(exist_ok=True)
     (ROOT / "runs" / "benchmarks.json").write_text(words + "\n")
     print(words)

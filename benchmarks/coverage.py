@@ -220,7 +220,7 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
     limit, seeds = column("bound"), column("seed")
     names = np.array([row["coefficient"] for row in rows])
     z = np.abs(value - true) / error
-    known = np.isfinite(z) & (np.abs(value) > T_LIMIT * error)
+    identified = np.isfinite(z) & (np.abs(value) > T_LIMIT * error)
     off = np.abs(value - true) / np.abs(true)
     clear = np.abs(true) > T_LIMIT * limit
     out: dict[str, object] = {
@@ -232,10 +232,10 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
             np.median([np.sum(clear[seeds == seed]) for seed in np.unique(seeds)])
         ),
     }
-    regular = [name for name in np.unique(names) if np.mean(known[names == name]) >= REGULAR]
-    worst = {name: float(np.mean(z[known & (names == name)] < NORMAL_95)) for name in regular}
+    regular = [name for name in np.unique(names) if np.mean(identified[names == name]) >= REGULAR]
+    worst = {name: float(np.mean(z[identified & (names == name)] < NORMAL_95)) for name in regular}
     lowest = min(worst, key=worst.__getitem__)
-    for label, chosen in (("all", np.isfinite(z)), ("identified", known)):
+    for label, chosen in (("all", np.isfinite(z)), ("identified", identified)):
         out[label] = {
             "in_the_median_seed": float(
                 np.median([chosen[seeds == seed].sum() for seed in np.unique(seeds)])

@@ -60,7 +60,7 @@ class Leg:
 
 def legs_of(plan: Plan, simulated: SimulatedVehicle, seed: int) -> dict[str, Leg]:
     """Return the tables of the training legs of a seed."""
-    found = {}
+    legs = {}
     for leg in plan.legs:
         if leg.use != "training":
             continue
@@ -107,8 +107,8 @@ def legs_of(plan: Plan, simulated: SimulatedVehicle, seed: int) -> dict[str, Leg
                 ),
                 residual.Params(),
             )
-            found[name] = Leg(segment, motion.fused, motion.fusion, force.residual, force.controls)
-    return found
+            legs[name] = Leg(segment, motion.fused, motion.fusion, force.residual, force.controls)
+    return legs
 
 
 def card_of(legs: Mapping[str, Leg], simulated: SimulatedVehicle, model: str) -> ModelCard:
@@ -179,7 +179,7 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
 
 def _seldom(identified: Sequence[Mapping[str, str]], seeds: int) -> dict[str, str]:
     """Return the regularly identified coefficients that hold their truth in under 85 %."""
-    found = {}
+    seldom = {}
     for name in dict.fromkeys(row["coefficient"] for row in identified):
         own = [row for row in identified if row["coefficient"] == name]
         inside = sum(
@@ -187,8 +187,8 @@ def _seldom(identified: Sequence[Mapping[str, str]], seeds: int) -> dict[str, st
             for row in own
         )
         if len(own) >= REGULARLY * seeds and inside < 0.85 * len(own):
-            found[name] = f"{inside} of {len(own)}"
-    return found
+            seldom[name] = f"{inside} of {len(own)}"
+    return seldom
 
 
 def main() -> None:

@@ -116,12 +116,13 @@ def rows_of(
     """Fly one seed; yield a row per figure, clean and with the seed's fault."""
     flights = [fly_leg(plan, leg, simulated, seed=seed) for leg in plan.legs]
     for kind, size in (("none", 0.0), fault_of(seed)):
-        shown = checked(flights, plan, simulated.vehicle, seed, kind, size)
+        report = checked(flights, plan, simulated.vehicle, seed, kind, size)
         place: tuple[object, ...] = (plan_name, seed, kind, size)
-        other = "departs" if shown.convention_found else "agrees"
+        other = "departs" if report.convention_found else "agrees"
         figures: list[tuple[object, ...]] = [("convention", None, None, other)]
         figures += [
-            (item.name, item.departure, item.standard_error, item.verdict) for item in shown.figures
+            (item.name, item.departure, item.standard_error, item.verdict)
+            for item in report.figures
         ]
         for figure in figures:
             yield dict(zip(COLUMNS, (*place, *figure), strict=True))
@@ -205,8 +206,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plan", default="default")
     parser.add_argument("--seeds", type=int, default=100)
-    given = parser.parse_args()
-    print("\n".join(summary(study(given.plan, given.seeds))))
+    arguments = parser.parse_args()
+    print("\n".join(summary(study(arguments.plan, arguments.seeds))))
 
 
 if __name__ == "__main__":

@@ -31,13 +31,13 @@ def tables() -> dict[str, pa.Table]:
     rng = np.random.default_rng(0)
     count = int(3600 * HOURS * RATE_HZ)
     stamps = (np.arange(count) * (1e6 / RATE_HZ)).astype(np.int64)
-    found = {}
+    streams = {}
     for group in range(GROUPS):
         wander = np.cumsum(rng.standard_normal((count, COLUMNS)), axis=0) * 1e-2
         values = wander + 0.05 * rng.standard_normal((count, COLUMNS))
         columns = {f"c{index}": values[:, index] for index in range(COLUMNS)}
-        found[f"ingest/dive/stream{group}"] = pa.table({"time_us": stamps, **columns})
-    return found
+        streams[f"ingest/dive/stream{group}"] = pa.table({"time_us": stamps, **columns})
+    return streams
 
 
 def views() -> dict[str, dict[str, object]]:
@@ -62,7 +62,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--keep", type=Path)
     keep = parser.parse_args().keep
-    data, shown = tables(), views()
+    data, view_documents = tables(), views()
     logs = {"dive": {"start_us": 0, "end_us": int(3.6e9 * HOURS)}}
     summary = Summary("fair", "Benchmark", "", None, "validation", (), (), (), (), ())
     figures: dict[str, object] = {
@@ -72,7 +72,9 @@ def main() -> None:
     }
     for name, preview in (("preview", True), ("whole", False)):
         start = time.perf_counter()
-        content = record("Benchmark", summary, shown, data, {}, {}, logs, 10.0, preview=preview)
+        content = record(
+            "Benchmark", summary, view_documents, data, {}, {}, logs, 10.0, preview=preview
+        )
         figures[name] = {
             "seconds": round(time.perf_counter() - start, 2),
             "megabytes": round(len(content) / 1e6, 2),

@@ -81,7 +81,7 @@ def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
     except ImportError:
         return None
 
-    def whole() -> None:
+    def with_autopilot() -> None:
         simulate(
             PEER_SAMPLES, PEER_STEP_S, remus100("depthHeadingAutopilot", 30, 50, 1525, 0.5, 170)
         )
@@ -94,7 +94,7 @@ def peer_jobs() -> tuple[Callable[[], object], Callable[[], object]] | None:
             nu, actual = vehicle.dynamics(eta, nu, actual, np.array([0.0, 0.0, 1200.0]), STEP_S)
             eta = attitudeEuler(eta, nu, STEP_S)
 
-    return whole, bare
+    return with_autopilot, bare
 
 
 def published(name: str) -> IdentifiedModel:

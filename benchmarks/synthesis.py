@@ -76,7 +76,7 @@ def fit_with_numpy(nu: Array, eta: Array, force: Array) -> Coefficients:
     """Every model by numpy.linalg.lstsq on columns of the whole basis."""
     basis = basis_rows(nu, eta, TERMS).T
     place = {term: index for index, term in enumerate(TERMS)}
-    found = {}
+    coefficients = {}
     for model in MODELS:
         for terms in {terms for terms in model.terms.values() if terms}:
             axes = [axis for axis in AXES if model.terms[axis] == terms]
@@ -87,8 +87,10 @@ def fit_with_numpy(nu: Array, eta: Array, force: Array) -> Coefficients:
                 ],
                 dtype=np.float64,
             )
-            found.update({(model.name, axis): values[:, index] for index, axis in enumerate(axes)})
-    return found
+            coefficients.update(
+                {(model.name, axis): values[:, index] for index, axis in enumerate(axes)}
+            )
+    return coefficients
 
 
 def measure(n: int = 1_000_000) -> dict[str, float]:

@@ -126,11 +126,11 @@ def equation_index(root: Path) -> dict[Equation, list[Place]]:
         for name, text in docstrings:
             summary = " ".join(text.partition("\n\n")[0].split())
             try:
-                given = dict(equations_in(text, first["name"] if first else None))
+                equations = dict(equations_in(text, first["name"] if first else None))
             except ValueError as error:
                 faults.append(f"{file}: {name or 'module'}: {error}")
                 continue
-            for equation, corrected in given.items():
+            for equation, corrected in equations.items():
                 target = index if name else modules
                 target[equation].append(Place(file, name, summary, corrected))
     if faults:

@@ -47,13 +47,13 @@ def page() -> str:
     return HEAD + "".join(_part(kind) for kind in _parts(ModelFile, []))
 
 
-def _parts(kind: type[Model], known: list[type[Model]]) -> list[type[Model]]:
-    if kind not in known and kind not in ELSEWHERE:
-        known.append(kind)
+def _parts(kind: type[Model], kinds: list[type[Model]]) -> list[type[Model]]:
+    if kind not in kinds and kind not in ELSEWHERE:
+        kinds.append(kind)
         for field in kind.model_fields.values():
             for inner in _models(field.annotation):
-                _parts(inner, known)
-    return known
+                _parts(inner, kinds)
+    return kinds
 
 
 def _models(annotation: object) -> Iterator[type[Model]]:

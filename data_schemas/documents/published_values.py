@@ -128,7 +128,7 @@ class PublishedTableEntry(Model):
         return None
 
     def evidence_of(self, row: PublishedRowEntry) -> tuple[Evidence | None, str]:
-        """Return what meeting the bounds of a row shows and why; None without bounds."""
+        """Return what meeting a row's bounds shows and why; None without bounds."""
         if not row.bounded:
             return None, ""
         if row.evidence is not None:

@@ -82,7 +82,7 @@ class Processes:
 
 
 def _context() -> multiprocessing.context.BaseContext:
-    """Return what starts workers: a server that imports the stages once, or anew each."""
+    """Return what starts workers: a server that imports the stages, or each anew."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

@@ -232,7 +232,7 @@ def _kept(stages: Sequence[AnyStage], document: Mapping[str, Any]) -> dict[str, 
 
 
 def main(names: Sequence[str] = ("params.yaml", "dvc.yaml")) -> None:
-    """Write these declarations of this folder; campaigns and values of params.yaml stay.
+    """Write declarations of this folder; campaigns and values of params.yaml stay.
 
     Values that differ from the default are named, and so are those of parameters that
     are no more, which are left out. Raises `CampaignError` for a value that is not valid.

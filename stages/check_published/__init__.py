@@ -30,7 +30,7 @@ from auvid.stages.reference_check import EACH, SHOWS, ReferenceCheck
 
 @dataclass(frozen=True)
 class Inputs:
-    """The printed tables, if the manifest names them; results and tables of all stages."""
+    """Printed tables, if the manifest names them; results and tables of all stages."""
 
     results: Collection[Document] = every("results")
     tables: Collection[pa.Table] = every("table")
@@ -80,7 +80,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def _bounds(
     published: PublishedValuesDocument, rows: list[dict[str, Any]]
 ) -> dict[str, Any] | None:
-    """Return how many bounds are met, by table and by what they show; None without any."""
+    """Return how many bounds are met, by table and by what they show, or None."""
     figures = []
     for entry, kind in product(published.tables, SHOWS):
         required = [row for row in rows if (row["table"], row["evidence"]) == (entry.id, kind)]

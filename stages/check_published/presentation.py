@@ -197,13 +197,13 @@ def _line_faults(
                     break
             else:
                 if _rows(line, rows).num_rows == 0:
-                    known = pc.unique(rows.column("recording")).to_pylist()
+                    recordings = pc.unique(rows.column("recording")).to_pylist()
                     yield CampaignError(
                         "no such recording",
                         field=f"{at}.recording",
                         value=line.recording,
-                        allowed=known,
-                        remedy=nearest(str(line.recording), known),
+                        allowed=recordings,
+                        remedy=nearest(str(line.recording), recordings),
                     )
 
 
@@ -212,7 +212,7 @@ def published_section(
     rows: Sequence[Mapping[str, Any]],
     figures: Iterable[Block] = (),
 ) -> dict[str, Any]:
-    """Return the section: what the bounds show, what is missed, figures, tables, errata."""
+    """Return the section: what bounds show, what is missed, figures, tables, errata."""
     checks = [check_of(row) for row in rows]
     missed = [
         f"{row['table']}, {check.quantity}: {check.shortfall}"

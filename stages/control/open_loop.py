@@ -137,7 +137,7 @@ def _row(item: Finding) -> dict[str, Any]:
 
 
 def _unstated(run: OpenLoopRun) -> list[dict[str, Any]]:
-    """Return the figures of a run of which the text states nothing, as far as they are."""
+    """Return the figures that a run has and of which the text states nothing."""
     stated = {item.quantity for item in run.case.statements}
     values = {name: run.quantity(name) for name in UNSTATED if name not in stated}
     return [

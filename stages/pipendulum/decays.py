@@ -297,7 +297,7 @@ def mean_of(items: Sequence[Derivatives]) -> Derivatives:
 
 
 def measured_rate(run: SingleRun) -> Array:
-    """Return the measured rate [rad/s] on the grid (n,) of a run, linear between samples."""
+    """Return the measured rate [rad/s] on a run's grid (n,), linear between samples."""
     return np.interp(run.grid_s, run.grid_s[run.rate_at], run.rate)
 
 

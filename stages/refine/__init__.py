@@ -224,7 +224,7 @@ def _held_out(
 
 
 def _force_errors(inputs: Inputs, fit: SensorFit, legs: Sequence[LegRecord]) -> tuple[Array, Array]:
-    """Return the RMS error (6,) of the residual force on the legs, and its RMS [N, N m].
+    """Return RMS error (6,) of the residual force on the legs, and its RMS [N, N m].
 
     tau_bar is formed with the inertia of the vehicle file and actuators without a lag,
     so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and tau_U with

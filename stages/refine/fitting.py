@@ -236,7 +236,7 @@ def fit_card(
 def _within_limits(
     problem: CardUnknowns, estimate: LikelihoodEstimate, theta: Array
 ) -> LimitedEstimate:
-    """Return physical values of theta (k,), moved within the limits by the information."""
+    """Return physical values of theta (k,), moved within limits by the information."""
     values, signs = problem.physical(theta), problem.signs
     rows, cuts = problem.limits()
     if not rows and not cuts:

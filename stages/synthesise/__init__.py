@@ -49,7 +49,7 @@ from auvid.stages.synthesise.error_choice import (
     EQUAL,
     WEIGHTS,
     ErrorChoice,
-    Samples,
+    FitSamples,
     by_error_function,
     check_choice,
 )
@@ -248,7 +248,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for whole, model in zip(declared, models, strict=True)
     }
     if not choice.is_plain:
-        samples = Samples.of(legs(), terms, data.factor.n_samples)
+        samples = FitSamples.of(legs(), terms, data.factor.n_samples)
         cards = {
             name: by_error_function(
                 card, {axis: fits[name, axis] for axis in AXES}, data.factor, samples, choice

@@ -44,7 +44,7 @@ METHOD = "error function"
 
 @dataclass(frozen=True)
 class ErrorChoice:
-    """What is minimised and how: names of `ERROR_FUNCTIONS`, `WEIGHTS`, `MINIMISERS`."""
+    """What is minimised and how: of `ERROR_FUNCTIONS`, `WEIGHTS`, `MINIMISERS`."""
 
     function: str
     weights: str
@@ -103,7 +103,7 @@ def check_choice(
 
 
 @dataclass(frozen=True)
-class Samples:
+class FitSamples:
     """Training samples of all legs: rows (k, n) of `terms`, forces (n, 6).
 
     nu, sd (n, 6) and ratio (n,) as in `TrainingSegment`; sd None where a leg has none.
@@ -117,25 +117,25 @@ class Samples:
     ratio: Array | None
 
     @classmethod
-    def of(cls, legs: Iterable[TrainingSegment], terms: tuple[str, ...], count: int) -> Samples:
+    def of(cls, legs: Iterable[TrainingSegment], terms: tuple[str, ...], count: int) -> FitSamples:
         """Return every so-many-th of `count` samples."""
         step = -(-count // MOST_SAMPLES)
         return reduce(cls.merge, (cls._of_leg(leg, terms, step) for leg in legs))
 
     @classmethod
-    def _of_leg(cls, leg: TrainingSegment, terms: tuple[str, ...], step: int) -> Samples:
+    def _of_leg(cls, leg: TrainingSegment, terms: tuple[str, ...], step: int) -> FitSamples:
         nu = leg.nu[::step]
         ratio = None if leg.ratio is None else leg.ratio[::step]
         sd = None if leg.sd is None else leg.sd[::step]
         return cls(terms, basis_rows(nu.T, ratio, terms), leg.force[::step], nu, sd, ratio)
 
-    def merge(self, other: Samples) -> Samples:
+    def merge(self, other: FitSamples) -> FitSamples:
         """Return the samples of both."""
 
         def both(one: Array | None, two: Array | None) -> Array | None:
             return None if one is None or two is None else np.concatenate([one, two])
 
-        return Samples(
+        return FitSamples(
             self.terms,
             np.hstack([self.rows, other.rows]),
             np.concatenate([self.force, other.force]),
@@ -177,7 +177,7 @@ def by_error_function(
     card: ModelCard,
     fits: Mapping[str, AxisFit],
     factor: TriangularFactor,
-    samples: Samples,
+    samples: FitSamples,
     choice: ErrorChoice,
 ) -> ModelCard:
     """Return the card of least squares with the coefficients of another error function.

@@ -167,7 +167,7 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
 def force_errors(
     card: ModelCard, samples_per_one: Mapping[str, float], step_s: float
 ) -> tuple[Array, Array]:
-    """Return size (6,) [N, N m] and memory (6,) [s] of a card's force error in training.
+    """Return size (6,) [N, N m], memory (6,) [s] of a card's force error in training.
 
     Of filter error the unsteady force that it was fitted with, over the legs. Else of the
     residual force: a first-order autoregression of which R samples count as one has the

@@ -182,7 +182,7 @@ def _choice(
 
     better = [item for item in models if (value := ratio(item)) is not None and value < 1.0]
     # A BIC of the force compares fits to the force: one to the sensors has no part in it.
-    apart = () if _legs_left_out(cards) >= 2 else _refined(cards)
+    sensor_fits = () if _legs_left_out(cards) >= 2 else _refined(cards)
     candidates = [
         RankedModel(
             item.name,
@@ -194,7 +194,7 @@ def _choice(
             not item.faults,
         )
         for item in better
-        if item.name not in apart
+        if item.name not in sensor_fits
     ]
     chosen = choose(candidates)
     if chosen is None:
@@ -208,7 +208,7 @@ def _choice(
     elif not passing:
         words += "; none of the models passes physics"
     name, place = chosen.name, {item.name: item for item in better}
-    for other in apart:
+    for other in sensor_fits:
         fit = cards[other].likelihood
         if fit is None or fit.started_from != chosen.name or other not in place:
             continue

@@ -221,12 +221,12 @@ def files(workspace: Path) -> dict[str, str]:
     }
 
 
-def comparable(found: dict[str, str]) -> dict[str, str]:
+def comparable(contents: dict[str, str]) -> dict[str, str]:
     """Return files without what differs from run to run: the recording, and the history."""
     return {
         name: "" if "/recording.rrd" in name or "report/manifest" in name or "/history/" in name
         else content
-        for name, content in found.items()
+        for name, content in contents.items()
     }  # fmt: skip
 
 
@@ -234,7 +234,7 @@ def falsely_vouched(workspace: Path) -> list[str]:
     """Return artefacts that a manifest names and that are not as it says."""
     wrong = []
     for path in (workspace / "runs").glob("*/*/manifest.json"):
-        known = {
+        hashes_there = {
             hashlib.sha256(file.read_bytes()).hexdigest()
             for file in path.parent.rglob("*")
             if file.is_file()
@@ -242,7 +242,7 @@ def falsely_vouched(workspace: Path) -> list[str]:
         for item, record in Manifest(path.parent).records.items():
             for port, hashes in record.outputs.items():
                 named = {hashes} if isinstance(hashes, str) else set(hashes.values())
-                if not named <= known:
+                if not named <= hashes_there:
                     wrong.append(f"{path.parent.name}, {item}: {port}")
     return wrong
 
@@ -265,8 +265,8 @@ def strike(case: Case, clean: dict[str, str], folder: Path, place: int, fault: s
     again = attempt(case, workspace, Faults(runs, UNFAULTED, fault))
     if not again.startswith("fine"):
         wrong.append(f"the second run: {again}")
-    left, wanted = comparable(files(workspace)), comparable(clean)
-    names = sorted({name for name in {*left, *wanted} if left.get(name) != wanted.get(name)})
+    left, expected = comparable(files(workspace)), comparable(clean)
+    names = sorted({name for name in {*left, *expected} if left.get(name) != expected.get(name)})
     if names:
         wrong.append(f"other files: {names}")
     shutil.rmtree(workspace)

@@ -136,9 +136,10 @@ def recursive_least_squares(
     theta = np.zeros(k) if start is None else np.array(start, dtype=np.float64)
     root = np.diag(np.sqrt(diagonal))
     history, spread = np.empty((n, k)), np.empty((n, k))
+    # Copies: numba compiles the loop once more for arrays of another layout.
     error = recursive_estimate(
-        form.regressor,
-        form.z,
+        np.array(form.regressor, order="C"),
+        np.array(form.z),
         step,
         keep,
         theta,

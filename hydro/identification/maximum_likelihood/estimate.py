@@ -48,7 +48,8 @@ class LikelihoodEstimate:
     its data; `channel_residuals` (13,) the same by channel, nan without samples.
     `word`: `converged`, or `no convergence` for the best point of the steps allowed;
     `at_bound` (k,). `leg_equations`: what each leg tells of all unknowns, theta first,
-    and `prior_equations` the prior; `held`: which of them are at a bound.
+    and `prior_equations` the prior; `unknowns_at_bound`: which
+    of them are at a bound.
     """
 
     names: tuple[str, ...]
@@ -68,7 +69,7 @@ class LikelihoodEstimate:
     dropped: tuple[DroppedWindow, ...]
     leg_equations: tuple[LegEquations, ...]
     prior_equations: LegEquations
-    held: Mask
+    unknowns_at_bound: Mask
 
     @property
     def standard_errors(self) -> Array:
@@ -91,7 +92,7 @@ class LikelihoodEstimate:
         parts = [*others, self.prior_equations]
         information = np.sum([part.information for part in parts], axis=0)
         vector = np.sum([part.vector for part in parts], axis=0)
-        informed = ~self.held & (np.diag(information) > 0.0)
+        informed = ~self.unknowns_at_bound & (np.diag(information) > 0.0)
         step = np.zeros(len(vector))
         step[informed] = solve_scaled(information[np.ix_(informed, informed)], vector[informed])
         return np.asarray(self.theta + step[: len(self.theta)])
@@ -145,7 +146,7 @@ def estimate_from(
         dropped=tuple(dropped),
         leg_equations=tuple(leg_equations),
         prior_equations=_prior_equations(likelihood, theta, len(information)),
-        held=at_bound,
+        unknowns_at_bound=at_bound,
     )
 
 

@@ -184,14 +184,14 @@ def _facts(
     facts = []
     if bounds:
         met, of = _counted(_tests(bounds))
-        apart = [
+        other_bounds = [
             f"{count} {words}"
             for kind, words in SHOWS.items()
             for _, count in [_counted([row for row in bounds if row.get("evidence") == kind])]
             if count and kind != "method"
         ]
-        words = ", ".join(apart) or f"on printed values, {plural(len(bounds), 'table')}"
-        title = "bounds that test the method" if apart else "bounds met"
+        words = ", ".join(other_bounds) or f"on printed values, {plural(len(bounds), 'table')}"
+        title = "bounds that test the method" if other_bounds else "bounds met"
         facts.append(Fact(title, f"{met} of {of}", words))
     if judged:
         facts.append(

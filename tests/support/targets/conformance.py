@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.support.targets.frames import Array, Body
+from tests.support.targets.frames import Array, Body, rotation
+from tests.support.targets.motion import move
 
 STATES = 1000
 
@@ -35,3 +36,9 @@ def terminal_speed(body: Body, axis: int, thrust: float) -> float:
         return float(body.force(nu, eta)[0, axis] - still + thrust)
 
     return float(brentq(rest, 0.0, 50.0, xtol=1e-12, rtol=1e-12))
+
+
+def decay(body: Body, nu: Array, angles: Array) -> Array:
+    """Return velocities and attitude after ten seconds left alone: (6,) and (3, 3), flat."""
+    _, turn, velocity = move(body, nu, rotation(angles), 0.05, 200)
+    return np.hstack([velocity, turn.ravel()])

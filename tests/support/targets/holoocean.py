@@ -1,9 +1,10 @@
 """Evaluator of a HoloOcean agent: the torpedo of fossen_dynamics from its dynamics dictionary.
 
-Read from the client of HoloOcean 2.x as DPRIcky/holoocean-multiagent-control 5331986 holds
-it, client/src/holoocean/fossen_dynamics: torpedo.py (class TAUV, 326 inertia, 612 dynamics)
-and helper_functions.py (203 cross flow, 301 lift and drag, 338 restoring). Frames FRD and
-NED; fins and propeller at rest.
+Read from the client of HoloOcean 2.2.0 as DPRIcky/holoocean-multiagent-control ee6cdf1 holds
+it, client/src/holoocean/fossen_dynamics: torpedo.py (class Torpedo, 189 inertia, 249
+dynamics, 674 dictionary) and helper_functions.py (crossFlowDrag, forceLiftDrag, gvect).
+Frames FRD and NED; fins and propeller at rest. Release 2.0.0 differed: half the span, six
+entries of C_A.
 """
 
 import json
@@ -14,11 +15,11 @@ import numpy as np
 from tests.support.targets.frames import Array, Body, coriolis, down, push, rigid_body, skew
 
 GRAVITY = 9.81
-"""torpedo.py:57, self.g."""
+"""torpedo.py:682."""
 
 DEFAULTS = {
     "rho": 1026.0,
-    "mass": 16.0,
+    "mass": 31.03,
     "length": 1.6,
     "diam": 0.19,
     "r_bg": [0.0, 0.0, 0.02],
@@ -33,10 +34,10 @@ DEFAULTS = {
     "Cd": 0.42,
     "e": 0.7,
 }
-"""torpedo.py:171-197, dynamics_parameters: REMUS 100."""
+"""configure_torpedo_from_scenario, dynamics_parameters: REMUS 100."""
 
-STRIP_DENSITY, STRIPS = 1026.0, 20
-"""crossFlowDrag has a density of its own."""
+OWN_DENSITY, STRIPS = 1026.0, 20
+"""crossFlowDrag and forceLiftDrag have a density of their own; strips of the former."""
 
 HOERNER = (
     [0.0109, 0.1766, 0.3530, 0.4519, 0.4728, 0.4929, 0.4933, 0.5585, 0.6464, 0.8336],
@@ -76,22 +77,22 @@ def parse(document: dict[str, object]) -> Body:
     swing = np.sqrt(stiff / np.diag(inertia)[3:5])
     area = p["area_fraction"] * p["length"] * p["diam"]
     drag0 = p["Cd"] * np.pi * b**2 / area
-    aspect = b**2 / area  # TAUV.dynamics gives the radius as the span
+    aspect = p["diam"] ** 2 / area
     slope = np.pi * aspect / (1 + np.sqrt(1 + (aspect / 2) ** 2))
-    strip = 0.5 * STRIP_DENSITY * p["diam"] * np.interp(0.5, *HOERNER) * p["length"] / STRIPS
+    strip = 0.5 * OWN_DENSITY * p["diam"] * np.interp(0.5, *HOERNER) * p["length"] / STRIPS
     places = np.linspace(-a, a, STRIPS + 1)
 
     def force(nu: Array, eta: Array) -> Array:
         u, v, w, r = nu[:, 0], nu[:, 1], nu[:, 2], nu[:, 5]
         speed = np.linalg.norm(nu[:, :3], axis=1)
 
-        # C_A without six of its entries, rows and columns counted from 0: TAUV.dynamics
+        # C_A without eight of its entries, rows and columns counted from 0: torpedo.py:272
         momentum = skew(nu[:, :3] * added[:3]), skew(nu[:, 3:] * added[3:])
         c = np.zeros((len(nu), 6, 6))
         c[:, :3, 3:] = c[:, 3:, :3] = -momentum[0]
         c[:, 3:, 3:] = -momentum[1]
-        for row, column in ((4, 0), (0, 4), (2, 4), (5, 0), (5, 1), (1, 5)):
-            c[:, row, column] = 0.0
+        for row, column in ((4, 0), (4, 2), (5, 0), (5, 1)):
+            c[:, row, column] = c[:, column, row] = 0.0
         wrench = -np.einsum("nij,nj->ni", c, nu) - coriolis(body, nu)
 
         fade = np.exp(-3 * speed)
@@ -105,7 +106,7 @@ def parse(document: dict[str, object]) -> Body:
         attack = np.arctan2(w, u)
         lift = slope * attack
         drag = drag0 + lift**2 / (np.pi * p["e"] * aspect)
-        scale = 0.5 * p["rho"] * speed**2 * area
+        scale = 0.5 * OWN_DENSITY * speed**2 * area
         wrench[:, 0] += scale * (-drag * np.cos(attack) + lift * np.sin(attack))
         wrench[:, 2] += scale * (-drag * np.sin(attack) - lift * np.cos(attack))
 

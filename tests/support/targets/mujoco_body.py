@@ -8,9 +8,9 @@ world, FRD where it points along +z.
 """
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -49,16 +49,22 @@ def forces_module(folder: Path, name: str) -> ModuleType:
     return module
 
 
-class Scene:
-    """A MuJoCo model with one free body and the function that sets its forces."""
+def load(folder: Path, name: str) -> Body:
+    """Return the body that MuJoCo moves for folder/NAME.xml with NAME_forces.install()."""
+    text = (folder / f"{name}.xml").read_text()
+    return Scene(text, forces_module(folder, name).install).body()
 
-    def __init__(self, text: str, apply: Any) -> None:
+
+class Scene:
+    """A MuJoCo model with one free body; `install` sets the callback of its forces."""
+
+    def __init__(self, text: str, install: Callable[[], None]) -> None:
         import mujoco
 
         self._mujoco = mujoco
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
-        self._apply = apply
+        self._install = install
         self._flip = np.eye(3) if self.model.opt.gravity[2] > 0 else FLIP
 
     def acceleration(self, nu: Array, eta: Array, tau: Array) -> Array:
@@ -70,9 +76,11 @@ class Scene:
         data.qpos[:] = np.hstack([flip @ eta[:3], quaternion(turn)])
         data.qvel[:] = np.hstack([turn @ v, w])
         data.qfrc_applied[:] = np.hstack([turn @ flip @ tau[:3], flip @ tau[3:]])
-        self._mujoco.mj_forward(self.model, data)
-        self._apply(self.model, data)
-        self._mujoco.mj_forward(self.model, data)
+        self._install()
+        try:
+            self._mujoco.mj_forward(self.model, data)
+        finally:
+            self._mujoco.set_mjcb_passive(None)
         linear = turn.T @ data.qacc[:3] - np.cross(w, v)
         return np.hstack([flip @ linear, flip @ data.qacc[3:6]])
 

@@ -4,6 +4,8 @@ Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021
 of auvid computes here: the file's fields are read as docs/model_file.md describes them.
 """
 
+import math
+
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ModelFile
@@ -12,12 +14,13 @@ from tests.support.targets.frames import Array, Body
 AXES = "XYZKMN"
 
 
-def factor(name: str, nu: Array) -> Array:
-    """Return one factor (n,) of a coefficient's term at velocities nu (n, 6)."""
-    letters = dict(zip("uvwpqr", nu.T, strict=True))
+def factors(nu: Array) -> dict[str, Array]:
+    """Return all factors (n,) of the terms of coefficients at velocities nu (n, 6)."""
+    values = dict(zip("uvwpqr", nu.T, strict=True))
+    values |= {f"|{name}|": np.abs(row) for name, row in values.items()}
     across = np.sqrt(nu[:, 1] ** 2 + nu[:, 2] ** 2)
     more = {"V": across, "Vv": across * np.sign(nu[:, 1]), "Vw": across * np.sign(nu[:, 2])}
-    return np.abs(letters[name.strip("|")]) if name[0] == "|" else (letters | more)[name]
+    return values | more
 
 
 def reference(model: ModelFile) -> Body:
@@ -41,6 +44,8 @@ def reference(model: ModelFile) -> Body:
     weight, buoyancy = d.weight_N, d.buoyancy_N
     a, b, c = np.array(d.centre_of_gravity_m) * weight - np.array(d.centre_of_buoyancy_m) * buoyancy
 
+    rows = [(AXES.index(e.axis), e.predictor, tuple(e.factors)) for e in model.coefficients]
+
     def force(nu: Array, eta: Array) -> Array:
         u, v, w, p, q, r = nu.T
         # C(nu) nu with the momenta of M nu, Fossen (3.46)
@@ -56,11 +61,9 @@ def reference(model: ModelFile) -> Body:
             ],
             1,
         )
-        for entry in model.coefficients:
-            term = np.full(len(nu), entry.predictor)
-            for name in entry.factors:
-                term = term * factor(name, nu)
-            total[:, AXES.index(entry.axis)] += term
+        values = factors(nu)
+        for axis, predictor, names in rows:
+            total[:, axis] += predictor * math.prod((values[name] for name in names), start=1.0)
         # -g(eta), Fossen (4.6)
         sf, cf = np.sin(eta[:, 3]), np.cos(eta[:, 3])
         st, ct = np.sin(eta[:, 4]), np.cos(eta[:, 4])

@@ -240,17 +240,18 @@ def test_mss_function_moves_as_the_toolbox(tmp_path: object) -> None:
 
 
 def test_holoocean_torpedo_accelerates_as_its_client() -> None:
-    """HoloOcean's client as DPRIcky/holoocean-multiagent-control 5331986: threeFinInd run there.
+    """HoloOcean 2.2.0 as DPRIcky/holoocean-multiagent-control ee6cdf1: Torpedo run there.
 
-    dynamics(eta, nu, zeros) of the default REMUS 100 with fins and propeller at rest.
+    dynamics(eta, nu) of the default dictionary with fins and propeller at rest.
     """
     body = holoocean.parse({"agents": [{"agent_name": "auv0", "dynamics": {}}]})
-    diagonal = [16.43257504, 31.17923047, 31.17923047, 0.081488, 3.84997186, 3.84357186]
-    np.testing.assert_allclose(np.diag(body.inertia), diagonal, rtol=1e-6)
+    diagonal = [31.868925221, 60.46822009, 60.46822009, 0.15803579, 7.4665391746, 7.4541271746]
+    np.testing.assert_allclose(np.diag(body.inertia), diagonal, rtol=1e-9)
     nu = np.array([[1.2, -0.3, 0.2, 0.1, -0.2, 0.3]])
     eta = np.array([[0, 0, 5, 0.2, -0.3, 0.4]])
-    published = [-0.71544639, 0.48973845, -0.21403674, -4.43036912, 0.58757682, -2.43578962]
-    np.testing.assert_allclose(body.derivative(nu, eta)[0], published, atol=5e-9)
+    published = [-0.347495641221, 0.136954504165, -0.253950133677]
+    published += [-5.815737051668, 0.583959593367, -1.391779132058]
+    np.testing.assert_allclose(body.derivative(nu, eta)[0], published, rtol=1e-11)
 
 
 def test_ardupilot_submarine_has_the_constants_of_its_header() -> None:
@@ -318,7 +319,7 @@ def test_mujoco_moves_a_rigid_body_by_newton_and_euler() -> None:
     text = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="hull"><freejoint/>
       <inertial pos="0.02 0.01 -0.03" mass="12" fullinertia="0.2 0.25 0.3 0.01 0.02 -0.015"/>
       </body></worldbody></mujoco>"""
-    body = mujoco_body.Scene(text, lambda model, data: None).body()
+    body = mujoco_body.Scene(text, lambda: None).body()
     tensor = np.array([[0.2, 0.01, 0.02], [0.01, 0.25, -0.015], [0.02, -0.015, 0.3]])
     centre = np.array([0.02, 0.01, -0.03])
     rigid = FLIP6 @ rigid_body(12.0, centre, tensor) @ FLIP6

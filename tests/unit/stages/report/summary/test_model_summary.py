@@ -38,42 +38,47 @@ def set_ratio(run: ExampleRun, use: str, ratios: dict[str, float], axis: str = "
 
 def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
-    found = summary_of(run)
-    assert found.recommended == "coe"
-    assert found.headline.startswith("Coe: use it to predict forces")
-    assert found.rule.startswith("Chosen as the simplest")
-    assert [use.label for use in found.uses] == ["Forces", "Simulation", "Control design", "Within"]
-    assert "no free run" in found.uses[1].reason
+    first_screen = summary_of(run)
+    assert first_screen.recommended == "coe"
+    assert first_screen.headline.startswith("Coe: use it to predict forces")
+    assert first_screen.rule.startswith("Chosen as the simplest")
+    assert [use.label for use in first_screen.uses] == [
+        "Forces",
+        "Simulation",
+        "Control design",
+        "Within",
+    ]
+    assert "no free run" in first_screen.uses[1].reason
 
 
 def test_a_model_of_smaller_error_is_named_with_what_speaks_against_it(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"mcfarland": 0.400, "fossen": 0.415})
     run.free_run = free_runs("mcfarland", lost=3)
-    found = summary_of(run, "fossen")
+    first_screen = summary_of(run, "fossen")
     assert (
         "McFarland & Whitcomb has a smaller error (0.40) with 216 terms, but 3 of 6 free runs are"
-        " lost." in found.explanation
+        " lost." in first_screen.explanation
     )
 
 
 def test_no_model_is_taken_when_none_beats_no_force(run: ExampleRun) -> None:
     for use in ("training", "validation"):
         set_ratio(run, use, dict.fromkeys(MODELS, 1.3))
-    found = summary_of(run, run.ranking().choice)
-    assert found.recommended is None
-    assert found.uses == ()
-    assert found.level == "poor"
-    assert found.headline == "Use none of these models"
+    first_screen = summary_of(run, run.ranking().choice)
+    assert first_screen.recommended is None
+    assert first_screen.uses == ()
+    assert first_screen.level == "poor"
+    assert first_screen.headline == "Use none of these models"
 
 
 def test_axis_that_fails_is_named_beside_the_model_to_take(run: ExampleRun) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
     for axis in AXES:
         set_ratio(run, "validation", {"coe": 1.7 if axis == "N" else 0.2}, axis)
-    found = summary_of(run)
-    assert found.level == "fair"
-    assert "it does not hold in yaw (N)" in found.uses[0].reason
-    assert found.uses[0].axes == "surge, sway, heave, roll and pitch"
+    first_screen = summary_of(run)
+    assert first_screen.level == "fair"
+    assert "it does not hold in yaw (N)" in first_screen.uses[0].reason
+    assert first_screen.uses[0].axes == "surge, sway, heave, roll and pitch"
 
 
 def test_good_only_when_small_everywhere(run: ExampleRun) -> None:
@@ -99,11 +104,11 @@ def test_overfit_is_said(run: ExampleRun) -> None:
 
 def test_without_validation_nothing_is_claimed(run: ExampleRun) -> None:
     run.errors = [row for row in run.errors if row["use"] == "training"]
-    found = summary_of(run)
-    assert found.judged_on == "training"
-    assert found.level == "poor"
-    assert "nothing judges it" in found.headline
-    assert any("no validation leg" in words for words in found.missing)
+    first_screen = summary_of(run)
+    assert first_screen.judged_on == "training"
+    assert first_screen.level == "poor"
+    assert "nothing judges it" in first_screen.headline
+    assert any("no validation leg" in words for words in first_screen.missing)
 
 
 def test_without_error_table_the_page_says_so(run: ExampleRun) -> None:
@@ -155,11 +160,11 @@ def test_simulation_is_promised_only_where_free_runs_hold_and_help(
 ) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
     run.free_run = free_runs("coe", lost=lost, error=error)
-    found = summary_of(run)
-    (use,) = (use for use in found.uses if use.label == "Simulation")
+    first_screen = summary_of(run)
+    (use,) = (use for use in first_screen.uses if use.label == "Simulation")
     assert use.axes == ("all axes" if "surge" in axes else axes)
     assert words in use.reason
-    assert ("not to simulate" in found.headline) is (axes == "no axis")
+    assert ("not to simulate" in first_screen.headline) is (axes == "no axis")
 
 
 def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, object]]:
