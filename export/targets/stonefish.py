@@ -34,6 +34,14 @@ and added mass all follow from its faces; another mesh needs another fit. Set gr
 _THRUSTERS = "Thruster i is an actuator of type push that takes a force in N.\n"
 
 
+SEMI_AXES = np.array([0.83136766, 0.93661729, 0.83974215])
+"""Semi-axes of Stonefish's ellipsoid round a box over the box's sides, alike for every box.
+
+ComputeEllipsoidalApprox of SolidEntity.cpp stops its search for the smallest ellipsoid
+(0.866 of each side) at 20 % of its volume, and corners count once per face.
+"""
+
+
 def export(request: Request) -> Exported:
     """Return `NAME.scn` with a box and six fitted factors.
 
@@ -171,9 +179,9 @@ def _steiner(body: Body) -> Array:
 def _own_added_mass(body: Body) -> Array:
     """Return the added inertia (6, 6) that Stonefish gives a box, about the origin.
 
-    Of the smallest ellipsoid round the box, sqrt(3) times as long; masses in their mean.
+    Of its ellipsoid round the box, `SEMI_AXES` of the sides; masses in their mean.
     """
-    a, b, c = math.sqrt(3.0) / 2.0 * body.box
+    a, b, c = SEMI_AXES * body.box
     density = body.water_density
     mean = (b + c) / 2.0
     volume = 4.0 / 3.0 * math.pi * density

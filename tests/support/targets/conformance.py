@@ -1,10 +1,15 @@
 """How far a simulator's body is from a model file: forces, terminal speeds, free decays."""
 
+import re
+
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.support.targets.frames import Array, Body, rotation
+from auvid.data_schemas.records.model_file import ModelFile
+from tests.support.targets.frames import Array, Body, coriolis, rotation, shift
+from tests.support.targets.models import changed
 from tests.support.targets.motion import move
+from tests.support.targets.reference import reference
 
 STATES = 1000
 
@@ -42,3 +47,42 @@ def decay(body: Body, nu: Array, angles: Array) -> Array:
     """Return velocities and attitude after ten seconds left alone: (6,) and (3, 3), flat."""
     _, turn, velocity = move(body, nu, rotation(angles), 0.05, 200)
     return np.hstack([velocity, turn.ravel()])
+
+
+def moved(body: Body, arm: Array) -> Body:
+    """Return a body about the model's origin; `arm` leads from there to its own origin."""
+    to_own = shift(arm)
+
+    def force(nu: Array, eta: Array) -> Array:
+        return body.force(nu @ to_own.T, eta) @ to_own
+
+    return Body(to_own.T @ body.inertia @ to_own, force)
+
+
+def loss(body: Body, model: ModelFile, *, neutral: bool = False) -> Array:
+    """Return the RMS force (6,) that a body lacks of a model over its flown range.
+
+    As export/losses.py states it: C(nu) nu and viscous force, and the lost inertia times
+    the acceleration M^-1 tau_viscous; 4096 velocities evenly spread by seed 0. Weight and
+    buoyancy do not count, but a constant heave force in the body's net buoyancy does;
+    `neutral` bodies have none by construction.
+    """
+    ranges = [model.validity[name] for name in "uvwpqr"]
+    low, high = [r.low for r in ranges], [r.high for r in ranges]
+    nu = np.random.default_rng(0).uniform(low, high, (4096, 6))
+    eta = np.broadcast_to([0.0, 0.0, 20.0, 0.0, 0.0, 0.0], nu.shape)
+    truth = reference(changed(model, weight_N=0.0, buoyancy_N=0.0))
+    exact = truth.force(nu, eta)
+    acceleration = (exact + coriolis(truth.inertia, nu)) @ np.linalg.inv(truth.inertia).T
+    still = body.force(np.zeros((1, 6)), eta[:1])
+    here = body.force(nu, eta) - still
+    if not neutral:
+        here[:, 2] += still[0, 2] - (model.dynamics.weight_N - model.dynamics.buoyancy_N)
+    error = exact - here - acceleration @ (truth.inertia - body.inertia).T
+    return np.sqrt((error**2).mean(0))
+
+
+def printed_loss(readme: str) -> Array:
+    """Return the RMS force (6,) that a README prints as lost, all together; zeros for none."""
+    row = re.search(r"^\| \*\*all together\*\* \|(.*)\|$", readme, re.MULTILINE)
+    return np.array([float(cell) for cell in row[1].split("|")[1:]] if row else [0.0] * 6)

@@ -132,7 +132,7 @@ MISTAKES: dict[str, Mistake] = {
     "radians for degrees": lambda m: coefficients(m, degrees),
     "moments about another point": about_buoyancy,
     "couplings of wrong sign": couplings,
-    "no buoyancy": lambda m: dynamics(m, buoyancy_N=0.0),
+    "no buoyancy": lambda m: dynamics(m, buoyancy_N=1e-3 * m.dynamics.buoyancy_N),
     "x|x| as x": squares(lambda pair: pair[:1]),
     "roll for pitch": exchanged,
     "weight for mass": lambda m: dynamics(

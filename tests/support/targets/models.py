@@ -193,3 +193,8 @@ def states(count: int, seed: int = 7) -> tuple[Array, Array]:
     nu = g.uniform(-1, 1, (count, 6)) * [1.5, 1.0, 1.0, 1.0, 1.0, 1.0]
     eta = g.uniform(-1, 1, (count, 6)) * [50, 50, 5, 1.0, 1.0, 3.0] + [0, 0, 20, 0, 0, 0]
     return nu, eta
+
+
+def changed(model: ModelFile, **dynamics: object) -> ModelFile:
+    """Return a model file with some figures of its dynamics replaced, unchecked."""
+    return model.model_copy(update={"dynamics": model.dynamics.model_copy(update=dynamics)})

@@ -8,6 +8,7 @@ FRD and NED. Drag is a sum over the triangles of the mesh; added mass is that of
 ellipsoid about its vertices, of the linear part only the mean over the axes.
 """
 
+import re
 import xml.etree.ElementTree as ET
 from itertools import product
 from math import pi
@@ -32,8 +33,13 @@ FACES = ["1234", "4356", "7821", "6587", "5328", "4671"]
 
 
 def load(folder: Path, name: str) -> Body:
-    """Return the body that Stonefish moves for folder/NAME.scn."""
-    return parse((folder / f"{name}.scn").read_text())
+    """Return the body that Stonefish moves for folder/NAME.scn.
+
+    With the gravity that README.md asks for: SimulationManager::setGravity.
+    """
+    stated = re.search(r"setGravity\(([\d.]+)\)", (folder / "README.md").read_text())
+    gravity = float(stated[1]) if stated else GRAVITY
+    return parse((folder / f"{name}.scn").read_text(), gravity)
 
 
 def numbers(element: ET.Element | None, key: str) -> Array | None:
@@ -109,7 +115,7 @@ def added(axes: Array, density: float) -> tuple[Array, Array]:
     return mass, pi * density / 12 * x**3 * np.array([0.0, y * y, z * z])
 
 
-def parse(text: str) -> Body:
+def parse(text: str, gravity: float = GRAVITY) -> Body:
     """Return the body of a scenario with one robot, its base link a box."""
     root = ET.fromstring(text)
     link = next(root.iter("base_link"))
@@ -190,7 +196,7 @@ def parse(text: str) -> Body:
         wet = np.array([drag(state[:3], state[3:]) for state in at_centre])
         lower = down(eta)
         wrench = wet @ to_centre - coriolis(total_inertia, nu)
-        wrench += push(centre, mass * GRAVITY * lower)
-        return wrench - push(place, volume * density * GRAVITY * lower)
+        wrench += push(centre, mass * gravity * lower)
+        return wrench - push(place, volume * density * gravity * lower)
 
     return Body(total_inertia, force)

@@ -31,8 +31,13 @@ WORLD_GRAVITY = 9.8
 
 
 def load(folder: Path, name: str) -> Body:
-    """Return the body that uuv_simulator moves for folder/NAME.xacro."""
-    return parse((folder / f"{name}.xacro").read_text())
+    """Return the body that uuv_simulator moves for folder/NAME.xacro.
+
+    About the link's origin, in a world with the gravity that README.md asks for.
+    """
+    stated = re.search(r"world: set ([\d.]+) m/s", (folder / "README.md").read_text())
+    gravity = float(stated[1]) if stated else WORLD_GRAVITY
+    return parse((folder / f"{name}.xacro").read_text(), gravity)
 
 
 def expand(text: str) -> ET.Element:
@@ -94,7 +99,7 @@ def matrix(model: ET.Element, tag: str) -> Array:
     return values.reshape(6, 6) if values.size == 36 else np.diag(values)
 
 
-def parse(text: str) -> Body:
+def parse(text: str, gravity: float = WORLD_GRAVITY) -> Body:
     """Return the body of a description with one link under the underwater object plugin."""
     robot = expand(text)
     plugin = next(p for p in robot.iter("plugin") if "underwater_object" in p.get("filename", ""))
@@ -127,9 +132,9 @@ def parse(text: str) -> Body:
 
     # buoyancy: BuoyantObject.cc:82-119, density of UnderwaterObjectPlugin.cc:81-84
     density = float(plugin.findtext("fluid_density", "1028"))
-    buoyancy = float(water.findtext("volume", "0")) * density * WORLD_GRAVITY
+    buoyancy = float(water.findtext("volume", "0")) * density * gravity
     if water.findtext("neutrally_buoyant", "0").strip() in ("1", "true"):
-        buoyancy = mass * WORLD_GRAVITY
+        buoyancy = mass * gravity
     above = numbers(water.find("center_of_buoyancy"), "0 0 0")
 
     # AddRelativeForce acts at the centre of mass (ODELink.cc, dBodyAddRelForce), although
@@ -142,7 +147,7 @@ def parse(text: str) -> Body:
         wet += np.diag(quadratic) * nu * np.abs(nu) - coriolis(added, nu)
         state, lower = nu @ FLIP6, down(eta) @ FLIP
         wrench = wet @ FLIP6 @ to_origin.T - coriolis(body, state)
-        wrench += push(centre, mass * WORLD_GRAVITY * lower)
+        wrench += push(centre, mass * gravity * lower)
         wrench -= push(centre + above, buoyancy * lower)
         return wrench @ FLIP6
 

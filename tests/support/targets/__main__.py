@@ -1,0 +1,20 @@
+"""Print the table of planted mistakes: python -m tests.support.targets."""
+
+from tests.support.targets.exported import HELD, carrier, conformance
+from tests.support.targets.mistakes import MISTAKES
+
+
+def main() -> None:
+    """Print per target the model, what the right export shows, and the mistakes that show."""
+    print("| target | model | right export | mistakes shown | not shown |")
+    print("| --- | --- | --- | --- | --- |")
+    for target, row in conformance().items():
+        shown = [name for name in MISTAKES if row[name]]
+        rest = ", ".join(name for name in MISTAKES if name not in shown)
+        right = ", ".join(row["none"]) or ("equal" if HELD[target] else "loss as printed")
+        count = f"{len(shown)} of {len(MISTAKES)}"
+        print(f"| {target} | {carrier(target)} | {right} | {count} | {rest} |")
+
+
+if __name__ == "__main__":
+    main()
