@@ -265,6 +265,7 @@ class VehicleModel:
         lossy: bool = False,
         force: bool = False,
         name: str | None = None,
+        draws: int = 1000,
     ) -> list[Path]:
         """Write the model for another simulator.
 
@@ -281,7 +282,9 @@ class VehicleModel:
             Write although the model is not usable for simulation, and over files that
             are there.
         name : str, optional
-            Name of the vehicle in the files.
+            Name of files, and of functions or classes in them.
+        draws : int
+            How many draws of the coefficients targets with draws get.
 
         Returns
         -------
@@ -290,7 +293,9 @@ class VehicleModel:
         """
         from auvid.export import write
 
-        return write(self.file, target, Path(folder), lossy=lossy, force=force, name=name)
+        return write(
+            self.file, target, Path(folder), lossy=lossy, force=force, name=name, draws=draws
+        )
 
 
 def _minimum_speed(file: ModelFile) -> float:

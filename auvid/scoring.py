@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from os import PathLike
@@ -33,7 +34,11 @@ INERTIAL = ("mass_kg", "displaced_mass_kg", "r_G", "r_B", "inertia", "added_mass
 
 
 def score(
-    model: VehicleModel, run: RunResults | str | PathLike[str], *, use: str = "validation"
+    model: VehicleModel,
+    run: RunResults | str | PathLike[str],
+    *,
+    use: str = "validation",
+    refit_constant: bool = False,
 ) -> pd.DataFrame:
     """Judge a model on the legs of a run, by force and by free runs.
 
@@ -48,6 +53,10 @@ def score(
         The run, or its campaign.
     use : {"validation", "training"}
         Legs to judge on.
+    refit_constant : bool
+        Fit the constant force per axis to the training legs of the run, as the command
+        ``auvid score`` does for models of other vehicles: net buoyancy and tether are
+        the day's. By default the model is judged with its own.
 
     Returns
     -------
@@ -77,16 +86,14 @@ def score(
     vehicle = results.vehicle
     own = model.vehicle
     judged = _predictor(model, vehicle)
+    if refit_constant:
+        judged = replace(judged, trim=_refitted(judged, own, results, segments))
     sums: list[ErrorSums] = []
     flown: dict[tuple[str, str], FreeRuns] = {}
     settings = results.parameters("validate")
     for name in names:
-        residual, fused, controls = (
-            results.artefacts(schema)[name].load() for schema in ("residual", "fused", "controls")
-        )
-        eta = matrix(fused, POSE)
-        predicted = judged.force(residual, fused) + restoring_of(own, eta)
-        predicted -= restoring_of(vehicle, eta)
+        residual, fused, controls = _tables(results, name)
+        predicted = _predicted(judged, own, vehicle, residual, fused)
         sums.append(ErrorSums.of(forces(residual, "tau_bar"), predicted))
         runs = run_segment(
             replace(vehicle, **{key: getattr(own, key) for key in INERTIAL}),
@@ -102,6 +109,37 @@ def score(
         if runs is not None:
             flown[name, ""] = runs
     return _table(model.name, reduce(ErrorSums.merge, sums), free_run_table(flown, [model.name]))
+
+
+def _tables(results: RunResults, segment: str) -> tuple[pa.Table, pa.Table, pa.Table]:
+    residual, fused, controls = (
+        results.artefacts(schema)[segment].load() for schema in ("residual", "fused", "controls")
+    )
+    return residual, fused, controls
+
+
+def _predicted(
+    judged: Predictor, own: Vehicle, vehicle: Vehicle, residual: pa.Table, fused: pa.Table
+) -> Array:
+    """Return the residual force (n, 6) of the run's vehicle that the model predicts."""
+    eta = matrix(fused, POSE)
+    change = restoring_of(own, eta) - restoring_of(vehicle, eta)
+    return np.asarray(judged.force(residual, fused) + change)
+
+
+def _refitted(
+    judged: Predictor, own: Vehicle, results: RunResults, segments: Mapping[str, SegmentRecord]
+) -> Array:
+    """Return the constant force (6,) that leaves no mean error on the training legs."""
+    errors = []
+    for name, segment in segments.items():
+        if segment.use == "training":
+            residual, fused, _ = _tables(results, name)
+            predicted = _predicted(judged, own, results.vehicle, residual, fused)
+            errors.append(forces(residual, "tau_bar") - predicted)
+    if not errors:
+        raise DataError("the run has no training leg to fit a constant force to")
+    return np.asarray(judged.trim + np.vstack(errors).mean(axis=0))
 
 
 def _predictor(model: VehicleModel, vehicle: Vehicle) -> Predictor:

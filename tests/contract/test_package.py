@@ -47,6 +47,7 @@ motion = again.simulate(t, tau)
 fitted = auvid.fit(t, motion.iloc[:, 1:7], motion.iloc[:, 10:], again.vehicle, tau=tau)
 assert fitted.coefficients.determined.any(), fitted.coefficients
 assert np.isfinite(auvid.score(again, results)["J/J0"]).all()
+assert again.export("python", "exported")
 print(auvid.__file__, time.process_time() - begin)
 """
 """What a user does with an installed package; seconds of everything but the run."""
@@ -126,7 +127,7 @@ def test_installed_package_makes_a_workspace(site: Path, tmp_path: Path) -> None
 
 @pytest.mark.release
 def test_installed_package_serves_python(site: Path, tmp_path: Path) -> None:
-    """A run, then load, simulate, fit and score within 5 s of processor time."""
+    """A run, then load, simulate, fit, score and export within 5 s of processor time."""
     python("-c", MAIN, "new", "workspace", folder=tmp_path, path=site)
     printed = python("-c", INTERFACE, folder=tmp_path / "workspace", path=site)
     place, seconds = printed.split()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,8 @@ import numpy.typing as npt
 import pytest
 
 import auvid
+from auvid.export import write
+from auvid.pipeline.commands.model.score_command import score as command_score
 
 Array = npt.NDArray[np.float64]
 TRUTH = {"X": ["u", "u|u|"], "Y": ["v"], "Z": ["w"], "K": ["p"], "M": ["q"], "N": ["r", "r|r|"]}
@@ -204,19 +205,31 @@ def test_a_score_takes_inertia_and_restoring_of_the_model(
     assert after["J"]["M"] > 2.0 * before["J"]["M"]
 
 
-def test_an_export_is_what_the_exporter_writes(
-    fossen: auvid.Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_score_with_the_constant_of_the_day_is_that_of_the_command(
+    results: auvid.RunResults,
+    fossen: auvid.Model,
+    short_workspace: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    calls: list[Any] = []
+    """`auvid score` works out M nu_dot + C nu - tau_G - tau_U - tau_nu another way."""
+    monkeypatch.chdir(short_workspace)
+    other = damped(fossen)
+    rows = command_score("example", [str(other.save(tmp_path / "other.json"))])
+    for use in ("training", "validation"):
+        (row,) = [row for row in rows if (row["set"], row["use"]) == ("other", use)]
+        score = auvid.score(other, results, use=use, refit_constant=True)
+        expected = [row["ratio" if axis == "all" else f"ratio_{axis}"] for axis in score.index]
+        np.testing.assert_allclose(score["J/J0"], expected, rtol=1e-9)
 
-    def write(*arguments: Any, **options: Any) -> list[Path]:
-        calls.append((arguments, options))
-        return [tmp_path / "model.sdf"]
 
-    monkeypatch.setitem(sys.modules, "auvid.export", SimpleNamespace(write=write))
-    assert fossen.export("gazebo", tmp_path, lossy=True) == [tmp_path / "model.sdf"]
-    options = {"lossy": True, "force": False, "name": None}
-    assert calls == [((fossen.file, "gazebo", tmp_path), options)]
+def test_an_export_is_what_the_exporter_writes(fossen: auvid.Model, tmp_path: Path) -> None:
+    files = fossen.export("python", tmp_path / "a", name="rov")
+    expected = write(fossen.file, "python", tmp_path / "b", name="rov")
+    assert [path.name for path in files] == [path.name for path in expected]
+    assert [path.read_bytes() for path in files] == [path.read_bytes() for path in expected]
+    with pytest.raises(auvid.PipelineError, match="the file exists"):
+        fossen.export("python", tmp_path / "a", name="rov")
 
 
 def test_figures_are_drawn(
