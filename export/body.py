@@ -95,7 +95,7 @@ class Body:
     @cached_property
     def mass_inverse(self) -> Array:
         """M^-1 (6, 6)."""
-        return np.linalg.inv(self.mass)
+        return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
 
     @property
     def volume(self) -> float:

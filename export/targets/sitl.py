@@ -152,7 +152,8 @@ def _quadratic_drag(body: Body, nu: Array, excess: Array) -> Array:
     shape = np.abs(nu) * nu
     below = np.sum(shape**2, axis=0)
     fitted = -np.sum(body.viscous(nu, excess) * shape, axis=0)
-    return np.maximum(np.divide(fitted, below, out=np.zeros(6), where=below > 0.0), 0.0)
+    factors = np.divide(fitted, below, out=np.zeros(6), where=below > 0.0)
+    return np.asarray(np.maximum(factors, 0.0))
 
 
 def _thruster_rows(body: Body) -> list[str]:
@@ -168,11 +169,11 @@ def _thruster_rows(body: Body) -> list[str]:
         else float(np.polyval(curve.polynomial, 100.0))
     )
     arms = np.abs(np.array([item.effect[3:] for item in body.thrusters]))
-    radius = number(float(arms[arms > LEAST_ARM_M].mean()))
-    return [
-        f"float thrust = {number(thrust)}; // N, full thrust of one thruster, fit to its curve",
-        f"float thruster_mount_radius = {radius}; // m, mean moment of 1 N",
-    ]
+    rows = [f"float thrust = {number(thrust)}; // N, full thrust of one thruster, fit to its curve"]
+    if np.any(arms > LEAST_ARM_M):
+        radius = number(float(arms[arms > LEAST_ARM_M].mean()))
+        rows.append(f"float thruster_mount_radius = {radius}; // m, mean moment of 1 N")
+    return rows
 
 
 def _vector(values: Array) -> str:

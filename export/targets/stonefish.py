@@ -151,7 +151,7 @@ def drag_columns(body: Body, nu: Array) -> Array:
 
 def _direction(vectors: Array) -> Array:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.abs(vectors) / np.maximum(length, STANDING)
+    return np.asarray(np.abs(vectors) / np.maximum(length, STANDING))
 
 
 def _fit(body: Body, nu: Array, excess: Array, judged: tuple[str, ...]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -39,6 +40,19 @@ def test_files_have_their_names_and_a_readme(target: str, tmp_path: Path) -> Non
         head = paths[0].read_text(encoding="utf-8")
         assert "Made up: use it" in head
         assert "flown range" in head
+
+
+@pytest.mark.parametrize("vehicle", ["hauv", "remus100", "thaus", "vt690"])
+@pytest.mark.parametrize("target", sorted(TARGETS))
+def test_every_vehicle_has_files_of_every_target(target: str, vehicle: str) -> None:
+    """Those without thrusters, geometry or thruster positions too; no number is missing."""
+    files = prepare(model_file(vehicle=vehicle), target, name="auv", lossy=True, draws=3).files
+    for name, text in files.items():
+        if name.endswith((".sdf", ".xacro", ".scn", ".xml")):
+            ElementTree.fromstring(text)
+        if not name.endswith(".md"):
+            assert "nan" not in text.replace("\n", " ").split(" ")
+    assert len(files) == len(FILES[target]) + 1
 
 
 def test_unknown_target_names_the_nearest(tmp_path: Path) -> None:
