@@ -112,18 +112,13 @@ def evidence_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[l
     return ["table", *(HEADS[kind] for kind in used), "bounds", "met"], cells
 
 
-def evidence_reasons(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence per reason why bounds show what they show."""
+def evidence_reasons(rows: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """Return rows of quantities, what their bounds show, and why: one per reason."""
     reasons: dict[tuple[Evidence, str], list[str]] = {}
     for row in rows:
         if row["evidence"]:
             reasons.setdefault((row["evidence"], row["reason"]), []).append(row["quantity"])
-    sentences = []
-    for (kind, reason), names in reasons.items():
-        what = f"{EACH[kind]}, as {reason}."
-        of_all = len(reasons) == 1
-        sentences.append(what[0].upper() + what[1:] if of_all else f"{', '.join(names)}: {what}")
-    return sentences
+    return [[", ".join(names), EACH[kind], reason] for (kind, reason), names in reasons.items()]
 
 
 def _percent(share: float | None) -> str:
@@ -232,10 +227,18 @@ def published_section(
     blocks += [*(remark(words, "warning") for words in missed), *figures]
     for entry in published.tables:
         notes = [entry.note, f"Errata {', '.join(entry.errata)}." if entry.errata else ""]
-        notes += evidence_reasons(row for row in rows if row["table"] == entry.id)
-        own = printed_rows([row for row in rows if row["table"] == entry.id], "note")
+        of_table = [row for row in rows if row["table"] == entry.id]
+        reasons = evidence_reasons(of_table)
+        if len(reasons) == 1:
+            ((_, shows, reason),) = reasons
+            notes.append(f"Each bound {shows}: {reason}.")
         title = f"{entry.id}: {entry.title}"
-        blocks.append(table(title, *own, note=" ".join(filter(None, notes))))
+        blocks.append(
+            table(title, *printed_rows(of_table, "note"), note=" ".join(filter(None, notes)))
+        )
+        if len(reasons) > 1:
+            heads = ("quantity", "its bound", "because")
+            blocks.append(table(f"{entry.id}: what its bounds show", heads, reasons, fold=True))
     if published.errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         cells = [

@@ -157,9 +157,9 @@ def _print_legs(legs: Sequence[Mapping[str, Any]]) -> None:
         )
         for leg in legs
     ]
-    columns = ("leg", "use", "from s", "to s", "covered s", "outputs active", "moves in")
+    columns = ["leg", "use", "from s", "to s", "covered s", "outputs active", "moves in"]
     if any(row[-1] for row in rows):
-        columns = (*columns, "not usable")
+        columns.append("not usable")
     table(columns, [row[: len(columns)] for row in rows], title="legs")
 
 

@@ -220,9 +220,10 @@ def test_what_cannot_fail_is_counted_apart() -> None:
         "Bounds on the printed tables: 2 of 5 test the method (1 met), 1 holds by construction"
         " (1 met), 1 follows from a value set for it (1 met), 1 has nothing printed (1 met)."
     )
-    counts, printed = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:2]
+    counts, _, why = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:3]
     assert counts["rows"][-1] == ["all tables", "2", "1", "1", "1", "5", "4"]
-    assert "the twin flew it" in printed["note"]
+    assert why["fold"] is True
+    assert ["X_udot", "holds by construction", "the twin flew it"] in why["rows"]
 
 
 def test_a_bound_must_say_what_it_shows() -> None:
