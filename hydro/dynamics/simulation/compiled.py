@@ -74,7 +74,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def _compiled(function: F, *, cache: bool = False) -> F:
     # Only what Python calls (it is kept) needs a wrapper for Python.
-    inner = {"no_cpython_wrapper": not cache, "no_cfunc_wrapper": True}
+    inner: dict[str, Any] = {"no_cpython_wrapper": not cache, "no_cfunc_wrapper": True}
     result: F = numba.njit(nogil=True, cache=cache, **inner, **_OPTIONS)(function)
     return result
 
