@@ -200,6 +200,27 @@ def test_limits_prior_and_inertia_of_the_card_hold(limited: refine.Inputs) -> No
     assert card.prior == limited.model_card["symmetric"].prior
 
 
+def test_each_leg_is_predicted_from_the_others(twin: refine.Inputs) -> None:
+    """Of two legs with the same samples each is held out, and alone it fits the other."""
+    several = {
+        name: collection({"a": getattr(twin, name)["a"], "b": getattr(twin, name)["a"]})
+        for name in (
+            "fusion", "resampled", "samples_attitude", "residual", "fused", "samples_imu",
+            "samples_velocity", "samples_depth",
+        )
+    }  # fmt: skip
+    second = twin.segment["a"].model_copy(update={"id": "b", "leg": "b"})
+    both = replace(twin, segment=collection({"a": twin.segment["a"], "b": second}), **several)
+    card = outputs(both, estimator="output_error").model_card["symmetric_output_error"]
+    assert set(card.held_out) == {"a", "b"}
+    ratio = card.held_out["a"]["all"]
+    assert ratio == pytest.approx(card.held_out["b"]["all"], rel=1e-3)
+    force = np.sqrt(np.mean(forces(twin.residual["a"], "tau_bar") ** 2))
+    j = np.sqrt(np.mean([card.axes[axis].j ** 2 for axis in AXES]))
+    # Nothing new is in a copy, so that leaving it out moves nothing.
+    assert ratio == pytest.approx(j / force, rel=0.02)
+
+
 def test_without_models_nothing_is_said(twin: refine.Inputs) -> None:
     refined = refine.run(twin, refine.Params())
     assert refined == refine.Outputs({}, None)
