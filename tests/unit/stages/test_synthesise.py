@@ -892,3 +892,19 @@ def test_a_prior_on_no_fitted_coefficient_is_refused() -> None:
     with pytest.raises(CampaignError, match="no fitted structure") as refused:
         with_priors(a_prior("bench", "K", "p", -3.0, 0.2), models=("linear",))
     assert "published forms take none" in (refused.value.remedy or "")
+
+
+def test_fewer_samples_than_terms_name_the_axis() -> None:
+    nu, force, _ = noisy_legs(with_ratio=False)["one"]
+    with pytest.raises(DataError, match="fewer samples than terms") as refused:
+        run({"one": (nu[:2], force[:2], None)}, models=("symmetric",), vehicle="bluerov2_heavy")
+    assert refused.value.field == "X"
+    assert "at least 3" in str(refused.value.allowed)
+
+
+def test_one_leg_is_left_out_of_nothing_and_the_page_says_so() -> None:
+    legs = noisy_legs(with_ratio=False)
+    found = run({"one": legs["one"]}, models=("linear",))
+    assert (found.model_card["linear"].left_out, found.model_card["linear"].held_out) == ([], {})
+    assert "There is one training leg" in str(found.section)
+    assert "There is one training leg" not in str(run(legs, models=("linear",)).section)

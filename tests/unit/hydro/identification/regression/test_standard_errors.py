@@ -149,3 +149,16 @@ def test_refusals() -> None:
     fit = solve_axis(TriangularFactor.empty(["u", "v"]).update(rows, force), "X", ["u", "v"])
     with pytest.raises(DataError, match="do not agree"):
         hac_standard_errors(fit, [(rows[:1], force[:, 0])])
+
+
+@pytest.mark.parametrize("lags", [0, 7, 40])
+def test_hac_covariance_is_that_of_statsmodels(lags: int) -> None:
+    import statsmodels.api as sm  # here, since it takes seconds
+
+    rng = np.random.default_rng(6)
+    rows = np.cumsum(rng.normal(size=(500, 3)), axis=0) * [0.1, 1.0, 0.01]
+    error = np.convolve(rng.normal(size=540), np.exp(-np.arange(41) / 9.0), "valid")
+    fit = sm.OLS(rows @ [1.0, -2.0, 30.0] + error, rows).fit()
+    oracle = fit.get_robustcov_results("HAC", maxlags=lags, use_correction=True)
+    own = hac_covariance(rows * fit.resid[:, None], np.linalg.inv(rows.T @ rows), lags=lags)
+    np.testing.assert_allclose(own, oracle.cov_params(), rtol=1e-7)
