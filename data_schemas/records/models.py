@@ -257,6 +257,15 @@ class ModelCard(Model):
     likelihood: LikelihoodFit | None = None
     """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
 
+    @property
+    def identified(self) -> int:
+        """Return how many coefficients are identified, constant forces not counted."""
+        return sum(
+            item.verdict == "identified" and item.term != "constant"
+            for part in self.axes.values()
+            for item in part.terms
+        )
+
 
 class AxisMerit(Model):
     """How good a model is on one axis, or on all."""

@@ -93,7 +93,7 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
             )
     budget = ["by assumed figures"] if card.spreads else []
     heads = ["axis", "term", "value", "standard error", "unit", *budget, "verdict"]
-    title = f"{card.title}: {card.n_bar} terms, rank {card.rank}" + (
+    title = f"{card.title}: {card.n_bar} terms, {card.identified} identified" + (
         ", with a prior" if card.prior is not None else ""
     )
     note = "Standard errors allow for coloured residuals (Newey-West)"

@@ -138,7 +138,7 @@ def _error_tables(
     for model, measures in judged.items():
         card, total = cards[model], measures[TOTAL]
         ratios = [measures[axis].normalised for axis in (TOTAL, *AXES)]
-        rows.append([card.title, card.n_bar, card.rank, total.rms, *ratios])
+        rows.append([card.title, card.n_bar, card.identified, total.rms, *ratios])
         sums = [total.j0, total.sse, total.mae, total.mse, total.mad]
         detail.append([card.title, *sums, *(measures[axis].rms for axis in AXES)])
     j0 = next(iter(judged.values()))
@@ -151,7 +151,7 @@ def _error_tables(
             " The last row is no model but the reference: the mean force of the training legs and"
             " nothing else."
         )
-    heads = ["model", "n-bar", "rank", "J", "J/J0", *(f"J/J0 {axis}" for axis in AXES)]
+    heads = ["model", "n-bar", "identified", "J", "J/J0", *(f"J/J0 {axis}" for axis in AXES)]
     units = [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
     name = use.capitalize()
     return [
@@ -346,9 +346,9 @@ def tables_as_text(
     titles = ("model", CONSTANT_TITLE, *(str(card.title) for card in cards.values()))
     width = max(map(len, titles))
 
-    def line(title: str, n_bar: int, rank: int, j: float, ratios: Iterable[float]) -> str:
+    def line(title: str, n_bar: int, identified: int, j: float, ratios: Iterable[float]) -> str:
         numbers = "".join(f"{ratio:9.3f}" for ratio in ratios)
-        return f"{title:<{width}}{n_bar:>6}{rank:>6}{j:10.3f}{numbers}"
+        return f"{title:<{width}}{n_bar:>6}{identified:>12}{j:10.3f}{numbers}"
 
     lines: list[str] = []
     for use, layout in LAYOUT.items():
@@ -360,12 +360,12 @@ def tables_as_text(
             f"{use.capitalize()} ({layout}), J0 = {total.j0:.3f} (N and N m mixed); right of J/J0"
             " the same per axis",
             "",
-            f"{'model':<{width}}{'n-bar':>6}{'rank':>6}{'J':>10}{'J/J0':>9}"
+            f"{'model':<{width}}{'n-bar':>6}{'identified':>12}{'J':>10}{'J/J0':>9}"
             + "".join(f"{axis:>9}" for axis in AXES),
         ]
         for model, measures in judged.items():
             card, ratios = cards[model], [measures[axis].normalised for axis in (TOTAL, *AXES)]
-            lines.append(line(card.title, card.n_bar, card.rank, measures[TOTAL].rms, ratios))
+            lines.append(line(card.title, card.n_bar, card.identified, measures[TOTAL].rms, ratios))
         if use in reference:
             ratios = [reference[use][axis][1] for axis in (TOTAL, *AXES)]
             lines.append(line(CONSTANT_TITLE, 0, 0, reference[use][TOTAL][0], ratios))

@@ -88,7 +88,7 @@ def test_figures_of_the_demo_are_those_of_the_golden_tables() -> None:
     printed = {
         row[0]: row[1:]
         for row in re.findall(
-            r"^ {4}(\w+) +(\d+) +(\d+\.\d{3}) +(\d+\.\d{3})$", README, re.MULTILINE
+            r"^ {4}(\w+) +\d+ of (\d+) +(\d+\.\d{3}) +(\d+\.\d{3})$", README, re.MULTILINE
         )
     }
     golden: dict[str, list[float]] = {}

@@ -32,12 +32,13 @@ def print_summary(run: Run) -> None:
             print(f"\n{title} ({len(lines)}):")
             print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
     models = [
-        (model, rank, *(fixed(ratio, 3) for ratio in ratios))
-        for model, rank, *ratios in error_rows(run)
+        (model, identified, *(fixed(ratio, 3) for ratio in ratios))
+        for model, identified, *ratios in error_rows(run)
     ]
     if models:
         print()
-    table(("model", "rank", "training", "validation"), models, title="J/J0 (1 explains nothing)")
+    heads = ("model", "identified", "training", "validation")
+    table(heads, models, title="J/J0 (1 explains nothing)")
     errors = [
         (quantity, "  ".join(f"{axis} {significant(value, 2)}" for axis, value in parts), unit)
         for quantity, unit, parts in truth_rows(run)
@@ -84,15 +85,27 @@ def result_files(run: Run) -> dict[str, Path]:
     return files
 
 
-def error_rows(run: Run) -> list[tuple[str, int, float | None, float | None]]:
-    """Return model, rank, and J/J0 on both uses, over all axes and legs."""
+def error_rows(run: Run) -> list[tuple[str, str, float | None, float | None]]:
+    """Return model, `7 of 18` identified, and J/J0 on both uses, over all axes and legs."""
+    merits = {
+        item.name: item.axes["all"]
+        for ranking in _of_schema(run, "ranking")
+        for item in ranking.models
+    }
     rows: dict[str, dict[str, Any]] = {}
     for artefact in _of_schema(run, "error_table"):
         for row in artefact.to_pylist():
             if row["axis"] == row["leg"] == "all":
-                rows.setdefault(row["model"], {"rank": row["rank"]})[row["use"]] = row["ratio"]
+                rows.setdefault(row["model"], {})[row["use"]] = row["ratio"]
     return [
-        (model, by_use["rank"], by_use.get("training"), by_use.get("validation"))
+        (
+            model,
+            f"{merits[model].identified} of {merits[model].coefficients}"
+            if model in merits
+            else "",
+            by_use.get("training"),
+            by_use.get("validation"),
+        )
         for model, by_use in rows.items()
     ]
 

@@ -191,15 +191,16 @@ def test_text_is_in_the_layout_of_the_thesis(
     assert [lines[index].split(" ")[0] for index in starts] == ["Validation", "Training"]
     assert f"J0 = {table[('validation', 'all', 'linear', 'all')]['j0']:.3f}" in lines[starts[0]]
     head = lines[starts[0] + 2]
-    assert head.split() == ["model", "n-bar", "rank", "J", "J/J0", *AXES]
+    assert head.split() == ["model", "n-bar", "identified", "J", "J/J0", *AXES]
     body = lines[starts[0] + 3 : starts[0] + 6]
     assert len({len(line) for line in (head, *body)}) == 1
     linear = table[("validation", "all", "linear", "all")]
     per_axis = [f"{table[('validation', 'all', 'linear', axis)]['ratio']:.3f}" for axis in AXES]
+    merits = {item.name: item.axes["all"].identified for item in judged[1].ranking.models}
     assert body[0].split() == [
         "Linear",
         "36",
-        "36",
+        str(merits["linear"]),
         f"{linear['rms']:.3f}",
         f"{linear['ratio']:.3f}",
         *per_axis,

@@ -28,6 +28,7 @@ from auvid.pipeline.store.manifest import Record
 from auvid.stages import KINDS as STAGE_KINDS
 from auvid.stages import STAGES
 from auvid.stages.presentation import remark, section
+from tests.support.example_run import example_run
 from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
 
 FILE = {
@@ -127,19 +128,24 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
         for index, name in enumerate(("use", "leg", "model", "axis", "ratio"))
     }
     counts = {name: [12] * 3 for name in ("n_bar", "rank", "samples")}
+    ranking = example_run({"train": 4.0, "check": 2.0}).ranking()
+    merit = ranking.models[0].model_copy(update={"name": "fossen"})
+    merit.axes["all"] = merit.axes["all"].model_copy(update={"identified": 3, "coefficients": 12})
     put(
         run,
         "validate",
         "campaign",
+        ranking=ranking.model_copy(update={"models": [merit]}),
         error_table=make_table(
             "error_table", {**columns, **counts, **{name: [1.0] * 3 for name in ERRORS}}
         ),
     )
-    assert error_rows(run) == [("fossen", 12, 0.5, None)]
+    assert error_rows(run) == [("fossen", "3 of 12", 0.5, None)]
     assert result_files(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
     print_summary(run)
     out = capsys.readouterr().out
-    assert "model   rank  training  validation\nfossen    12     0.500           -\n" in out
+    assert "model   identified  training  validation\n" in out
+    assert "fossen  3 of 12        0.500           -\n" in out
     assert f"error table:    {run.folder}/validate/error_table.parquet" in out
 
 
