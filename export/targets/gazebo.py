@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ThrusterFigures
@@ -9,7 +11,8 @@ from auvid.export.body import TO_FLU, Body, Term, names_of
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost
 from auvid.export.text import number, numbers, xml_comment
-from auvid.hydro.arrays import VELOCITIES
+from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.dynamics.mechanics.kinematics import skew
 
 CONVENTION = (
     "Link base_link: axes x forward, y port, z up (FLU) in a world ENU; its origin is the body"
@@ -19,7 +22,8 @@ CONVENTION = (
     " the derivatives) and about the link origin; SI."
 )
 ADDED_MASS_NAMES = "xyzpqr"
-THRUSTER_MASS = 0.001
+THRUSTER_MASS, THRUSTER_INERTIA = 0.001, 1e-6
+"""Of a thruster link [kg, kg m^2]; base_link has so much less."""
 _FIELDS = "xyzkmn"
 _WORLD = """\
 <world name="{name}_world">
@@ -47,7 +51,7 @@ inertia; replace the visual shape as you like, but keep volume and middle of the
 {thrusters}{products}{heave}"""
 _THRUSTERS = """
 Thruster i takes its force in N on `/model/{name}/joint/thruster_i_joint/cmd_thrust`.
-Each thruster link adds {mass} kg.
+The {mass} kg of each thruster link are taken off base_link.
 """
 _PRODUCTS = """
 The model has products of plain velocities ({products}). Releases of Gazebo before pull
@@ -76,7 +80,7 @@ def export(request: Request) -> Exported:
         '<sdf version="1.11">\n',
         _WORLD.format(name=name, gravity=number(body.gravity), density=number(body.water_density)),
         f'  <model name="{name}">\n    <pose>0 0 -2 0 0 0</pose>\n',
-        _link(body),
+        _link(body, placed),
         *(_thruster(i + 1, item) for i, item in enumerate(placed)),
         _hydrodynamics(kept),
         *(_thruster_plugin(i + 1, body, name) for i in range(len(placed))),
@@ -130,10 +134,23 @@ def _notes(body: Body, placed: int) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _link(body: Body) -> str:
+def _without_thrusters(body: Body, placed: Sequence[ThrusterFigures]) -> tuple[float, Array, Array]:
+    """Return mass, centre of gravity and inertia about it less those of the thruster links."""
+    mass = body.mass_kg - THRUSTER_MASS * len(placed)
+    moment, inertia = body.mass_kg * body.r_G, np.array(body.inertia)
+    for thruster in placed:
+        arm = np.array(thruster.position_m)
+        moment = moment - THRUSTER_MASS * arm
+        inertia += THRUSTER_MASS * skew(arm) @ skew(arm) - THRUSTER_INERTIA * np.eye(3)
+    centre = moment / mass
+    return mass, centre, np.asarray(inertia + mass * skew(centre) @ skew(centre))
+
+
+def _link(body: Body, placed: Sequence[ThrusterFigures]) -> str:
     """Return base_link: inertia, added mass, and the box that floats."""
     flip = TO_FLU[:3]
-    inertia = body.inertia_about_G * np.outer(flip, flip)
+    mass, centre, inertia = _without_thrusters(body, placed)
+    inertia = inertia * np.outer(flip, flip)
     added = -body.added_mass * np.outer(TO_FLU, TO_FLU)
     moments = "".join(
         f"          <i{'xyz'[i]}{'xyz'[j]}>{number(inertia[i, j])}</i{'xyz'[i]}{'xyz'[j]}>\n"
@@ -150,8 +167,8 @@ def _link(body: Body) -> str:
     at = f"<pose>{numbers(flip * body.r_B)} 0 0 0</pose>"
     return (
         '    <link name="base_link">\n      <inertial>\n'
-        f"        <pose>{numbers(flip * body.r_G)} 0 0 0</pose>\n"
-        f"        <mass>{number(body.mass_kg)}</mass>\n"
+        f"        <pose>{numbers(flip * centre)} 0 0 0</pose>\n"
+        f"        <mass>{number(mass)}</mass>\n"
         f"        <inertia>\n{moments}        </inertia>\n"
         f"        <fluid_added_mass>\n{fluid}        </fluid_added_mass>\n"
         "      </inertial>\n"
@@ -165,7 +182,7 @@ def _thruster(place: int, thruster: ThrusterFigures) -> str:
     position = numbers(TO_FLU[:3] * np.array(thruster.position_m))
     axis = numbers(TO_FLU[:3] * np.array(thruster.axis))
     name = f"thruster_{place}"
-    small = "".join(f"<{tag}>{1e-6}</{tag}>" for tag in ("ixx", "iyy", "izz"))
+    small = "".join(f"<{tag}>{THRUSTER_INERTIA}</{tag}>" for tag in ("ixx", "iyy", "izz"))
     return (
         f'    <link name="{name}">\n      <pose relative_to="base_link">{position} 0 0 0</pose>\n'
         f"      <inertial><mass>{THRUSTER_MASS}</mass><inertia>{small}</inertia></inertial>\n"

@@ -49,8 +49,8 @@ LOADERS: Mapping[str, Callable[[Path, str], Body]] = {
 """Target -> what its evaluator loads of a folder and a name."""
 
 HELD = {
-    "gazebo": ("full", "symmetric", "diagonal"),
-    "uuv": ("diagonal",),
+    "gazebo": ("full", "symmetric", "centred", "diagonal"),
+    "uuv": ("centred", "diagonal"),
     **dict.fromkeys(("mss", "pvs", "mujoco", "python", "json"), tuple(MODELS)),
     **dict.fromkeys(("holoocean", "stonefish", "sitl"), ()),
 }
@@ -58,6 +58,9 @@ HELD = {
 
 NEUTRAL = ("holoocean",)
 """Targets that set the buoyancy equal to the weight."""
+
+IMPOSSIBLE = {"holoocean": ("no buoyancy",)}
+"""Target -> mistakes that nothing in its file can make."""
 
 EXACT = 1e-9
 """Deviation that a target may have from a model that it holds, in shares of the scale."""

@@ -151,6 +151,21 @@ def parse(text: str) -> Body:
     arm, turn = placement(link)
     to_link = np.kron(np.eye(2), turn.T) @ shift(arm)
 
+    # links on joints, thrusters here, ride along; no collision, so nothing floats them
+    pulls = [(centre, weight)]
+    for other in links.values():
+        inside = other.find("inertial")
+        pose = other.find("pose")
+        if other is link or inside is None or pose is None:
+            continue
+        assert pose.get("relative_to") == link.get("name")
+        assert other.find("collision") is None
+        place, angle = placement(other)
+        to_other = np.kron(np.eye(2), angle.T) @ shift(place)
+        small, middle, part = rigid(inside)
+        carried = carried + to_other.T @ part @ to_other
+        pulls.append((place + angle @ middle, small * gravity))
+
     def force(nu: Array, eta: Array) -> Array:
         state = nu @ (to_link @ FLIP6).T
         # damping: HydrodynamicsUtils.hh:89-113, applied with the sign of
@@ -161,7 +176,9 @@ def parse(text: str) -> Body:
         # HydrodynamicsUtils.hh:45-72: diagonal of the added mass only
         wrench -= coriolis(diagonal, state) + coriolis(carried, state)
         lower = down(eta) @ FLIP @ turn
-        wrench += push(centre, weight * lower) - push(centre_of_volume, buoyancy * lower)
+        for point, pull in pulls:
+            wrench += push(point, pull * lower)
+        wrench -= push(centre_of_volume, buoyancy * lower)
         return wrench @ to_link @ FLIP6
 
     return Body(FLIP6 @ to_link.T @ (carried + explicit) @ to_link @ FLIP6, force)

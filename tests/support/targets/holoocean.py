@@ -74,6 +74,8 @@ def parse(document: dict[str, object]) -> Body:
 
     weight = mass * GRAVITY  # buoyancy is set equal to it
     stiff = weight * (centre[2] - buoy[2])
+    if stiff < 0:
+        raise ValueError("math domain error")  # that of math.sqrt in torpedo.py:229
     swing = np.sqrt(stiff / np.diag(inertia)[3:5])
     area = p["area_fraction"] * p["length"] * p["diam"]
     drag0 = p["Cd"] * np.pi * b**2 / area

@@ -167,6 +167,22 @@ def symmetric() -> ModelFile:
     )
 
 
+def centred() -> ModelFile:
+    """Return the symmetric model with the centre of gravity in the origin."""
+    terms = {axis: {} for axis in AXES}  # type: ignore[var-annotated]
+    model = symmetric()
+    for entry in model.coefficients:
+        terms[entry.axis][entry.term] = entry.predictor
+    rigid = {
+        "mass_kg": MASS,
+        "centre_of_gravity_m": [0.0, 0.0, 0.0],
+        "inertia_kg_m2": [[0.2, 0, 0.01], [0, 0.25, 0], [0.01, 0, 0.3]],
+        "buoyancy_N": MASS * GRAVITY + 1.5,
+        "centre_of_buoyancy_m": [-0.005, 0.0, -0.04],
+    }
+    return build("centred", terms, rigid, np.array(model.dynamics.added_mass))
+
+
 def diagonal() -> ModelFile:
     """Return a model of twelve coefficients with the centre of gravity in the origin."""
     pairs = [(a, own(a)) for a in AXES] + [(a, f"{own(a)}*|{own(a)}|") for a in AXES]
@@ -184,7 +200,13 @@ def diagonal() -> ModelFile:
     )
 
 
-MODELS = {"full": full, "cross_flow": cross_flow, "symmetric": symmetric, "diagonal": diagonal}
+MODELS = {
+    "full": full,
+    "cross_flow": cross_flow,
+    "symmetric": symmetric,
+    "centred": centred,
+    "diagonal": diagonal,
+}
 
 
 def states(count: int, seed: int = 7) -> tuple[Array, Array]:
