@@ -1,4 +1,4 @@
-"""Priors of a campaign from files: results of a bench stage, cards of other campaigns."""
+"""Priors of a campaign from files: results of bench stages, cards of campaigns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RESTING = ("at its bound", "from the prior")
 """Verdicts of numbers that are not of that campaign's data."""
 
 
-class Known(NamedTuple):
+class FileValues(NamedTuple):
     """Coefficients of a file by name, and their covariances by pairs of names."""
 
     values: Mapping[str, float]
@@ -27,21 +27,21 @@ class Known(NamedTuple):
 
 
 def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -> dict[str, Any]:
-    """Return the document of a `PriorSource`; raise `CampaignError` for unknown terms."""
+    """Return the document of a `PriorSource`; `CampaignError` for unknown terms."""
     file = load_yaml(path, named_in=named_in, what=field)  # JSON is YAML
     kind = "bench" if entry.bench is not None else "campaign"
-    known = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
+    content = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
     for index, name in enumerate(entry.terms or ()):
-        if name not in known.values:
+        if name not in content.values:
             raise CampaignError(
                 "the file has no such coefficient with a standard error",
                 file=named_in,
                 field=f"{field}.terms[{index}]",
                 value=name,
-                allowed=list(known.values),
-                remedy=nearest(name, known.values),
+                allowed=list(content.values),
+                remedy=nearest(name, content.values),
             )
-    names = entry.terms or list(known.values)
+    names = entry.terms or list(content.values)
     if not names:
         raise CampaignError(
             "the file has no coefficient of damping with a standard error",
@@ -54,17 +54,17 @@ def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -
         "kind": kind,
         "file": path.name,
         "terms": [
-            {"axis": NAMES[name][0], "term": NAMES[name][1], "value": known.values[name]}
+            {"axis": NAMES[name][0], "term": NAMES[name][1], "value": content.values[name]}
             for name in names
         ],
         "lower": [
-            [factor * known.covariances.get((name, other), 0.0) for other in names[: i + 1]]
+            [factor * content.covariances.get((name, other), 0.0) for other in names[: i + 1]]
             for i, name in enumerate(names)
         ],
     }
 
 
-def _of_bench(document: object, path: Path) -> Known:
+def _of_bench(document: object, path: Path) -> FileValues:
     """Return the figures of `results` that are coefficients in SI, independent."""
     results = delivered(document, "results", file=path)
     values, covariances = {}, {}
@@ -84,10 +84,10 @@ def _of_bench(document: object, path: Path) -> Known:
             )
         values[name] = float(row["value"])
         covariances[name, name] = float(error) ** 2
-    return Known(values, covariances)
+    return FileValues(values, covariances)
 
 
-def _of_card(document: object, path: Path) -> Known:
+def _of_card(document: object, path: Path) -> FileValues:
     """Return the posterior of a card, in the size of the printed standard errors."""
     card = delivered(document, "model_card", file=path)
     values, covariances = {}, {}
@@ -111,4 +111,4 @@ def _of_card(document: object, path: Path) -> Known:
                         lower[i][j] * scale[i] * scale[j]
                     )
     both = {(b, a): value for (a, b), value in covariances.items()}
-    return Known(values, both | covariances)
+    return FileValues(values, both | covariances)

@@ -217,16 +217,16 @@ def normal_priors(
     models: the structures fitted. Raises `CampaignError` for a prior on none of them.
     """
     priors = []
-    known = {unknown for equations in models.values() for unknown in equations.unknowns}
+    fitted = {unknown for equations in models.values() for unknown in equations.unknowns}
     for index, item in enumerate([] if sources is None else sources.sources):
         unknowns = tuple(Unknown(entry.axis, entry.term) for entry in item.terms)
-        if not known & set(unknowns):
+        if not fitted & set(unknowns):
             raise CampaignError(
                 "no fitted structure has a coefficient of this prior",
                 field=f"priors[{index}]",
                 value=", ".join(map(str, unknowns)),
-                allowed=sorted(map(str, known)),
-                remedy=nearest(str(unknowns[0]), map(str, known))
+                allowed=sorted(map(str, fitted)),
+                remedy=nearest(str(unknowns[0]), map(str, fitted))
                 or "Name a structure under stages.synthesise.models; published forms take none.",
             )
         covariance = np.zeros((len(unknowns),) * 2)

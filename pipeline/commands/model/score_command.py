@@ -62,10 +62,10 @@ def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
             sets[path.stem] = PublishedSet.of_file(read_model(path), own)
             continue
         pattern = "*" if name == SHELF else name
-        found = {key: file for key, file in shipped.items() if fnmatchcase(key, pattern)}
+        vehicles = {key: file for key, file in shipped.items() if fnmatchcase(key, pattern)}
         if path.suffix == ".yaml":
-            found = {path.stem: path}
-        if not found:
+            vehicles = {path.stem: path}
+        if not vehicles:
             raise CampaignError(
                 "not on the shelf",
                 value=name,
@@ -73,7 +73,7 @@ def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
                 remedy=nearest(name, shipped) or "Name a vehicle file (.yaml) or a model (.json).",
             )
         sets |= {
-            key: PublishedSet.of(load_vehicle(file).vehicle, own) for key, file in found.items()
+            key: PublishedSet.of(load_vehicle(file).vehicle, own) for key, file in vehicles.items()
         }
     return sets
 

@@ -59,20 +59,20 @@ def unusable_spans(log: CheckedLog) -> dict[str, list[Span]]:
     absent = np.ones(seconds, dtype=bool)
     for name in streams:
         absent[_second(log.t_s(name), seconds)] = False
-    found = {"without_vehicle": absent}
+    masks = {"without_vehicle": absent}
     idle = _idle(log, seconds)
     if idle is not None and log.under_water is not False:
         if log.has("depth"):
             deepest = _largest(log.t_s("depth"), log.column("depth", "depth_m"), seconds)
-            found["out_of_water"] = idle & (deepest <= AT_SURFACE_M)
+            masks["out_of_water"] = idle & (deepest <= AT_SURFACE_M)
         if log.has("imu"):
             rates = log.values("imu", GYRO)
             squares = np.sum((rates - np.median(rates, axis=0)) ** 2, axis=1)
             at = _second(log.t_s("imu"), seconds)
             count = np.bincount(at, minlength=seconds)
             mean = np.bincount(at, np.nan_to_num(squares), seconds) / np.maximum(count, 1)
-            found["moved_by_hand"] = idle & (mean > HAND_RAD_S**2)
-    spans = {name: _spans(mask, limit(name), length) for name, mask in found.items()}
+            masks["moved_by_hand"] = idle & (mean > HAND_RAD_S**2)
+    spans = {name: _spans(mask, limit(name), length) for name, mask in masks.items()}
     return {name: own for name, own in spans.items() if own}
 
 
