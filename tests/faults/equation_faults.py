@@ -142,7 +142,7 @@ FAULTS = (
     EquationFault("arm of the velocity log", ARM, DIVE, "resample"),
     EquationFault("smoother: process", f"{SIGNALS}.smoother:process_model", CIRCLE, "fuse"),
     EquationFault("smoother: measurements", f"{SIGNALS}.smoother:_measurements", CIRCLE, "fuse"),
-    EquationFault("cross-flow speed", f"{VISCOUS}:cross_flow_speed", DIVE, "synthesise"),
+    EquationFault("cross-flow speed", f"{VISCOUS}:cross_flow_speed", CIRCLE, "synthesise"),
     EquationFault("propulsion ratio", f"{VISCOUS}:eta_ratio", CIRCLE, "synthesise"),
     EquationFault(
         "integral of the heave",
