@@ -33,7 +33,7 @@ def export(
 
     model = read_model(model_path(name))
     prepared = prepare(model, target, lossy=lossy, force=force, name=file_name, draws=draws)
-    stem = next(iter(prepared.files)).partition(".")[0]
+    stem = next(iter(prepared.files)).partition(".")[0].removesuffix(f"_{target}")
     paths = write_files(prepared, folder or Path(f"{stem}_{target}"), force=force)
     print(plain(f"{model.title} of {model.vehicle.title}: {model.use.sentence}"))
     if model.use.axes is None:
