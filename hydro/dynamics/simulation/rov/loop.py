@@ -65,9 +65,10 @@ _extending: Any = numba.extending
 _OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc", "nsz"},
+    "no_cfunc_wrapper": True,
 }
 for _equation in EQUATIONS:
-    _extending.register_jitable(no_cfunc_wrapper=True, **_OPTIONS)(_equation)
+    _extending.register_jitable(**_OPTIONS)(_equation)
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -185,7 +186,7 @@ def _loops(sources: str) -> tuple[Any, Any]:
 
 
 def _compiled(function: F) -> F:
-    result: F = numba.njit(nogil=True, cache=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    result: F = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
     return result
 
 
