@@ -135,7 +135,7 @@ def _notes(body: Body, placed: int) -> tuple[str, ...]:
 
 
 def _without_thrusters(body: Body, placed: Sequence[ThrusterFigures]) -> tuple[float, Array, Array]:
-    """Return mass, centre of gravity and inertia about it less those of the thruster links."""
+    """Return mass, centre of gravity and inertia there, without the thrusters."""
     mass = body.mass_kg - THRUSTER_MASS * len(placed)
     moment, inertia = body.mass_kg * body.r_G, np.array(body.inertia)
     for thruster in placed:

@@ -237,8 +237,9 @@ def published_section(
             table(title, *printed_rows(of_table, "note"), note=" ".join(filter(None, notes)))
         )
         if len(reasons) > 1:
-            heads = ("quantity", "its bound", "because")
-            blocks.append(table(f"{entry.id}: what its bounds show", heads, reasons, fold=True))
+            of_reasons = ("quantity", "its bound", "because")
+            what = f"{entry.id}: what its bounds show"
+            blocks.append(table(what, of_reasons, reasons, fold=True))
     if published.errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         cells = [

@@ -86,7 +86,7 @@ def result_files(run: Run) -> dict[str, Path]:
 
 
 def error_rows(run: Run) -> list[tuple[str, str, float | None, float | None]]:
-    """Return model, `7 of 18` identified, and J/J0 on both uses, over all axes and legs."""
+    """Return model, `7 of 18` identified, and J/J0 on both uses over all axes."""
     merits = {
         item.name: item.axes["all"]
         for ranking in _of_schema(run, "ranking")
