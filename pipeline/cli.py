@@ -521,8 +521,8 @@ def coefficients(
 
 @app.command(
     epilog=(
-        "Examples: auvid export bluerov2_dvl --to gazebo --lossy | auvid export"
-        " bluerov2_dvl/fossen --to mss --name rov | auvid export linear.json --to draws --draws 500"
+        "Example: auvid export bluerov2_dvl --to gazebo --lossy; auvid export"
+        " bluerov2_dvl/fossen --to mss --name rov; auvid export linear.json --to draws --draws 500"
     )
 )
 def export(
@@ -584,7 +584,7 @@ def export(
 
 @app.command(
     epilog=(
-        "Examples: auvid score bluerov2_dvl; auvid score bluerov2_dvl --with 'bluerov2_*' --with"
+        "Example: auvid score bluerov2_dvl; auvid score bluerov2_dvl --with 'bluerov2_*' --with"
         " other.json"
     )
 )

@@ -131,8 +131,8 @@ class VelocityRange(Model):
     """Smallest value."""
     high: float
     """Largest value."""
-    threshold: float
-    """RMS from which on a term linear in it counts as excited."""
+    threshold: float = 0.03
+    """RMS from which on a term linear in it counts as excited; cards of 0.1.0 had one."""
 
 
 class LimitCard(Model):

@@ -44,7 +44,7 @@ def test_nothing_is_missing_of_damaged_logs(name: str, seed: int, tmp_path: Path
     data, _ = mutations(
         (DATA / name).read_bytes(),
         seed,
-        ("flips", "overwrite", "cut", "zeros", "hostile"),
+        ("flips", "overwrite", "removal", "zeros", "hostile"),
         PROTECTED[path.name],
     )
     path.write_bytes(data)

@@ -296,7 +296,8 @@ def main() -> int:
             if not workspace.exists():
                 write_workspace(workspace, fault.campaign)
                 (workspace / "vehicles").symlink_to(ROOT / "vehicles")
-                shutil.copytree(ROOT / "runs" / fault.campaign, workspace / "runs" / fault.campaign)
+                results = chosen.runs / fault.campaign
+                shutil.copytree(results, workspace / "runs" / fault.campaign)
             words = outcome(fault, workspace)
             unmoved += words == UNMOVED or words.startswith("internal")
             print(f"{fault.name} | {fault.campaign} | {words}", flush=True)

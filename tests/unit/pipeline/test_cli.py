@@ -44,6 +44,8 @@ COMMANDS = (
     "stages",
     "models",
     "vehicles",
+    "export",
+    "score",
     "new",
 )
 TEMPLATES = Path(cli.__file__).parent / "templates"

@@ -145,7 +145,7 @@ def test_nothing_that_pymavlink_recovers_from_a_damaged_log_is_missing(
     clean = ours(SMALL.read_bytes())
     protect = int(clean.messages["FMTU"].offset.max()) + 200
     data, kept = mutations(
-        SMALL.read_bytes(), seed, ("flips", "overwrite", "cut", "zeros", "hostile"), protect
+        SMALL.read_bytes(), seed, ("flips", "overwrite", "removal", "zeros", "hostile"), protect
     )
     path = tmp_path / "damaged.BIN"
     path.write_bytes(data)
