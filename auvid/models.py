@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.errors import DataError, UsageError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.hydro import model_file
 from auvid.hydro.arrays import STATES, Array
@@ -159,22 +159,24 @@ class VehicleModel:
             Velocities u v w [m/s], p q r [rad/s] through the water.
         eta : array_like, shape (n, 6) or (6,), optional
             Pose x y z [m], phi theta psi [rad]; level by default.
-        propeller_rev_s : array_like, shape (n,), optional
+        propeller_rev_s : array_like, shape (n,) or scalar, optional
             Propeller speed, for models with the propulsion ratio.
 
         Returns
         -------
         ModelForces
             ``coriolis``, ``viscous``, ``restoring``, each of the shape of `nu` [N, N m].
+
+        Raises
+        ------
+        PipelineError
+            Shapes that do not fit, values that are not finite.
         """
         nu = _shaped(nu, "nu")
-        eta = np.zeros(nu.shape) if eta is None else _shaped(eta, "eta")
-        parts = model_file.forces(
-            self.file,
-            np.atleast_2d(nu),
-            np.broadcast_to(eta, np.atleast_2d(nu).shape),
-            propeller_rev_s,
-        )
+        count = len(np.atleast_2d(nu))
+        pose = np.zeros((count, 6)) if eta is None else _rows_or_one(eta, count, "eta")
+        speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
+        parts = model_file.forces(self.file, np.atleast_2d(nu), pose, speed)
         shaped = (part.reshape(nu.shape) for part in vars(parts).values())
         return ModelForces(*shaped)
 
@@ -200,14 +202,14 @@ class VehicleModel:
         time : array_like, shape (n,)
             Uniform clock [s].
         tau : array_like, shape (n, 6) or (6,), optional
-            Force of all actuators [N, N m], in place of the commands below.
+            Force of all actuators [N, N m], in place of pulses, fins and voltage.
         pulses : array_like, shape (n, k), optional
             Pulses of the thrusters [us].
         fins : array_like, shape (n, 4), optional
             Deflections [rad]: starboard, port, bottom, top.
-        propeller_rev_s : array_like, shape (n,), optional
-            Propeller speed [1/s].
-        voltage : array_like, shape (n,), optional
+        propeller_rev_s : array_like, shape (n,) or scalar, optional
+            Propeller speed [1/s]; beside `tau` it gives the propulsion ratio alone.
+        voltage : array_like, shape (n,) or scalar, optional
             Battery voltage [V]; by default that of the thrust curve.
         nu, eta : array_like, shape (6,)
             Velocity and pose at the start.
@@ -221,25 +223,43 @@ class VehicleModel:
         Raises
         ------
         PipelineError
-            The clock is not uniform, shapes do not fit, an actuator has no command.
+            The clock is not uniform, shapes do not fit, values are not finite, an
+            actuator has no command, a command has no actuator, `tau` stands beside
+            commands.
         """
         t_s = _clock(time)
         count, vehicle = len(t_s), self.vehicle
+        screw, level = vehicle.propeller, None
+        thrusters = 0 if vehicle.thrusters is None else len(vehicle.thrusters.outputs)
+        commands = {"pulses": pulses, "fins": fins, "voltage": voltage}
+        if tau is None and vehicle.thrusters is not None:
+            del commands["pulses"], commands["voltage"]
+        if tau is None and vehicle.fins is not None:
+            del commands["fins"]
+        if screw is None:
+            commands["propeller_rev_s"] = propeller_rev_s
+        idle = [name for name, values in commands.items() if values is not None]
+        if idle and tau is not None:
+            raise UsageError(
+                "give the force of the actuators or their commands", value=["tau", *idle]
+            )
+        if idle:
+            raise UsageError("the vehicle has no actuator for a command", value=idle)
+        speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
         if tau is not None:
-            force = np.broadcast_to(_shaped(tau, "tau"), (count, 6))
+            force = _rows_or_one(tau, count, "tau")
             vehicle, control = driven_by_force(vehicle), Control(thruster_force_N=force)
         else:
             control = Control(
-                propeller_rev_s=_series(propeller_rev_s, count),
-                fins_rad=_series(fins, count),
-                thruster_pwm_us=_series(pulses, count),
-                voltage_v=_series(voltage, count),
+                propeller_rev_s=speed,
+                fins_rad=_series(fins, count, 4, "fins"),
+                thruster_pwm_us=_series(pulses, count, thrusters, "pulses"),
+                voltage_v=_series(voltage, count, 0, "voltage"),
             )
-        screw, level = self.vehicle.propeller, None
-        if screw is not None and propeller_rev_s is not None:
-            level = level_speed(screw, np.broadcast_to(propeller_rev_s, (count,)))
+        if screw is not None and speed is not None:
+            level = level_speed(screw, speed)
         state = np.zeros((count, 12))
-        state[:] = np.concatenate([_shaped(nu, "nu"), _shaped(eta, "eta")])
+        state[:, :6], state[:, 6:] = _start(nu, "nu"), _start(eta, "eta")
         viscous, constant = model_file.viscous_model(self.file)
         states, _ = fly_freely(
             vehicle,
@@ -308,17 +328,43 @@ def _shaped(values: ArrayLike, name: str) -> Array:
     array = np.asarray(values, dtype=np.float64)
     if array.ndim not in (1, 2) or array.shape[-1] != 6:
         raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,) or (n, 6)")
-    if not np.isfinite(array).all():
-        raise DataError("not finite", field=name, value=float(array[~np.isfinite(array)][0]))
+    return _finite(array, name)
+
+
+def _rows_or_one(values: ArrayLike, count: int, name: str) -> Array:
+    """Return an array (count, 6) of finite numbers, from as many rows or from one."""
+    array = _shaped(values, name)
+    if array.ndim == 2 and len(array) not in (1, count):
+        raise DataError(
+            "wrong shape", field=name, value=array.shape, allowed=f"(6,) or ({count}, 6)"
+        )
+    return np.broadcast_to(array, (count, 6))
+
+
+def _start(values: ArrayLike, name: str) -> Array:
+    array = _shaped(values, name)
+    if array.ndim != 1:
+        raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,)")
     return array
 
 
-def _series(values: ArrayLike | None, count: int) -> Array | None:
+def _series(values: ArrayLike | None, count: int, width: int, name: str) -> Array | None:
+    """Return finite numbers (count, width); (count,), also from a scalar, for width 0."""
     if values is None:
         return None
-    array = np.asarray(values, dtype=np.float64)
-    if len(array) != count:
-        raise DataError("one row for each time is needed", value=len(array), allowed=count)
+    array, shape = np.asarray(values, dtype=np.float64), (count, width) if width else (count,)
+    if array.ndim == 0 and not width:
+        array = np.full(count, array)
+    if array.shape != shape:
+        raise DataError(
+            "one row for each time is needed", field=name, value=array.shape, allowed=str(shape)
+        )
+    return _finite(array, name)
+
+
+def _finite(array: Array, name: str) -> Array:
+    if not np.isfinite(array).all():
+        raise DataError("not finite", field=name, value=float(array[~np.isfinite(array)][0]))
     return array
 
 

@@ -171,6 +171,48 @@ def test_a_simulation_refuses_in_words(
         fossen.simulate(time, tau)
 
 
+@pytest.mark.parametrize(
+    ("commands", "message"),
+    [
+        ({"tau": np.zeros(6), "pulses": np.full((3, 4), 1500.0)}, "force of the actuators or"),
+        ({"tau": np.zeros(6), "fins": np.zeros((3, 4))}, "force of the actuators or"),
+        ({"tau": np.zeros(6), "voltage": 15.0}, "force of the actuators or"),
+        ({"tau": np.zeros(6), "propeller_rev_s": 15.0}, "force of the actuators or"),
+        ({"tau": np.zeros((2, 6))}, r"'tau'.*wrong shape.*\(3, 6\)"),
+        ({"tau": np.zeros(6), "nu": np.zeros((3, 6))}, "'nu'.*wrong shape"),
+        ({"pulses": np.full((3, 4), np.nan)}, "'pulses'.*not finite"),
+        ({"pulses": np.full((3, 3), 1500.0)}, r"'pulses'.*\(3, 4\)"),
+        ({"pulses": 1500.0}, "'pulses'.*one row for each time"),
+        ({"pulses": np.full((3, 4), 1500.0), "voltage": [15.0]}, "'voltage'.*one row"),
+        ({"pulses": np.full((3, 4), 1500.0), "fins": np.zeros((3, 4))}, "no actuator for.*fins"),
+        ({"propeller_rev_s": 15.0}, "no actuator for.*propeller_rev_s"),
+    ],
+)
+def test_a_simulation_uses_each_command_or_refuses_it(
+    fossen: auvid.Model, commands: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(auvid.PipelineError, match=message):
+        fossen.simulate([0.0, 0.1, 0.2], **commands)
+
+
+def test_one_voltage_stands_for_each_time(fossen: auvid.Model) -> None:
+    pulses = np.full((3, 4), 1600.0)
+    one, each = (
+        fossen.simulate([0.0, 0.1, 0.2], pulses=pulses, voltage=voltage)
+        for voltage in (14.0, np.full(3, 14.0))
+    )
+    assert one.equals(each)
+
+
+def test_forces_refuse_poses_that_are_not_one_for_each_velocity(fossen: auvid.Model) -> None:
+    for nu, eta in ((np.zeros(6), np.zeros((3, 6))), (np.zeros((4, 6)), np.zeros((3, 6)))):
+        with pytest.raises(auvid.PipelineError, match=r"'eta'.*wrong shape"):
+            fossen.force(nu, eta)
+    with pytest.raises(auvid.PipelineError, match=r"'propeller_rev_s'.*one row"):
+        fossen.force(np.zeros((4, 6)), propeller_rev_s=np.zeros(3))
+    assert fossen.force(np.zeros((4, 6)), np.zeros(6), propeller_rev_s=9.0).viscous.shape == (4, 6)
+
+
 def test_a_score_on_its_own_run_is_that_of_the_run(
     results: auvid.RunResults, fossen: auvid.Model
 ) -> None:
