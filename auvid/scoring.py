@@ -25,12 +25,10 @@ from auvid.models import VehicleModel
 from auvid.results import RunResults, open_run
 from auvid.stages.columns import POSE, forces
 from auvid.stages.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.score_shelf import in_body
 from auvid.stages.validate import Predictor
 from auvid.stages.validate.ranking import free_run_ratios
 from auvid.stages.validate.tables import ALL
-
-INERTIAL = ("mass_kg", "displaced_mass_kg", "r_G", "r_B", "inertia", "added_mass", "gravity")
-"""What a vehicle takes from the model that is judged; actuators stay those of the run."""
 
 
 def score(
@@ -70,7 +68,8 @@ def score(
     Raises
     ------
     PipelineError
-        The run has no leg of this use, or its stages have not run.
+        The run has no leg of this use, its stages have not run, or the model counts from
+        another origin than the vehicle of the run.
     """
     results = run if isinstance(run, RunResults) else open_run(run)
     records = results.artefacts("segment")
@@ -96,7 +95,7 @@ def score(
         predicted = _predicted(judged, own, vehicle, residual, fused)
         sums.append(ErrorSums.of(forces(residual, "tau_bar"), predicted))
         runs = run_segment(
-            replace(vehicle, **{key: getattr(own, key) for key in INERTIAL}),
+            in_body(own, vehicle),
             [judged.viscous],
             judged.trim[None],
             np.zeros((1, 6, 6)),

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.data_schemas.tables import has_columns, make_table, matrix
+from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.equations_of_motion import inertia_force, restoring_of
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
@@ -33,6 +35,7 @@ from auvid.stages.columns import (
     ACTUATORS,
     POSE,
     VELOCITY,
+    clock,
     force_columns,
     forces,
 )
@@ -41,6 +44,9 @@ from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import Block, remark, section, table, text
 
+INERTIAL = ("mass_kg", "displaced_mass_kg", "r_G", "r_B", "inertia", "added_mass", "gravity")
+"""What a vehicle takes from the set that is judged; actuators stay the user's."""
+SAME_POINT_M = 0.02
 OWN = "this dive"
 """The row of the campaign's own model."""
 RATIOS = {axis: f"ratio_{axis}" for axis in AXES} | {TOTAL: "ratio"}
@@ -65,9 +71,6 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Params:
-    horizon_s: float = param(
-        "s", LONG_S, meaning="time after a start at which motions are compared", low=0.5, high=600.0
-    )
     every_s: float = param("s", 5.0, meaning="time between starting points", low=0.1, high=1000.0)
     minimum_speed_m_s: float = param(
         "m/s", 0.05, meaning="lower bound of U in eta = u_c(n)/U", low=1e-3, high=1.0
@@ -89,46 +92,75 @@ class PublishedSet:
     title: str
     vehicle: Vehicle
     model: IdentifiedModel
+    lag_s: float = 0.0
 
     @classmethod
     def of(cls, published: Vehicle, own: Vehicle) -> PublishedSet:
-        """Return a published vehicle with the actuators of the user's own."""
+        """Return a published vehicle with the actuators of the user's own.
+
+        Raises `DataError` for one without damping, and as `in_body`.
+        """
         terms = viscous_terms(published.published.values())
-        model = IdentifiedModel(published.name, terms)
-        return cls(published.title, _in_body(published, own), model)
+        own_speed = dict(zip(AXES, VELOCITIES, strict=True))
+        still = [
+            axis for axis in AXES if not any(own_speed[axis] in t for t in terms.get(axis, {}))
+        ]
+        if len(still) == len(AXES):
+            raise DataError(
+                "the vehicle file publishes no damping, so there is nothing to judge",
+                value=published.name,
+                field="published",
+                remedy="Write coefficients such as X_u, X_u|u| under `published`.",
+            )
+        title = published.title
+        if still:
+            title += f" (no damping in {', '.join(AXIS_WORDS[axis] for axis in still)})"
+        return cls(title, in_body(published, own), IdentifiedModel(published.name, terms))
 
     @classmethod
     def of_file(cls, file: ModelFile, own: Vehicle) -> PublishedSet:
         """Return a model of a file with the actuators of the user's vehicle."""
-        return cls(file.title, _in_body(vehicle_of(file), own), viscous_model(file)[0])
+        body = in_body(vehicle_of(file), own)
+        return cls(file.title, body, viscous_model(file)[0], file.dynamics.actuator_lag_s)
 
     def missing_force(self, residual: pa.Table, fused: pa.Table) -> Array:
         """Return the force (n, 6) [N, N m] that the set leaves unexplained.
 
         M nu_dot + C(nu) nu - tau_G - tau_U - tau_nu with M, C, tau_G and tau_nu of the
-        set, McCarter (4.4); tau_U as the residual has it.
+        set, McCarter (4.4); tau_U as the residual has it, late by the lag of the set.
         """
         nu, nu_dot = matrix(fused, VELOCITY), matrix(fused, ACCELERATION)
         M = self.vehicle.mass_matrix
         force = inertia_force(M, nu_dot) + coriolis_force(M, nu)
         force -= restoring_of(self.vehicle, matrix(fused, POSE))
-        for name in ACTUATORS:
-            if has_columns(residual, force_columns(name)):
-                force -= forces(residual, name)
-        return force - self.model.force(nu) if self.model.terms else force
+        names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+        acting = np.sum([forces(residual, name) for name in names], axis=0)
+        if self.lag_s > 0.0:
+            step_s = float(np.mean(np.diff(clock(residual))))
+            acting = first_order_lag(acting, lag_s=self.lag_s, step_s=step_s)
+        force -= acting
+        if not self.model.terms:
+            return force
+        ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
+        return force - self.model.force(nu, ratio)
 
 
-def _in_body(published: Vehicle, own: Vehicle) -> Vehicle:
-    """Return the user's vehicle with mass, buoyancy and inertia of another."""
-    return replace(
-        own,
-        mass_kg=published.mass_kg,
-        displaced_mass_kg=published.displaced_mass_kg,
-        r_G=published.r_G,
-        r_B=published.r_B,
-        inertia=published.inertia,
-        added_mass=published.added_mass,
-    )
+def in_body(published: Vehicle, own: Vehicle) -> Vehicle:
+    """Return the user's vehicle with mass, buoyancy and inertia of another.
+
+    Raises `DataError` where their centres of gravity lie apart from one another as seen
+    from their origins: moments, arms and velocities would count from different points.
+    """
+    apart_m = np.abs(np.asarray(published.r_G) - np.asarray(own.r_G)).max()
+    if apart_m > SAME_POINT_M:
+        raise DataError(
+            f"the origin of '{published.name}' is another point than that of '{own.name}'",
+            field="rigid_body.centre_of_gravity",
+            value=np.asarray(published.r_G).tolist(),
+            allowed=f"{np.asarray(own.r_G).tolist()}, to {SAME_POINT_M:g} m",
+            remedy="Write the vehicle file about that point.",
+        )
+    return replace(own, **{name: getattr(published, name) for name in INERTIAL})
 
 
 @dataclass(frozen=True)
@@ -161,7 +193,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     rows = judge(sets, inputs, params)
     heads = ("set", "title", "use", *RATIOS.values(), "starts", "diverged", *RMS)
     scores = make_table("shelf_scores", {head: [row[head] for row in rows] for head in heads})
-    return Outputs(scores, shelf_section(rows, params.horizon_s))
+    return Outputs(scores, shelf_section(rows, compared_after(inputs)))
 
 
 def judge(sets: Mapping[str, PublishedSet], inputs: Inputs, params: Params) -> list[dict[str, Any]]:
@@ -171,7 +203,7 @@ def judge(sets: Mapping[str, PublishedSet], inputs: Inputs, params: Params) -> l
     models of the campaign: net buoyancy and tether are the day's, not the vehicle's.
     """
     uses = {key: str(segment.use) for key, segment in inputs.segment.items()}
-    rows = list(_own_rows(inputs, params))
+    rows = list(_own_rows(inputs))
     for name, own in sets.items():
         trim = _trim(own, inputs, uses)
         rows += [
@@ -179,6 +211,11 @@ def judge(sets: Mapping[str, PublishedSet], inputs: Inputs, params: Params) -> l
             for use, score in _scores(own, trim, inputs, params, uses)
         ]
     return rows
+
+
+def compared_after(inputs: Inputs) -> float:
+    """Return the horizon [s] at which the campaign's own free runs are compared."""
+    return LONG_S if inputs.ranking.horizon_s is None else inputs.ranking.horizon_s
 
 
 def _trim(own: PublishedSet, inputs: Inputs, uses: Mapping[str, str]) -> Array:
@@ -206,7 +243,8 @@ def _scores(
                 trim[None],
                 np.zeros((1, 6, 6)),
                 measured_motion(fused, inputs.controls[key]),
-                horizons_s=(params.horizon_s,),
+                horizons_s=(compared_after(inputs),),
+                lags_s=np.array([own.lag_s]),
                 every_s=params.every_s,
                 minimum_speed=params.minimum_speed_m_s,
             )
@@ -218,7 +256,7 @@ def _scores(
         yield use, Score(ratios, tuple(runs.get(use, ())))
 
 
-def _own_rows(inputs: Inputs, params: Params) -> Iterator[dict[str, Any]]:
+def _own_rows(inputs: Inputs) -> Iterator[dict[str, Any]]:
     """Yield the rows of the recommended model, from the campaign's own tables."""
     choice = inputs.ranking.choice
     if choice is None:
@@ -228,7 +266,7 @@ def _own_rows(inputs: Inputs, params: Params) -> Iterator[dict[str, Any]]:
         for row in inputs.free_run.to_pylist()
         if row["model"] == choice
         and not row["as_measured"]
-        and abs(row["horizon_s"] - params.horizon_s) < 1e-9
+        and abs(row["horizon_s"] - compared_after(inputs)) < 1e-9
     ]
     errors = [
         row

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,10 @@ def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
     for name in others:
         path = Path(name).expanduser()
         if path.suffix == ".json":
-            sets[path.stem] = PublishedSet.of_file(read_model(path), own)
+            # Every run names its files by model, so a second one keeps its path.
+            sets[path.stem if path.stem not in sets else name] = PublishedSet.of_file(
+                read_model(path), own
+            )
             continue
         pattern = "*" if name == SHELF else name
         vehicles = {key: file for key, file in shipped.items() if fnmatchcase(key, pattern)}
@@ -82,7 +86,8 @@ def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
     """Print `score` as text, the nearest set first, or as JSON."""
     rows = score(campaign, others)
     if as_json:
-        print(json.dumps(rows, indent=2))
+        finite = [{key: _finite(cell) for key, cell in row.items()} for row in rows]
+        print(json.dumps(finite, indent=2, allow_nan=False))
         return
     best = nearest_set(rows)
     if best is None:
@@ -94,6 +99,10 @@ def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
     print(f"Nearest: {best['title']}.")
     if axes := worse_than_nothing(rows):
         print(f"Worse than no model in every set: {', '.join(AXIS_WORDS[axis] for axis in axes)}.")
+
+
+def _finite(cell: Any) -> Any:
+    return None if isinstance(cell, float) and isnan(cell) else cell
 
 
 def _total(row: Mapping[str, Any]) -> float:

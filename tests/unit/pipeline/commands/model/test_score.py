@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -22,6 +23,14 @@ def dive(committed_run: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) 
     workspace = committed_run(DIVE)
     monkeypatch.chdir(workspace)
     return workspace
+
+
+def strict_json(text: str) -> list[dict[str, Any]]:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    rows: list[dict[str, Any]] = json.loads(text, parse_constant=refuse)
+    return rows
 
 
 def printed_rows(text: str) -> dict[str, list[float]]:
@@ -49,7 +58,7 @@ def test_a_model_file_scores_as_in_the_tables_of_its_run(
     options = [word for file in sorted(files.glob("*.json")) for word in ("--with", str(file))]
     result = CliRunner().invoke(cli.app, ["score", "example", *options, "--json"])
     assert result.exit_code == 0, result.output
-    rows = {(row["set"], row["use"]): row for row in json.loads(result.output)}
+    rows = {(row["set"], row["use"]): row for row in strict_json(result.output)}
     own = rows["this dive", "validation"]
     name = own["title"].partition(",")[0]
     other = rows[name, "validation"]
