@@ -16,6 +16,7 @@ from auvid.data_schemas.records.model_file import (
     ThrustCurveFigures,
     ThrusterFigures,
 )
+from auvid.export.text import one_line
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.viscous.basis import PROPULSION, cross_flow_speed, signed_speed
@@ -179,7 +180,7 @@ def body_of(model: ModelFile) -> Body:
     """Return what a model file says of the motion, with every term that is not 0."""
     figures: DynamicsFigures = model.dynamics
     return Body(
-        title=f"{model.title} of {model.vehicle.title}",
+        title=one_line(f"{model.title} of {model.vehicle.title}"),
         mass_kg=figures.mass_kg,
         r_G=np.array(figures.centre_of_gravity_m),
         inertia=np.array(figures.inertia_kg_m2),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.export.exported import Exported, Target
 from auvid.export.losses import ExportLosses
+from auvid.export.text import one_line
 from auvid.hydro.arrays import AXES
 
 
@@ -20,7 +21,7 @@ def readme(
     """Return the page in Markdown."""
     judged = "all, since no validation leg judges it" if model.use.axes is None else None
     parts = [
-        f"# {name}: {model.title} for {target.name}",
+        f"# {name}: {one_line(model.title)} for {target.name}",
         f"{target.title}. Files: {', '.join(f'`{file}`' for file in exported.files)}.",
         f"**Use of the model.** {model.use.sentence}. Why this choice: {model.use.rule}."
         + ("\n\n**Exported by force: it is usable for nothing.**" if useless else ""),

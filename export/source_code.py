@@ -195,10 +195,15 @@ MINIMUM_SPEED = {minimum}
 
 
 def propulsion_excess(nu, rev_s):
-    """Return eta - 1, eta = u_c(n) / U; 0 (level running) for rev_s None."""
+    """Return eta - 1, eta = u_c(n) / U; 0 (level running) for rev_s None.
+
+    nan outside the speeds of LEVEL_REV_S.
+    """
     if rev_s is None:
         return 0.0
-    n = min(max(float(rev_s), LEVEL_REV_S[0]), LEVEL_REV_S[-1])
+    n = float(rev_s)
+    if not LEVEL_REV_S[0] <= n <= LEVEL_REV_S[-1]:
+        return math.nan
     piece = 0
     while piece < len(LEVEL_REV_S) - 2 and n > LEVEL_REV_S[piece + 1]:
         piece += 1

@@ -56,8 +56,17 @@ def octave_matrix(matrix: ArrayLike, indent: str = "  ") -> str:
 
 def xml_comment(lines: Iterable[str], indent: str = "") -> str:
     """Return lines as one comment of XML, in which no two hyphens may follow."""
-    inside = f"\n{indent}  ".join(line.replace("--", "- -") for line in lines)
+    inside = f"\n{indent}  ".join(re.sub("-(?=-)", "- ", line) for line in lines)
     return f"{indent}<!--\n{indent}  {inside}\n{indent}-->\n"
+
+
+def one_line(text: str) -> str:
+    """Return text with every run of blanks and line breaks as one blank.
+
+    >>> one_line("A vehicle\\n  of ours")
+    'A vehicle of ours'
+    """
+    return " ".join(text.split())
 
 
 def commented(lines: Iterable[str], mark: str) -> str:

@@ -14,7 +14,7 @@ from auvid.export.exported import Request, Target
 from auvid.export.losses import LARGEST_SHARE, ExportLosses, measure
 from auvid.export.readme import readme
 from auvid.export.targets import TARGETS
-from auvid.export.text import identifier, sanitised
+from auvid.export.text import identifier, one_line, sanitised
 
 README = "README.md"
 
@@ -156,7 +156,7 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
         f"{name} {span.low:.3g} to {span.high:.3g}" for name, span in model.validity.items()
     )
     lines.append(f"Valid within the flown range (m/s, rad/s): {flown}.")
-    return tuple(lines)
+    return tuple(map(one_line, lines))
 
 
 def _shares(losses: ExportLosses) -> str:

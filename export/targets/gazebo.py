@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ThrusterFigures
@@ -11,8 +9,14 @@ from auvid.export.body import TO_FLU, Body, Term, names_of
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost
 from auvid.export.text import number, numbers, xml_comment
-from auvid.hydro.arrays import VELOCITIES, Array
-from auvid.hydro.dynamics.mechanics.kinematics import skew
+from auvid.export.thrusters import (
+    THRUSTER_INERTIA,
+    THRUSTER_MASS,
+    placed_thrusters,
+    unplaced_note,
+    without_thrusters,
+)
+from auvid.hydro.arrays import VELOCITIES
 
 CONVENTION = (
     "Link base_link: axes x forward, y port, z up (FLU) in a world ENU; its origin is the body"
@@ -22,8 +26,6 @@ CONVENTION = (
     " the derivatives) and about the link origin; SI."
 )
 ADDED_MASS_NAMES = "xyzpqr"
-THRUSTER_MASS, THRUSTER_INERTIA = 0.001, 1e-6
-"""Of a thruster link [kg, kg m^2]; base_link has so much less."""
 _FIELDS = "xyzkmn"
 _WORLD = """\
 <world name="{name}_world">
@@ -73,14 +75,14 @@ def export(request: Request) -> Exported:
     kept = body.keep(_holds)
     lost = body.keep(lambda term: not _holds(term))
     products = [term for term in kept.terms if _plain_product(term)]
-    placed = [item for item in body.thrusters if item.position_m and item.axis]
+    placed = placed_thrusters(body)
     text = [
         '<?xml version="1.0"?>\n',
         xml_comment([f"Model {name}: {body.title}.", *request.head, CONVENTION]),
         '<sdf version="1.11">\n',
         _WORLD.format(name=name, gravity=number(body.gravity), density=number(body.water_density)),
         f'  <model name="{name}">\n    <pose>0 0 -2 0 0 0</pose>\n',
-        _link(body, placed),
+        _link(body),
         *(_thruster(i + 1, item) for i, item in enumerate(placed)),
         _hydrodynamics(kept),
         *(_thruster_plugin(i + 1, body, name) for i in range(len(placed))),
@@ -119,9 +121,7 @@ def _plain_product(term: Term) -> bool:
 
 
 def _notes(body: Body, placed: int) -> tuple[str, ...]:
-    notes = []
-    if len(body.thrusters) > placed:
-        notes.append("Thrusters whose position is not known are left out: apply their force.")
+    notes = [*unplaced_note(body)]
     if placed:
         notes.append(
             "Thrusters take forces: the curve of force over pulse width and the voltage are not"
@@ -134,22 +134,10 @@ def _notes(body: Body, placed: int) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _without_thrusters(body: Body, placed: Sequence[ThrusterFigures]) -> tuple[float, Array, Array]:
-    """Return mass, centre of gravity and inertia there, without the thrusters."""
-    mass = body.mass_kg - THRUSTER_MASS * len(placed)
-    moment, inertia = body.mass_kg * body.r_G, np.array(body.inertia)
-    for thruster in placed:
-        arm = np.array(thruster.position_m)
-        moment = moment - THRUSTER_MASS * arm
-        inertia += THRUSTER_MASS * skew(arm) @ skew(arm) - THRUSTER_INERTIA * np.eye(3)
-    centre = moment / mass
-    return mass, centre, np.asarray(inertia + mass * skew(centre) @ skew(centre))
-
-
-def _link(body: Body, placed: Sequence[ThrusterFigures]) -> str:
+def _link(body: Body) -> str:
     """Return base_link: inertia, added mass, and the box that floats."""
     flip = TO_FLU[:3]
-    mass, centre, inertia = _without_thrusters(body, placed)
+    mass, centre, inertia = without_thrusters(body)
     inertia = inertia * np.outer(flip, flip)
     added = -body.added_mass * np.outer(TO_FLU, TO_FLU)
     moments = "".join(

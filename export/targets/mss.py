@@ -44,7 +44,14 @@ def export(request: Request) -> Exported:
         "",
         "x            nu and eta (12x1)",
         "tau_control  force of actuators and all else (6x1) [N, N m]",
-        *(["n            propeller speed [rev/s]; without it, level running"] if ratio else []),
+        *(
+            [
+                "n            propeller speed [rev/s]; without it, level running",
+                "             (NaN outside the table of speeds level_n)",
+            ]
+            if ratio
+            else []
+        ),
         "xdot         rate of x (12x1)",
         "tau          all forces but tau_control, less C(nu) nu: M nu_dot = tau + tau_control",
     ]
@@ -62,7 +69,7 @@ def export(request: Request) -> Exported:
             "excess = 0;\nif nargin > 2 && ~isempty(n)\n"
             f"  level_n = {octave_matrix(screw.level_speed_rev_s, '    ')};\n"
             f"  level_u = {octave_matrix(screw.level_speed_m_s, '    ')};\n"
-            "  level = interp1(level_n, level_u, min(max(n, level_n(1)), level_n(end)));\n"
+            "  level = interp1(level_n, level_u, n, 'linear', NaN);\n"
             "  excess = level / max(sqrt(u^2 + v^2 + w^2),"
             f" {number(screw.minimum_speed_m_s)}) - 1;\nend\n"
         )
@@ -92,7 +99,11 @@ def export(request: Request) -> Exported:
         "T = [1, sf * st / ct, cf * st / ct; 0, cf, -sf; 0, sf / ct, cf / ct];\n"
         "xdot = [nu_dot; R * x(1:3); T * x(4:6)];\nend\n"
     )
-    more = "\nA third argument is the propeller speed [rev/s].\n" if ratio else ""
+    more = (
+        "\nA third argument is the propeller speed [rev/s]; NaN comes back outside its table.\n"
+        if ratio
+        else ""
+    )
     return Exported(
         {f"{name}.m": "".join(lines)},
         (),

@@ -53,12 +53,9 @@ In `libraries/SITL/SIM_Submarine.h`, struct `frame_property`, replace these line
 `volume`, `mass`, `moment_of_inertia` and `equivalent_sphere_area` follow from them by the
 formulas that stand there: {volume} m^3, {mass} kg, {moment} kg m^2, {area} m^2.
 
-In `libraries/SITL/SIM_Submarine.cpp`, `calculate_buoyancy_torque`, for a righting moment
-of {stiffness} N m/rad with its {foam:g} N:
-
-```cpp
-const Vector3f force_position = dcm.transposed() * Vector3f(0, 0, {arm}); // m
-```
+In `libraries/SITL/SIM_Submarine.cpp`, `calculate_buoyancy_torque`, the upward force of
+{foam:g} N acts at a height over the centre: put {arm} m there, for a righting moment of
+{stiffness} N m/rad.
 
 {convention}
 """

@@ -11,6 +11,7 @@ from auvid.export.body import STANDING, Body, Force
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost, judged_axes, lost_added_mass, sample_envelope
 from auvid.export.text import number, numbers, xml_comment
+from auvid.export.thrusters import unplaced_note
 from auvid.hydro.arrays import AXES, Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.mechanics.rigid_body import rigid_body_matrix
@@ -78,6 +79,7 @@ def export(request: Request) -> Exported:
         _push(i + 1, item.position_m, item.axis, body) for i, item in enumerate(body.thrusters)
     )
     notes = ["Its pressure drag has three factors of the velocity, so it grows with the cube."]
+    notes += unplaced_note(body)
     if body.fins is not None or body.propeller is not None:
         notes.append("Fins and propeller are left out: apply their force.")
     if pushes:

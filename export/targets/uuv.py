@@ -10,12 +10,19 @@ from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost
 from auvid.export.source_code import flat
 from auvid.export.text import number, numbers, xml_comment
+from auvid.export.thrusters import (
+    THRUSTER_INERTIA,
+    THRUSTER_MASS,
+    placed_thrusters,
+    unplaced_note,
+    without_thrusters,
+)
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import NEUTRAL_US
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 
 CONVENTION = (
-    "Link base_link: axes x forward, y port, z up (FLU) in a world ENU, with its origin at the"
+    "Link base_link: axes x forward, y port, z up (FLU) in a world ENU, with its origin at its"
     " centre of gravity, because Gazebo classic applies the plugin's force there. The plugin"
     " itself turns velocities into forward-starboard-down axes, so added_mass (positive) and the"
     " damping matrices (negative, as in auvid) are in those axes, not in FLU; inertia, centre of"
@@ -30,9 +37,11 @@ _USAGE = """\
 ```
 
 Visual and collision shapes are a box of the displaced volume; replace them as you like.
-The plugin takes gravity from the world: set {gravity} m/s^2. {thrusters}{heave}"""
+The plugin takes gravity from the world: set {gravity} m/s^2.
+The origin of base_link is at ({origin}) m from the body origin of the vehicle
+file (forward, starboard, down). {thrusters}{heave}"""
 _THRUSTERS = """Thruster i takes {takes}
-on `/rov/thrusters/i/input`.
+on `/rov/thrusters/i/input`. The {mass} kg of each thruster link are taken off base_link.
 """
 
 
@@ -48,8 +57,9 @@ def export(request: Request) -> Exported:
     nu_O = A nu_G and tau_G = A' tau_O.
     """
     body, name = request.body, request.name
+    _, centre, _ = without_thrusters(body)
     to_G = np.eye(6)
-    to_G[:3, 3:] = skew(body.r_G)
+    to_G[:3, 3:] = skew(centre)
     linear, forward, quadratic = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     for term in body.terms:
         kind, place = _part(term)
@@ -63,9 +73,11 @@ def export(request: Request) -> Exported:
     added = -to_G.T @ body.added_mass @ to_G
     text = _document(request, linear, forward, quadratic, added)
     lost = _losses(body, to_G, linear, forward, quadratic)
+    placed = placed_thrusters(body)
     notes = [
         "Added mass acts on the acceleration of the step before, low-pass filtered: keep steps"
         " short and mind vehicles with more added than own mass.",
+        *unplaced_note(body),
     ]
     if body.fins is not None or body.propeller is not None:
         notes.append("Fins and propeller are left out: apply their force.")
@@ -85,7 +97,8 @@ def export(request: Request) -> Exported:
             name=name,
             gravity=number(body.gravity),
             heave=body.volume_hint,
-            thrusters=_THRUSTERS.format(takes=takes) if body.thrusters else "",
+            origin=numbers(centre, ", "),
+            thrusters=_THRUSTERS.format(takes=takes, mass=THRUSTER_MASS) if placed else "",
         ),
         tuple(notes),
     )
@@ -120,7 +133,7 @@ def _losses(
                 missing.viscous,
             )
         )
-    if np.abs(body.r_G).max() > STANDING:
+    if np.abs(to_G[:3, 3:]).max() > STANDING:
         moved = [term for term in body.terms if _part(term)[0] in ("forward", "quadratic")]
         if moved:
             kept = body.keep(lambda term: bool(_part(term)[0]))
@@ -152,12 +165,13 @@ def _document(
 ) -> str:
     body, name = request.body, request.name
     flip = TO_FLU[:3]
-    inertia = body.inertia_about_G * np.outer(flip, flip)
+    mass, centre, inertia = without_thrusters(body)
+    inertia = inertia * np.outer(flip, flip)
     moments = " ".join(
         f'i{"xyz"[i]}{"xyz"[j]}="{number(inertia[i, j])}"' for i in range(3) for j in range(i, 3)
     )
     length, width, height = body.box
-    buoyant = flip * (body.r_B - body.r_G)
+    buoyant = flip * (body.r_B - centre)
     origin = f'<origin xyz="{numbers(buoyant)}" rpy="0 0 0"/>'
     box = f'<geometry><box size="{numbers(body.box)}"/></geometry>'
     space = " " * 12
@@ -169,7 +183,7 @@ def _document(
             '  <xacro:arg name="namespace" default="rov"/>\n'
             '  <xacro:property name="namespace" value="$(arg namespace)"/>\n'
             '    <link name="${namespace}/base_link">\n      <inertial>\n'
-            f'        <mass value="{number(body.mass_kg)}"/>\n'
+            f'        <mass value="{number(mass)}"/>\n'
             '        <origin xyz="0 0 0" rpy="0 0 0"/>\n'
             f"        <inertia {moments}/>\n      </inertial>\n"
             f"      <visual>{origin}{box}</visual>\n"
@@ -194,13 +208,13 @@ def _document(
             "</linear_damping_forward_speed>\n"
             f"            <quadratic_damping>{numbers(quadratic)}</quadratic_damping>\n"
             "          </hydrodynamic_model>\n        </link>\n      </plugin>\n    </gazebo>\n",
-            *(_thruster(place, item, body) for place, item in enumerate(body.thrusters)),
+            *(_thruster(place, item, body, centre) for place, item in enumerate(body.thrusters)),
             "</robot>\n",
         ]
     )
 
 
-def _thruster(place: int, item: ThrusterFigures, body: Body) -> str:
+def _thruster(place: int, item: ThrusterFigures, body: Body, centre: Array) -> str:
     """Return link, joint and plugin of a thruster; "" where its place is not known."""
     curve = body.curve
     if item.position_m is None or item.axis is None or curve is None:
@@ -229,14 +243,14 @@ def _thruster(place: int, item: ThrusterFigures, body: Body) -> str:
         if body.lag_s
         else "<dynamics><type>ZeroOrder</type></dynamics>"
     )
-    small = " ".join(f'{tag}="1e-06"' for tag in ("ixx", "iyy", "izz"))
+    small = " ".join(f'{tag}="{THRUSTER_INERTIA}"' for tag in ("ixx", "iyy", "izz"))
     return (
-        f'    <link name="{name}">\n      <inertial><mass value="0.001"/>'
+        f'    <link name="{name}">\n      <inertial><mass value="{THRUSTER_MASS}"/>'
         f'<inertia {small} ixy="0" ixz="0" iyz="0"/></inertial>\n'
         '      <collision><geometry><sphere radius="1e-06"/></geometry></collision>\n'
         "    </link>\n"
         f'    <joint name="{name}_joint" type="continuous">\n'
-        f'      <origin xyz="{numbers(flip * (np.array(item.position_m) - body.r_G))}"/>\n'
+        f'      <origin xyz="{numbers(flip * (np.array(item.position_m) - centre))}"/>\n'
         f'      <parent link="${{namespace}}/base_link"/><child link="{name}"/>\n'
         f'      <axis xyz="{numbers(flip * np.array(item.axis))}"/>\n    </joint>\n'
         f'    <gazebo>\n      <plugin name="thruster_{place}"'

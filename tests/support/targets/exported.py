@@ -77,7 +77,7 @@ def body_of(model: ModelFile, target: str, folder: Path) -> Body:
     write(model, target, folder, lossy=True, force=True, name=NAME)
     body = LOADERS[target](folder, NAME)
     # that description stands about the centre of gravity, as its README says
-    return moved(body, np.array(model.dynamics.centre_of_gravity_m)) if target == "uuv" else body
+    return moved(body, uuv.origin(folder)) if target == "uuv" else body
 
 
 def faults(model: ModelFile, written: ModelFile, target: str, folder: Path) -> list[str]:

@@ -167,6 +167,13 @@ def symmetric() -> ModelFile:
     )
 
 
+def balanced_thrusters() -> list[dict[str, Any]]:
+    """Return the thrusters of the made-up run, moved so that their centre is the origin."""
+    thrusters: list[dict[str, Any]] = json.loads(base())["dynamics"]["thrusters"]
+    centre = np.mean([item["position_m"] for item in thrusters], axis=0)
+    return [item | {"position_m": (item["position_m"] - centre).tolist()} for item in thrusters]
+
+
 def centred() -> ModelFile:
     """Return the symmetric model with the centre of gravity in the origin."""
     terms = {axis: {} for axis in AXES}  # type: ignore[var-annotated]
@@ -174,6 +181,7 @@ def centred() -> ModelFile:
     for entry in model.coefficients:
         terms[entry.axis][entry.term] = entry.predictor
     rigid = {
+        "thrusters": balanced_thrusters(),
         "mass_kg": MASS,
         "centre_of_gravity_m": [0.0, 0.0, 0.0],
         "inertia_kg_m2": [[0.2, 0, 0.01], [0, 0.25, 0], [0.01, 0, 0.3]],
@@ -190,6 +198,7 @@ def diagonal() -> ModelFile:
         "diagonal",
         damping(pairs, 5),
         {
+            "thrusters": balanced_thrusters(),
             "mass_kg": MASS,
             "centre_of_gravity_m": [0.0, 0.0, 0.0],
             "inertia_kg_m2": np.diag([0.2, 0.25, 0.3]).tolist(),

@@ -47,9 +47,7 @@ def constants(text: str) -> dict[str, float | Array]:
     values: dict[str, float | Array] = dict(DEFAULTS)
     for key, value in re.findall(r"\b(\w+)\s*=\s*([-+.\deE]+)f?\s*;", text):
         values[key] = float(value)
-    for key, value in re.findall(
-        r"\b(\w+)\s*=(?:\s*dcm.transposed\(\) \*)?\s*Vector3f\(([^)]*)\)", text
-    ):
+    for key, value in re.findall(r"\b(\w+)\s*=\s*Vector3f\(([^)]*)\)", text):
         values[key] = np.array([float(x.strip().rstrip("f")) for x in value.split(",")])
     return values
 
@@ -59,7 +57,8 @@ def parse(header: str, parameters: str) -> Body:
     c = constants(header)
     lines = (line.split("#")[0].replace(",", " ").split() for line in parameters.splitlines())
     table = {line[0]: float(line[1]) for line in lines if len(line) > 1}
-    arm = c.get("force_position", np.array([0.0, 0.0, FOAM_ARM]))
+    changed = re.search(r"put (\S+) m there", header)
+    arm = float(changed[1]) if changed else FOAM_ARM
     radius = c["equivalent_sphere_radius"]
     volume = c.get("volume", 4 * np.pi * radius**3 / 3)
     mass = c.get("mass", volume * c["density"])
@@ -71,7 +70,7 @@ def parse(header: str, parameters: str) -> Body:
         v, w, lower = nu[:, :3], nu[:, 3:], down(eta)
         drag = 0.5 * c["water_density"] * area * c["linear_drag_coefficient"] * v * np.abs(v)
         spin = 0.5 * ANGULAR_DENSITY * area * c["angular_drag_coefficient"] * w * np.abs(w)
-        foam = np.cross(arm[2] * lower, np.array([0.0, 0.0, -FOAM_FORCE]))
+        foam = np.cross(arm * lower, np.array([0.0, 0.0, -FOAM_FORCE]))
         linear = -lift * lower - drag - c["weight"] * np.cross(w, v)
         return np.hstack([linear, foam - radius * spin])
 

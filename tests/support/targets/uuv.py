@@ -99,6 +99,27 @@ def matrix(model: ET.Element, tag: str) -> Array:
     return values.reshape(6, 6) if values.size == 36 else np.diag(values)
 
 
+def origin(folder: Path) -> Array:
+    """Return the position of the link's origin, FRD from the body origin, by README.md."""
+    stated = re.search(r"base_link is at \(([^)]*)\) m", (folder / "README.md").read_text())
+    assert stated is not None
+    return np.array(stated[1].split(","), float)
+
+
+def inertial_of(inertial: ET.Element) -> tuple[float, Array, Array]:
+    """Return mass, centre and M_RB about the link's origin of a URDF <inertial>."""
+    mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr, arg-type]
+    origin, tensor = inertial.find("origin"), np.zeros((3, 3))
+    centre, turn = np.zeros(3), np.eye(3)
+    if origin is not None:
+        centre = np.array(origin.get("xyz", "0 0 0").split(), float)
+        turn = rotation(np.array(origin.get("rpy", "0 0 0").split(), float))
+    for i, a in enumerate("xyz"):
+        for j, b in enumerate("xyz"):
+            tensor[i, j] = float(inertial.find("inertia").get("i" + min(a, b) + max(a, b), 0))  # type: ignore[union-attr, arg-type]
+    return mass, centre, rigid_body(mass, centre, turn @ tensor @ turn.T)
+
+
 def parse(text: str, gravity: float = WORLD_GRAVITY) -> Body:
     """Return the body of a description with one link under the underwater object plugin."""
     robot = expand(text)
@@ -112,17 +133,21 @@ def parse(text: str, gravity: float = WORLD_GRAVITY) -> Body:
     assert model is not None
     assert model.findtext("type") == "fossen"
 
-    # URDF inertial: mass, origin, tensor in the origin's axes
-    mass = float(inertial.find("mass").get("value"))  # type: ignore[union-attr, arg-type]
-    origin, tensor = inertial.find("origin"), np.zeros((3, 3))
-    centre, turn = np.zeros(3), np.eye(3)
-    if origin is not None:
-        centre = np.array(origin.get("xyz", "0 0 0").split(), float)
-        turn = rotation(np.array(origin.get("rpy", "0 0 0").split(), float))
-    for i, a in enumerate("xyz"):
-        for j, b in enumerate("xyz"):
-            tensor[i, j] = float(inertial.find("inertia").get("i" + min(a, b) + max(a, b), 0))  # type: ignore[union-attr, arg-type]
-    body = rigid_body(mass, centre, turn @ tensor @ turn.T)
+    mass, centre, body = inertial_of(inertial)
+    # links on joints, thrusters here, ride along; the plugin floats none of them
+    pulls = [(centre, mass * gravity)]
+    links = {e.get("name"): e for e in robot.findall("link")}
+    for joint in robot.findall("joint"):
+        parent, place = joint.find("parent"), joint.find("origin")
+        inside = links[joint.find("child").get("link")].find("inertial")  # type: ignore[union-attr]
+        assert parent is not None
+        assert place is not None
+        assert inside is not None
+        assert parent.get("link") == link.get("name")
+        at = np.array(place.get("xyz", "0 0 0").split(), float)
+        small, middle, part = inertial_of(inside)
+        body = body + shift(at).T @ part @ shift(at)
+        pulls.append((at + middle, small * gravity))
 
     # coefficients in FRD, negative where they brake; the quadratic matrix counts on its
     # diagonal only: HydrodynamicModel.cc:463-489
@@ -147,7 +172,8 @@ def parse(text: str, gravity: float = WORLD_GRAVITY) -> Body:
         wet += np.diag(quadratic) * nu * np.abs(nu) - coriolis(added, nu)
         state, lower = nu @ FLIP6, down(eta) @ FLIP
         wrench = wet @ FLIP6 @ to_origin.T - coriolis(body, state)
-        wrench += push(centre, mass * gravity * lower)
+        for point, pull in pulls:
+            wrench += push(point, pull * lower)
         wrench -= push(centre + above, buoyancy * lower)
         return wrench @ FLIP6
 

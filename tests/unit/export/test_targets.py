@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -28,6 +29,7 @@ from auvid.pipeline.store.model_files import read_model
 from tests.support.model_files import DAMPED, every_term, model_file
 from tests.support.motions import shipped_vehicle
 from tests.support.targets import gazebo, holoocean, mss, pvs, python, sitl, uuv
+from tests.support.targets.conformance import moved
 
 OFF_CENTRE = {
     "centre_of_gravity": {"value": [0.05, -0.02, 0.03], "unit": "m", "source": "this test"},
@@ -91,6 +93,46 @@ def test_python_has_eta_and_actuators(tmp_path: Path) -> None:
     assert len(module.fin_force(nu[0], [0.1, 0.0, 0.0, 0.0])) == 6
 
 
+def test_python_and_mss_give_no_number_outside_the_propeller_table(tmp_path: Path) -> None:
+    """As auvid itself: an end of the table held on would be another model."""
+    model = model_file(every_term(propeller=True), vehicle="vt690")
+    screw = model.dynamics.propeller
+    assert screw is not None
+    nu, beyond = np.array([1.0, 0.2, 0, 0, 0, 0]), 1.01 * screw.level_speed_rev_s[-1]
+    wanted = forces(model, nu[None], np.zeros((1, 6)), np.array([beyond])).viscous[0]
+    assert np.isnan(wanted[0])
+    write(model, "python", tmp_path, name="glider")
+    ours = loaded(tmp_path / "glider.py").viscous(nu, beyond)
+    assert ours == pytest.approx(wanted, nan_ok=True)
+    if mss.OCTAVE is None:
+        pytest.skip("no Octave here")
+    code = prepare(model, "mss", name="glider").files["glider.m"]
+    (tmp_path / "glider.m").write_text(code, encoding="utf-8")
+    state = f"[{' '.join(map(str, nu))} 0 0 0 0 0 0]'"
+    call = f"[~, tau] = glider({state}, zeros(6, 1), {beyond});"
+    words = [mss.OCTAVE, "--quiet", "--no-gui", "--no-init-file", "--eval"]
+    words.append(f"addpath('{tmp_path}'); {call} printf('%d', isnan(tau(1)))")
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout == "1"
+
+
+@pytest.mark.parametrize("target", ["gazebo", "uuv", "stonefish"])
+def test_thrusters_of_unknown_place_are_noted(target: str) -> None:
+    """Without any in the file the README has no word on how to command them."""
+    model = model_file()
+    every = model.dynamics.thrusters
+    none = [item.model_copy(update={"position_m": None}) for item in every]
+    pages = {}
+    for name, some in (("all", every), ("one", [none[0], *every[1:]]), ("none", none)):
+        figures = model.dynamics.model_copy(update={"thrusters": some})
+        changed = model.model_copy(update={"dynamics": figures})
+        pages[name] = prepare(changed, target, name="rov", lossy=True).files["README.md"]
+    noted = {name: "position is not known" in page for name, page in pages.items()}
+    assert noted == {"all": False, "one": True, "none": True}
+    used = {name: "Thruster i" in page for name, page in pages.items()}
+    assert used == {"all": True, "one": True, "none": False}
+
+
 def test_thrust_of_python_is_that_of_auvid(tmp_path: Path) -> None:
     (path, _) = write(model_file(), "python", tmp_path, name="rov")
     module, thrusters = loaded(path), shipped_vehicle("bluerov2_heavy").thrusters
@@ -128,14 +170,17 @@ def test_gazebo_damps_without_plain_squares(tmp_path: Path) -> None:
 
 
 def test_uuv_holds_full_linear_damping_about_the_centre_of_gravity(tmp_path: Path) -> None:
-    """Seen from the link, which lies at the centre of gravity; its world has 9.8 m/s^2."""
+    """Seen from the link, which lies at its centre of gravity; its world has 9.8 m/s^2.
+
+    Links of thrusters count: they have a mass, and base_link has so much less.
+    """
     random = np.random.default_rng(8)
     terms = {axis: {speed: float(random.normal()) for speed in "uvwpqr"} for axis in AXES}
     model = with_gravity(model_file(terms, moved=OFF_CENTRE), uuv.WORLD_GRAVITY)
     write(model, "uuv", tmp_path, name="rov")
     body = uuv.load(tmp_path, "rov")
     nu, eta = motion()
-    arm = np.array(model.dynamics.centre_of_gravity_m)
+    arm = uuv.origin(tmp_path)
     move = np.eye(6)
     move[:3, 3:] = [[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]]
     at_G = nu @ move.T  # v_G = v + omega x r_G
@@ -164,6 +209,8 @@ def test_printed_loss_is_the_error_of_the_forces(name: str, tmp_path: Path) -> N
     write(model, name, tmp_path, name="rov", lossy=True)
     losses = prepare(model, name, name="rov", lossy=True).losses
     body = {"gazebo": gazebo, "uuv": uuv}[name].load(tmp_path, "rov")
+    if name == "uuv":
+        body = moved(body, uuv.origin(tmp_path))
     nu, _ = sample_envelope(model.validity)
     eta = np.zeros_like(nu)
     error = right_side(model, nu, eta) - body.force(nu, eta)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -53,6 +54,19 @@ def test_every_vehicle_has_files_of_every_target(target: str, vehicle: str) -> N
         if not name.endswith(".md"):
             assert "nan" not in text.replace("\n", " ").split(" ")
     assert len(files) == len(FILES[target]) + 1
+
+
+@pytest.mark.parametrize("target", sorted(TARGETS))
+def test_no_title_leaves_its_comment(target: str) -> None:
+    """Neither a line break that code follows nor hyphens that end a comment of XML."""
+    model = model_file().model_copy(update={"title": 'A ---\nboom = 1 / 0;\n"""\\ --->'})
+    files = prepare(model, target, name="rov", lossy=True, draws=3).files
+    for name, text in files.items():
+        if name.endswith((".sdf", ".xacro", ".scn", ".xml")):
+            ElementTree.fromstring(text)
+        if name.endswith(".py"):
+            compile(text, name, "exec")
+        assert not re.search(r"(?m)^boom", text)
 
 
 def test_unknown_target_names_the_nearest(tmp_path: Path) -> None:
