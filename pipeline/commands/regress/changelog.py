@@ -1,4 +1,4 @@
-"""Add a line to CHANGELOG.md under the current version, by the others of its stage."""
+"""Add a line to CHANGELOG.md, what is unreleased, by the others of its stage."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.store.atomic_files import readable
 
 FILE = "CHANGELOG.md"
+UNRELEASED = "## Unreleased"
 HEADING = re.compile(r"##\s+\[?v?(?P<version>\d[^\s\]]*)\]?(\s.*)?")
 
 
@@ -22,7 +23,8 @@ def current_version() -> str:
 def with_entry(path: Path, stage: str, words: str) -> bytes:
     """Return the changelog with the line `- stage: words`.
 
-    Raises `PipelineError` where it has no heading for the current version.
+    Under `UNRELEASED` where it has that, else under the current version. Raises
+    `PipelineError` where it has no heading for either.
     """
     with readable(path, file=path, what="changelog"):
         text = path.read_bytes().decode("utf-8", errors="surrogateescape")
@@ -38,14 +40,15 @@ def with_entry(path: Path, stage: str, words: str) -> bytes:
 
 
 def _section(lines: Sequence[str], path: Path) -> tuple[int, int]:
-    """The lines of the section of the current version, without its heading."""
+    """The lines of the section for what is new, without its heading."""
     headings = {
         place: match["version"]
         for place, line in enumerate(lines)
         if (match := HEADING.fullmatch(line.rstrip()))
     }
     number = current_version()
-    starts = [place for place, in_heading in headings.items() if in_heading == number]
+    starts = [place for place, line in enumerate(lines) if line.rstrip() == UNRELEASED]
+    starts += [place for place, in_heading in headings.items() if in_heading == number]
     if not starts:
         raise PipelineError(
             f"no heading for version {number}",

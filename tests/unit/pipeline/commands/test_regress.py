@@ -250,6 +250,15 @@ def test_update_adds_one_line_beside_the_entries_of_the_stage(setting: Setting) 
     )
 
 
+def test_a_line_goes_to_what_is_unreleased_where_there_is_such_a_heading(setting: Setting) -> None:
+    before = setting.changelog.read_text()
+    setting.changelog.write_text(before.replace("## ", "## Unreleased\n\n- fuse: new.\n\n## ", 1))
+    moved = against(setting, tables(training__linear__all__rms=2.5))
+    regress.update(moved, "fuse: a lag", as_json=False)
+    line = "- fuse: new.\n- fuse: a lag (golden tables of toy: 1 cell changed)\n\n## "
+    assert line in setting.changelog.read_text()
+
+
 @pytest.mark.parametrize(
     ("change", "stage"),
     [
