@@ -41,6 +41,7 @@ CHAIN: tuple[Stage[Any, Any, Any], ...] = (
 )
 OWN = "own"
 """Name of a structure that the caller gives by its terms."""
+LARGEST_RATE_RMS = 10.0  # rad/s; 570 deg/s, a turn and a half per second
 AT_ORIGIN = MountedSensor(np.zeros(3), np.eye(3), 0.0)
 
 
@@ -102,7 +103,8 @@ def fit(
     Raises
     ------
     PipelineError
-        Shapes that do not fit, an actuator without a command, too few data.
+        Shapes that do not fit, degrees for radians, an actuator without a command, too
+        few data.
     """
     t_s = np.asarray(time, dtype=np.float64)
     if t_s.ndim != 1 or len(t_s) < 2 or not np.all(np.diff(t_s) > 0.0):
@@ -111,10 +113,12 @@ def fit(
     acting, commands = _actuators(
         own, t_s, tau, {"pulses": pulses, "fins": fins, "propeller_rev_s": propeller_rev_s}
     )
+    motion, euler = _rows(nu, t_s, 6, "nu"), _rows(angles, t_s, 3, "angles")
+    _refuse_degrees(motion, euler)
     streams = _streams(
         t_s,
-        _rows(nu, t_s, 6, "nu"),
-        _rows(angles, t_s, 3, "angles"),
+        motion,
+        euler,
         commands,
         None if voltage is None else _rows(voltage, t_s, 0, "voltage"),
     )
@@ -265,6 +269,31 @@ def _rows(values: ArrayLike, t_s: Array, width: int, name: str) -> Array:
             remedy="Leave out the rows that are not known.",
         )
     return array
+
+
+def _refuse_degrees(nu: Array, angles: Array) -> None:
+    """Raise `DataError` for angles and rates that can hardly be in radians."""
+    for index, (name, most) in enumerate((("roll", np.pi), ("pitch", np.pi / 2.0))):
+        largest = int(np.argmax(np.abs(angles[:, index])))
+        value = float(angles[largest, index])
+        if abs(value) > most + 1e-6:
+            raise DataError(
+                f"{name} is beyond its range: degrees?",
+                field="angles",
+                row=largest,
+                value=value,
+                allowed=f"{-most:.4f} to {most:.4f} rad",
+                remedy="Give radians: np.radians(angles).",
+            )
+    rms = np.sqrt(np.mean(nu[:, 3:] ** 2, axis=0))
+    if rms.max() > LARGEST_RATE_RMS:
+        raise DataError(
+            f"the rate {'pqr'[int(np.argmax(rms))]} is beyond any vehicle: degrees per second?",
+            field="nu",
+            value=f"RMS {rms.max():.4g}",
+            allowed=f"up to {LARGEST_RATE_RMS:g} rad/s",
+            remedy="Give radians per second: np.radians(nu[:, 3:]).",
+        )
 
 
 def _streams(

@@ -137,6 +137,9 @@ def test_without_a_part_to_judge_on_the_model_says_so(
         ({"vehicle": "nobodys"}, "no such vehicle"),
         ({"nu": np.full((600, 6), np.nan)}, "not finite"),
         ({"time": np.zeros(600)}, "times do not ascend"),
+        ({"angles": np.full((600, 3), [0.0, 2.0, 0.0])}, "pitch .*degrees.*np.radians"),
+        ({"angles": np.full((600, 3), [-4.0, 0.0, 0.0])}, "roll .*degrees.*np.radians"),
+        ({"nu": np.full((600, 6), [1.0, 0, 0, 0, 0, 11.0])}, "rate r .*degrees.*np.radians"),
     ],
 )
 def test_a_fit_refuses_in_words(
