@@ -17,8 +17,13 @@ from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.model_file.contents import as_logged, model_document, use_entry
-from auvid.stages.presentation import section, table, text
+from auvid.stages.model_file.contents import (
+    as_logged,
+    differing_directions,
+    model_document,
+    use_entry,
+)
+from auvid.stages.presentation import remark, section, table, text
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     merits: dict[str, MeritRecord] = {item.name: item for item in inputs.ranking.models}
     rows = inputs.free_run.to_pylist()
     vehicle = inputs.vehicle
-    for log in (inputs.log_info or {}).values():
+    logs = list((inputs.log_info or {}).values())
+    for log in logs:
         vehicle = as_logged(vehicle, log)
     files = {
         name: model_document(
@@ -69,10 +75,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for name, card in inputs.model_card.items()
     }
-    return Outputs(files, _section(files))
+    return Outputs(files, _section(files, differing_directions(inputs.vehicle, vehicle, logs)))
 
 
-def _section(files: Mapping[str, ModelFile]) -> dict[str, Any]:
+def _section(files: Mapping[str, ModelFile], warning: str) -> dict[str, Any]:
     heads = ["file", "model", "take it", "what for"]
     rows = [
         [
@@ -84,7 +90,9 @@ def _section(files: Mapping[str, ModelFile]) -> dict[str, Any]:
         for name, file in files.items()
     ]
     words = text("Each file stands alone: vehicle, coefficients with verdicts, uses and figures.")
-    return section("Model files", [words, table("Model files of this run", heads, rows)], order=58)
+    warnings = [remark(warning, "warning")] if warning else []
+    listed = table("Model files of this run", heads, rows)
+    return section("Model files", [words, *warnings, listed], order=58)
 
 
 STAGE = Stage(

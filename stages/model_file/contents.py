@@ -141,6 +141,28 @@ def as_logged(vehicle: Vehicle, log: LogInfo) -> Vehicle:
     return replace(logged, document=document)
 
 
+def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogInfo]) -> str:
+    """Return a warning where logs turn the motors differently; empty where they agree.
+
+    chosen: the vehicle that model files hold. Each leg is fitted with its own log's.
+    """
+    if chosen.thrusters is None:
+        return ""
+    held = chosen.thrusters.direction
+    others = []
+    for log in logs:
+        thrusters = with_logged_directions(vehicle, log.parameters)[0].thrusters
+        if thrusters is not None and not np.array_equal(thrusters.direction, held):
+            others.append(f"{log.log} {thrusters.direction.astype(int).tolist()}")
+    if not others:
+        return ""
+    return (
+        f"Motor directions differ between the logs: model files hold"
+        f" {held.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted with"
+        " its own. A model for the others needs a campaign of their logs."
+    )
+
+
 def frames(origin: str) -> FramesEntry:
     """Return axes, angles and signs, which are the same in every model file."""
     return FramesEntry(

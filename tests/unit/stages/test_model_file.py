@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import InertiaCard
 from auvid.data_schemas.tables import make_table
@@ -68,6 +70,12 @@ def run() -> ExampleRun:
 
 
 def files_of(run: ExampleRun, choice: str | None = "linear") -> dict[str, ModelFile]:
+    return dict(outputs_of(run, choice).model_file)
+
+
+def outputs_of(
+    run: ExampleRun, choice: str | None = "linear", logs: Mapping[str, LogInfo] | None = None
+) -> model_file.Outputs:
     given = run.inputs()
     rows: list[dict[str, Any]] = [
         {"segment": "check", "model": "linear", "as_measured": put_in, "horizon_s": 5.0}
@@ -82,8 +90,31 @@ def files_of(run: ExampleRun, choice: str | None = "linear") -> dict[str, ModelF
         model_card=collection(run.cards),
         ranking=run.ranking(choice),
         free_run=make_table("free_run", {key: [row[key] for row in rows] for key in names}),
+        log_info=None if logs is None else collection(logs),
     )
-    return dict(model_file.run(inputs, model_file.Params()).model_file)
+    return model_file.run(inputs, model_file.Params())
+
+
+@pytest.mark.parametrize(("second", "warns"), [(-1.0, False), (1.0, True), (None, True)])
+def test_logs_whose_motors_turn_differently_are_named(
+    run: ExampleRun, second: float | None, warns: bool
+) -> None:
+    """The last log would win; one that records nothing has those of the vehicle file."""
+    log, thrusters = run.logs["dive"], run.vehicle.thrusters
+    assert thrusters is not None
+    outputs = thrusters.outputs
+
+    def turned(name: str, direction: float | None) -> LogInfo:
+        parameters = {f"MOT_{n}_DIRECTION": direction for n in outputs}
+        return log.model_copy(update={"log": name, "parameters": parameters})
+
+    logs = {name: turned(name, way) for name, way in (("first", -1.0), ("second", second))}
+    section = outputs_of(run, logs=logs).section
+    words = [block["text"] for block in section["blocks"] if block["kind"] == "remark"]
+    assert len(words) == warns
+    if warns:
+        assert "Motor directions differ" in words[0]
+        assert ("those of first [-1" if second else "those of second [-1, -1, 1") in words[0]
 
 
 @pytest.fixture(scope="module")
