@@ -30,8 +30,8 @@ from auvid.stages.reference_check import ReferenceCheck, Tolerance
 from auvid.stages.report.summary.figure_summary import DETERMINED
 
 FILES = ("stages", "coefficients", "free_run", "results")
-"""Mean and RMS of each column of each stage's tables; coefficients with verdicts; RMS
-errors of free runs; named figures.
+"""Mean, RMS and gaps of each column of each stage's tables; coefficients with verdicts;
+RMS errors of free runs; named figures.
 """
 HEADER = ("stage", "of", "quantity", "verdict", "value", "scale", "unit")
 TOLERANCES = "figure_tolerances.yaml"
@@ -42,6 +42,10 @@ UNDETERMINED = ("simulated_motion", "channel_run", "channel_history", "decay_his
 stands in the results.
 """
 LAST = "report"
+NOT_FINITE = " not finite"
+"""Ends the quantity of a row that counts gaps in a column; no row, no gap."""
+STAYED = 0.75
+"""Share of free runs that must not diverge for the RMS error of these to be kept."""
 MOTIONS = {
     "velocity": ("u_rms_m_s", "v_rms_m_s", "w_rms_m_s"),
     "angular rate": ("p_rms_rad_s", "q_rms_rad_s", "r_rms_rad_s"),
@@ -73,12 +77,14 @@ class ColumnSums:
 
     unit: str
     count: int = 0
+    gaps: int = 0
     total: float = 0.0
     squares: float = 0.0
 
     def add(self, values: npt.NDArray[np.float64]) -> None:
         finite = values[np.isfinite(values)]
         self.count += finite.size
+        self.gaps += values.size - finite.size
         self.total += float(finite.sum())
         self.squares += float(np.square(finite).sum())
 
@@ -103,18 +109,18 @@ class RunSums:
         bounded = row["starts"] - row["diverged"]
         self.starts += row["starts"]
         self.diverged += row["diverged"]
-        for name, columns in MOTIONS.items():
+        for name, columns in MOTIONS.items() if bounded else ():
             errors = sum((row[column] or 0.0) ** 2 for column in columns)
             self.squares[name] = self.squares.get(name, 0.0) + bounded * errors
 
     def figure(self, name: str) -> GoldenFigure:
-        """RMS error; of diverged runs their number alone."""
-        if self.diverged:
-            return GoldenFigure(
-                None, None, UNITS[name], f"{self.diverged} of {self.starts} diverged"
-            )
-        rms = math.sqrt(self.squares[name] / max(self.starts, 1))
-        return GoldenFigure(_rounded(rms), None, UNITS[name], "bounded")
+        """RMS error of runs that did not diverge, where these are `STAYED` of all."""
+        bounded = self.starts - self.diverged
+        verdict = f"{self.diverged} of {self.starts} diverged" if self.diverged else "bounded"
+        if bounded < STAYED * self.starts:
+            return GoldenFigure(None, None, UNITS[name], verdict)
+        rms = math.sqrt(self.squares.get(name, 0.0) / max(bounded, 1))
+        return GoldenFigure(_rounded(rms), None, UNITS[name], verdict)
 
 
 def stages_of(run: Run) -> list[AnyStage]:
@@ -174,6 +180,8 @@ def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, GoldenFigu
     yield "rows", GoldenFigure(float(rows), None, "1")
     for name, column in sums.items():
         yield name, column.figure
+        if column.gaps and column.count:
+            yield name + NOT_FINITE, GoldenFigure(float(column.gaps), None, "1")
 
 
 def _coefficients(loaded: Loaded) -> Figured:
@@ -339,11 +347,12 @@ def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
     for file in FILES:
         before, now = old.get(file, {}), new.get(file, {})
         for key in dict.fromkeys((*before, *now)):
-            if key not in before or key not in now:
-                kind = "missing" if key in before else "new"
+            was, is_now = _row(before, key), _row(now, key)
+            if was is None or is_now is None:
+                kind = "new" if was is None else "missing"
                 departed.append(Departure(kind, file, key[1], key[2], stage=key[0]))
                 continue
-            for check in _checks(key[2], before[key], now[key], allowed[file]):
+            for check in _checks(key[2], was, is_now, allowed[file]):
                 if check.met:
                     within += 1
                 else:
@@ -351,22 +360,38 @@ def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
     return within, sorted(departed, key=lambda item: order[item.stage])
 
 
+def _row(rows: Mapping[Key, GoldenFigure], key: Key) -> GoldenFigure | None:
+    """Return the figure of a key; of gaps 0 where a column that stands there has none."""
+    stage, of, quantity = key
+    if quantity.endswith(NOT_FINITE) and (stage, of, quantity.removesuffix(NOT_FINITE)) in rows:
+        return rows.get(key, GoldenFigure(0.0, None, "1"))
+    return rows.get(key)
+
+
 def _checks(
     quantity: str, old: GoldenFigure, new: GoldenFigure, tolerance: Tolerance
 ) -> Iterator[ReferenceCheck]:
-    """Yield the checks of verdict and value, and of the scale."""
+    """Yield the checks of verdict and value, and of the scale.
+
+    Counts of gaps are exact. Older files hold no number of runs some of which diverged.
+    """
     scale = old.scale if old.scale is not None else old.value
     near = Tolerance(old.unit, tolerance.reason, absolute=tolerance.allowed(scale or 0.0))
+    if quantity.endswith(NOT_FINITE):
+        near = Tolerance(old.unit, "a value is there or not")
+    same = old.verdict == new.verdict
+    judged = old.value is not None or not (same and old.verdict.endswith(" diverged"))
     yield ReferenceCheck(
         quantity,
-        new.value,
+        new.value if judged else None,
         old.unit,
         reference=old.value,
         tolerance=near,
         status=new.verdict,
         required_status=old.verdict if old.verdict or new.verdict else None,
     )
-    if old.scale is not None and new.scale is not None:
+    numbers = sum(each is not None for each in (old.scale, new.scale))
+    if numbers == 2 or (numbers and same):
         yield ReferenceCheck(
             f"scale of {quantity}", new.scale, old.unit, reference=old.scale, tolerance=near
         )

@@ -50,6 +50,8 @@ def test_columns_are_kept_as_mean_and_rms_over_all_items() -> None:
     found = dict(figures._columns("fused", iter([("a", parts[0]), ("b", parts[1])])))
     assert found["rows"].value == 3.0
     assert found["u_m_s"] == GoldenFigure(-0.5, 3.53553, "m/s")
+    gaps = {name: figure.value for name, figure in found.items() if "not finite" in name}
+    assert gaps == {"u_m_s not finite": 1.0}
 
 
 def test_a_table_with_verdicts_gives_no_columns() -> None:
@@ -103,6 +105,9 @@ def test_free_runs_are_weighted_by_their_number_and_counted_where_they_diverge()
     assert found(runs(1, 0, 1.0), runs(3, 2, 3.0)) == GoldenFigure(
         None, None, "m/s", "2 of 4 diverged"
     )
+    nan = float("nan")
+    most = found(runs(3, 0, 1.0), runs(4, 1, 3.0), runs(1, 1, nan))
+    assert most == GoldenFigure(3.87298, None, "m/s", "2 of 8 diverged")
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:
@@ -149,6 +154,69 @@ def test_a_verdict_that_changes_departs() -> None:
     assert departure.check is not None
     assert departure.check.cells["status"] == "identified -> weak"
     assert within == 4
+
+
+def column_of(*values: float) -> dict[str, dict[Key, GoldenFigure]]:
+    """The figures of a fused table whose only column is a velocity."""
+    table = pa.table({"u_m_s": list(values)})
+    found = figures._columns("fused", iter([("a", table)]))
+    return {"stages": {("fuse", "fused", name): figure for name, figure in found}}
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "counts"),
+    [
+        ((3.0, 1.0, 3.0, 1.0), (3.0, 1.0, NAN, NAN), (0.0, 2.0)),
+        ((3.0, 1.0, NAN, NAN), (3.0, 1.0, 3.0, 1.0), (2.0, 0.0)),
+        ((3.0, 1.0, NAN, NAN), (3.0, 3.0, 1.0, NAN), (2.0, 1.0)),
+    ],
+)
+def test_gaps_in_a_column_depart_at_the_same_mean_and_rms(
+    before: tuple[float, ...], after: tuple[float, ...], counts: tuple[float, float]
+) -> None:
+    _, departures = figures.compare(column_of(*before), column_of(*after))
+    found = {item.column: item.check for item in departures}
+    check = found["u_m_s not finite"]
+    assert check is not None
+    assert (check.reference, check.value) == counts
+    if 0.0 in counts:
+        assert list(found) == ["u_m_s not finite"]
+
+
+def test_one_gap_in_a_long_column_departs() -> None:
+    ones = [1.0] * 100_000
+    within, (departure,) = figures.compare(column_of(*ones), column_of(*ones[1:], NAN))
+    assert departure.column == "u_m_s not finite"
+    assert within == 3
+
+
+def test_a_scale_that_comes_or_goes_departs() -> None:
+    gone = changed("coefficients", DRAG, scale=None)
+    for old, new in ((BASE, gone), (gone, BASE)):
+        _, (departure,) = figures.compare(old, new)
+        assert departure.check is not None
+        assert departure.check.quantity == "scale of X u"
+
+
+def test_runs_that_stay_are_compared_where_the_file_holds_their_number() -> None:
+    key = ("validate", "fossen", "velocity after 5 s")
+
+    def file(value: float | None, verdict: str = "1 of 10 diverged") -> figures.Figures:
+        return {"free_run": {key: GoldenFigure(value, None, "m/s", verdict)}}
+
+    for old, new, departs in (
+        (file(None), file(0.2), False),
+        (file(0.2), file(0.2), False),
+        (file(0.2), file(0.21), True),
+        (file(0.2), file(None), True),
+        (file(None), file(0.2, "2 of 10 diverged"), True),
+        (file(None, "bounded"), file(0.2, "bounded"), True),
+    ):
+        _, departures = figures.compare(old, new)
+        assert len(departures) == departs
 
 
 def test_the_first_stage_of_the_chain_is_named() -> None:
