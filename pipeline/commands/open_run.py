@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.workspace import (
     find_workspace,
@@ -16,7 +17,7 @@ from auvid.pipeline.campaigns.workspace import (
 )
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
-from auvid.pipeline.graph import Graph, stages_of_kind
+from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
 from auvid.stages import KINDS, STAGES
 
 
@@ -33,6 +34,23 @@ def open_run(name: str) -> Run:
     params = {stage.name: stage_params(stage, defaults, campaign) for stage in graph.stages}
     write_code_files(STAGES, workspace.code)
     return Run(campaign, graph, params, workspace.runs / campaign.name)
+
+
+def check_fresh(run: Run, stages: Sequence[AnyStage]) -> None:
+    """Raise `DataError` where a stage has not been run, or is not up to date."""
+    remedy = f"auvid run {run.campaign.name}"
+    for stage in stages:
+        for place in run.places(stage.maps_over):
+            if place.item not in run.manifests[stage.name].records:
+                raise DataError(
+                    f"stage {stage.name} has not been run", file=run.folder, remedy=remedy
+                )
+            if not run.is_fresh(run.task(stage, place)):
+                raise DataError(
+                    f"the results of stage {stage.name} are not up to date",
+                    file=run.folder,
+                    remedy=remedy,
+                )
 
 
 @contextmanager

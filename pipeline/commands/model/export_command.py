@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.campaigns.workspace import workspace_of
+from auvid.pipeline.commands.open_run import check_fresh, open_run
+from auvid.pipeline.graph import select
 from auvid.pipeline.store.model_files import read_model
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.number_format import significant
@@ -31,7 +34,10 @@ def export(
     from auvid.export import prepare
     from auvid.export.writing import write_files
 
-    model = read_model(model_path(name))
+    path = model_path(name)
+    if not Path(name).expanduser().is_file():
+        warn_of_stale(name.removesuffix(f"/{path.stem}"))
+    model = read_model(path)
     prepared = prepare(model, target, lossy=lossy, force=force, name=file_name, draws=draws)
     stem = next(iter(prepared.files)).partition(".")[0].removesuffix(f"_{target}")
     paths = write_files(prepared, folder or Path(f"{stem}_{target}"), force=force)
@@ -42,6 +48,17 @@ def export(
     print("\nwritten:")
     for path in paths:
         print(f"  {path_from_here(path.resolve())}")
+
+
+def warn_of_stale(campaign: str) -> None:
+    """Print a warning where the models of a campaign are not up to date."""
+    try:
+        run = open_run(campaign)
+        check_fresh(run, select(run.graph, until="model_file"))
+    except PipelineError as fault:
+        print(
+            f"WARNING: the exported model may be out of date: {plain(str(fault))}", file=sys.stderr
+        )
 
 
 def print_losses(losses: ExportLosses) -> None:

@@ -17,14 +17,14 @@ from typing import Any
 
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.pipeline.campaigns.workspace import workspace_of
-from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.open_run import check_fresh, open_run
 from auvid.pipeline.commands.regress import changelog
 from auvid.pipeline.commands.regress import golden_figures as figures
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_figures import Figures
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import ONCE, AnyStage, select
+from auvid.pipeline.graph import ONCE, select
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
@@ -80,23 +80,6 @@ def default_folder(root: Path, campaign: Path) -> Path:
         (folder for folder in (shared, own) if folder.is_dir()),
         shared if shared.parent.is_dir() else own,
     )
-
-
-def check_fresh(run: Run, stages: Sequence[AnyStage]) -> None:
-    """Raise `DataError` where a stage has not been run, or is not up to date."""
-    remedy = f"auvid run {run.campaign.name}"
-    for stage in stages:
-        for place in run.places(stage.maps_over):
-            if place.item not in run.manifests[stage.name].records:
-                raise DataError(
-                    f"stage {stage.name} has not been run", file=run.folder, remedy=remedy
-                )
-            if not run.is_fresh(run.task(stage, place)):
-                raise DataError(
-                    f"the results of stage {stage.name} are not up to date",
-                    file=run.folder,
-                    remedy=remedy,
-                )
 
 
 def error_tables(run: Run) -> Tables:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.pipeline import cli
+from auvid.pipeline.commands.model import export_command
 from auvid.pipeline.commands.model.export_command import model_path
 from auvid.pipeline.store.model_files import write_model
 from tests.support.model_files import DAMPED, model_file
@@ -63,6 +65,34 @@ def test_losses_and_files_are_printed(workspace: Path) -> None:
     assert "share of the viscous force" in output.output
     assert "sim/rov.sdf" in output.output
     assert Path("sim/README.md").is_file()
+
+
+def test_results_that_are_not_up_to_date_are_warned_of(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a run, by what `auvid regress` refuses; a file stands for itself."""
+
+    def stale(run: SimpleNamespace, stages: object) -> None:
+        assert (Path(run.name).name, stages) == ("dive", "until model_file")
+        raise DataError("the results of stage fuse are not up to date", remedy="auvid run dive")
+
+    def warned(name: str) -> bool:
+        words = ["export", name, "--to", "python", "--force", "-o", "sim"]
+        output = CliRunner().invoke(cli.app, words, catch_exceptions=False).output
+        assert "written:" in output
+        return "may be out of date" in output and "fuse" in output
+
+    monkeypatch.setattr(
+        export_command, "open_run", lambda name: SimpleNamespace(name=name, graph=None)
+    )
+    monkeypatch.setattr(export_command, "select", lambda graph, until: f"until {until}")
+    monkeypatch.setattr(export_command, "check_fresh", stale)
+    assert warned("dive")
+    assert warned("dive/fossen")
+    assert warned("campaigns/dive")
+    assert not warned(str(workspace / "fossen.json"))
+    monkeypatch.setattr(export_command, "check_fresh", lambda run, stages: None)
+    assert not warned("dive")
 
 
 def test_a_loss_is_refused_without_lossy_and_writes_nothing(workspace: Path) -> None:
