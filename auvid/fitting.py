@@ -28,7 +28,15 @@ from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.pipeline.store.fingerprints import as_document, hash_value, package_versions, stage_code
 from auvid.stages import fuse, model_file, resample, residual, synthesise, validate
 from auvid.stages.base import Stage, collection, make_params
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, FINS, GYRO, LINEAR_VELOCITY, named
+from auvid.stages.columns import (
+    ACCELEROMETER,
+    ATTITUDE,
+    FINS,
+    GYRO,
+    LINEAR_VELOCITY,
+    VELOCITY_SD,
+    named,
+)
 
 LOG = "arrays"
 CHAIN: tuple[Stage[Any, Any, Any], ...] = (
@@ -56,6 +64,7 @@ def fit(
     fins: ArrayLike | None = None,
     propeller_rev_s: ArrayLike | None = None,
     voltage: ArrayLike | None = None,
+    velocity_sd: ArrayLike | None = None,
     model: str | Mapping[str, list[str]] = "symmetric",
     validate_from: float | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
@@ -86,6 +95,10 @@ def fit(
         Propeller speed [1/s].
     voltage : array_like, shape (n,), optional
         Battery voltage [V].
+    velocity_sd : array_like, shape (6,), optional
+        Standard deviations of `nu` by all its errors [m/s, rad/s]. With them a linear
+        term counts as excited from three of them on; without them from 0.03 on, as
+        noise in velocities of unknown origin may have been filtered away.
     model : str or mapping
         Name of a form (``symmetric``, ``diagonal``, ``linear``, ``fossen`` ...), or
         axis -> terms: ``{"X": ["u", "u|u|"], "N": ["r"]}``.
@@ -122,11 +135,13 @@ def fit(
         commands,
         None if voltage is None else _rows(voltage, t_s, 0, "voltage"),
     )
-    params = _parameters(model, settings or {})
+    deviations = None if velocity_sd is None else _deviations(velocity_sd)
+    params = _parameters(model, settings or {}, "fixed" if deviations is None else "errors")
     origin = _origin(own, streams, params)
     acting = replace(acting, dvl=AT_ORIGIN, imu=AT_ORIGIN, depth_sensor=AT_ORIGIN)
     name = OWN if isinstance(model, Mapping) else model
-    return VehicleModel(_chain(t_s, validate_from, streams, own, acting, params, origin)[name])
+    files = _chain(t_s, validate_from, streams, own, acting, params, origin, deviations)
+    return VehicleModel(files[name])
 
 
 def _chain(
@@ -137,6 +152,7 @@ def _chain(
     acting: Vehicle,
     params: Mapping[str, Any],
     origin: Mapping[str, Any],
+    velocity_sd: Array | None,
 ) -> Mapping[str, ModelFile]:
     """Run the stages; `acting` has the actuators that the streams command."""
     log = _log_info(t_s)
@@ -147,13 +163,18 @@ def _chain(
         for key, segment in even.segment.items():
             table = even.resampled[key]
             state = fuse.run(fuse.Inputs(segment, table, acting, log), params["fuse"])
+            fused = state.fused
+            if velocity_sd is not None:
+                columns = {item: fused[item] for item in fused.column_names}
+                rows = np.broadcast_to(velocity_sd, (fused.num_rows, 6))
+                fused = make_table("fused", columns | named(VELOCITY_SD, rows))
             rest = residual.run(
-                residual.Inputs(segment, state.fused, state.fusion, table, acting, log),
+                residual.Inputs(segment, fused, state.fusion, table, acting, log),
                 params["residual"],
             )
-            parts = (segment, state.fused, rest.residual, state.fusion, rest.controls)
-            for rows, part in zip(tables.values(), parts, strict=True):
-                rows[key] = part
+            parts = (segment, fused, rest.residual, state.fusion, rest.controls)
+            for own_tables, part in zip(tables.values(), parts, strict=True):
+                own_tables[key] = part
     data = {name: collection(rows) for name, rows in tables.items()}
     cards = synthesise.run(
         synthesise.Inputs(
@@ -271,6 +292,18 @@ def _rows(values: ArrayLike, t_s: Array, width: int, name: str) -> Array:
     return array
 
 
+def _deviations(values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (6,) or not np.all(np.isfinite(array) & (array >= 0.0)):
+        raise DataError(
+            "no standard deviations of u v w p q r",
+            field="velocity_sd",
+            value=array.tolist(),
+            allowed="six numbers of at least 0 m/s, rad/s",
+        )
+    return array
+
+
 def _refuse_degrees(nu: Array, angles: Array) -> None:
     """Raise `DataError` for angles and rates that can hardly be in radians."""
     for index, (name, most) in enumerate((("roll", np.pi), ("pitch", np.pi / 2.0))):
@@ -331,7 +364,9 @@ def _log_info(t_s: Array) -> LogInfo:
 
 
 def _parameters(
-    model: str | Mapping[str, list[str]], settings: Mapping[str, Mapping[str, Any]]
+    model: str | Mapping[str, list[str]],
+    settings: Mapping[str, Mapping[str, Any]],
+    excitation: str,
 ) -> dict[str, Any]:
     names = [stage.name for stage in CHAIN]
     for name in settings:
@@ -350,7 +385,7 @@ def _parameters(
     # Draws give the band of the report, which a model file does not hold.
     base = {
         "fuse": {"method": "kinematic"},
-        "synthesise": chosen,
+        "synthesise": chosen | {"excitation": excitation},
         "validate": {"free_run_draws": 0},
     }
     return {

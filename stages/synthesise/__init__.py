@@ -56,6 +56,8 @@ from auvid.stages.synthesise.error_choice import (
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
 from auvid.stages.synthesise.presentation import synthesise_section
 from auvid.stages.synthesise.training import (
+    EXCITATION,
+    FROM_ERRORS,
     LegTables,
     TrainingData,
     TrainingSegment,
@@ -120,6 +122,15 @@ class Params:
         None,
         meaning="lags of the coloured standard errors; null chooses by Andrews's rule",
         low=0,
+    )
+    excitation: str = param(
+        "1",
+        FROM_ERRORS,
+        meaning=(
+            "from where on a linear term counts as excited: three standard deviations of its"
+            " velocity's error where these are known, or the fixed 0.03 m/s or rad/s"
+        ),
+        allowed=EXCITATION,
     )
     error_function: str = param(
         "1",
@@ -207,7 +218,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     parts: dict[str, TrainingData] = {}
     names = parts_of([inputs.segment[key].leg for key in training])
     for name, leg in zip(names, legs(), strict=True):
-        own = TrainingData.of(leg, terms, inputs.vehicle)
+        own = TrainingData.of(leg, terms, inputs.vehicle, excitation=params.excitation)
         parts[name] = parts[name].merge(own) if name in parts else own
     data = reduce(TrainingData.merge, parts.values())
     factors = {name: part.factor for name, part in parts.items()}

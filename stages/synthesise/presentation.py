@@ -48,7 +48,8 @@ def synthesise_section(
     ]
     note = (
         "Not excited: RMS below the threshold, three times the standard deviation of the fused"
-        " velocity's error. Products count as excited from 0.03 m/s or rad/s of each factor on."
+        " velocity's error, or 0.03 where that is not used. Products count"
+        " as excited from 0.03 m/s or rad/s of each factor on."
         " Weak: moves, but hardly varies."
     )
     heads = ["velocity", "RMS", "lowest", "highest", "threshold", "excitation", "both directions"]

@@ -56,6 +56,9 @@ HAC_BLOCK_SAMPLES = 32_768
 minutes at 50 Hz): it bounds their memory.
 """
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
+FROM_ERRORS = "errors"
+EXCITATION = (FROM_ERRORS, "fixed")
+"""What a velocity has to exceed to count as excited: its own errors, or a fixed RMS."""
 ACTUATORS = ("fins", "propeller", "thrusters")
 """Components of the residual force that a lag of the actuators delays."""
 THRUST = ("propeller", "thrusters")
@@ -212,13 +215,20 @@ class TrainingData:
     motion: Mapping[str, VelocityExcitation]
 
     @classmethod
-    def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> TrainingData:
+    def of(
+        cls,
+        leg: TrainingSegment,
+        terms: Sequence[str],
+        vehicle: Vehicle,
+        *,
+        excitation: str = FROM_ERRORS,
+    ) -> TrainingData:
         """Return the data of one leg."""
         factor = TriangularFactor.empty(terms)
         for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
             factor = factor.update(rows, force)
         errors = DataErrors.of(leg, terms, vehicle)
-        thresholds = error_thresholds(leg.sd)
+        thresholds = error_thresholds(leg.sd if excitation == FROM_ERRORS else None)
         return cls(
             factor, errors, axis_excitation(leg.nu, eta_ratio=leg.ratio, thresholds=thresholds)
         )

@@ -124,6 +124,25 @@ def test_without_a_part_to_judge_on_the_model_says_so(
     assert "nothing judges it" in model.use
 
 
+@pytest.mark.parametrize(("velocity_sd", "excited"), [(None, False), (0.001, True), (0.01, False)])
+def test_small_motion_counts_as_excited_only_with_the_callers_errors(
+    flight: tuple[Array, Array, Any],
+    fossen: auvid.Model,
+    velocity_sd: float | None,
+    excited: bool,
+) -> None:
+    """Sway of 0.02 m/s RMS: below the fixed 0.03, above three times 0.001, below of 0.01."""
+    t, tau, motion = flight
+    rows = slice(0, 1500)
+    nu = motion.iloc[rows, 1:7].to_numpy()
+    nu[:, 1] *= 0.02 / np.sqrt(np.mean(nu[:, 1] ** 2))
+    model = auvid.fit(
+        t[rows], nu, motion.iloc[rows, 10:], fossen.vehicle, tau=tau[rows], model={"Y": ["v"]},
+        velocity_sd=None if velocity_sd is None else [velocity_sd] * 6,
+    )  # fmt: skip
+    assert (model.coefficients["verdict"]["Y_v"] != "not excited") is excited
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -136,6 +155,7 @@ def test_without_a_part_to_judge_on_the_model_says_so(
         ({"validate_from": 1e6}, "judged outside the data"),
         ({"vehicle": "nobodys"}, "no such vehicle"),
         ({"nu": np.full((600, 6), np.nan)}, "not finite"),
+        ({"velocity_sd": [0.01] * 3}, "no standard deviations of u v w p q r"),
         ({"time": np.zeros(600)}, "times do not ascend"),
         ({"angles": np.full((600, 3), [0.0, 2.0, 0.0])}, "pitch .*degrees.*np.radians"),
         ({"angles": np.full((600, 3), [-4.0, 0.0, 0.0])}, "roll .*degrees.*np.radians"),
