@@ -11,10 +11,12 @@ from auvid.data_schemas.records.model_file import ModelFile
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.text import number
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
-from auvid.hydro.identification.constrained.draws import draw_within
+from auvid.hydro.identification.constrained.draws import (
+    draw_within,
+    flown_limits,
+    printed_covariance,
+)
 from auvid.hydro.identification.constrained.equations import Unknown, added_mass_unknown
-from auvid.hydro.identification.constrained.limits import damping_limits
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 
 SEED = 0
@@ -44,12 +46,9 @@ def export(request: Request) -> Exported:
     """
     model, count = request.model, request.draws
     unknowns, values, covariance = posterior(model)
-    flown = [model.validity[name] for name in VELOCITIES]
-    reach = [max(abs(v.low), abs(v.high), v.threshold) for v in flown]
-    rows, cuts = damping_limits(unknowns, "dissipative", reach)
-    if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
-        # Of other than linear terms the rows hold the power at many velocities already.
-        cuts = []
+    flown = {name: (span.low, span.high) for name, span in model.validity.items()}
+    # Passive whatever the limits of the fit were: a simulator may not gain energy.
+    rows, cuts = flown_limits(unknowns, "dissipative", flown)
     drawn = draw_within(unknowns, values, covariance, rows, cuts, count=count, seed=SEED)
     counts = (
         f"{count} draws, of which {drawn.moved} were not passive (they give energy to a motion of"
@@ -70,8 +69,8 @@ def export(request: Request) -> Exported:
         _USAGE.format(counts=counts),
         (
             counts,
-            "Axes are drawn independently of each other; assumed figures of the vehicle and the"
-            " form of the model are not drawn.",
+            "Axes and inertia are drawn independently of each other; assumed figures of the"
+            " vehicle and the form of the model are not drawn.",
         ),
     )
 
@@ -91,14 +90,9 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
     covariance = np.zeros((len(unknowns), len(unknowns)))
     for axis, card in model.covariance.items():
         places = [unknowns.index(Unknown(axis, term)) for term in card.terms]
-        block = np.zeros((len(places), len(places)))
-        for i, row in enumerate(card.lower):
-            block[i, : i + 1] = block[: i + 1, i] = row
-        own = np.sqrt(np.maximum(np.diag(block), 0.0))
-        errors = [entries[unknowns[place]].standard_error for place in places]
-        printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
-        scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
-        covariance[np.ix_(places, places)] = block * np.outer(scale, scale)
+        covariance[np.ix_(places, places)] = printed_covariance(
+            card.lower, [entries[unknowns[place]].standard_error for place in places]
+        )
     for item in model.fitted_inertia:
         place_of = unknowns.index(added_mass_unknown(item.name))
         covariance[place_of, place_of] = item.standard_error**2

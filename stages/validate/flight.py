@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
+from auvid.hydro.arrays import AXES, Array, Index
 from auvid.hydro.dynamics.simulation.free_run import (
     MeasuredMotion,
     WanderingForce,
@@ -23,16 +23,17 @@ from auvid.hydro.dynamics.simulation.free_run import (
     wrapped,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.hydro.identification.constrained.draws import draw_within
+from auvid.hydro.identification.constrained.draws import (
+    draw_within,
+    flown_limits,
+    printed_covariance,
+)
 from auvid.hydro.identification.constrained.equations import (
     Unknown,
     added_mass_change,
     added_mass_unknown,
 )
-from auvid.hydro.identification.constrained.limits import damping_limits
-from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
 from auvid.stages.columns import ATTITUDE, VELOCITY
@@ -128,23 +129,15 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
     for axis, part in card.axes.items():
         terms = part.covariance.terms
         places = [unknowns.index(Unknown(axis, term)) for term in terms]
-        block = np.zeros((len(terms), len(terms)))
-        for i, row in enumerate(part.covariance.lower):
-            block[i, : i + 1] = block[: i + 1, i] = row
         errors = {item.term: item.standard_error for item in part.terms}
-        own = np.sqrt(np.maximum(np.diag(block), 0.0))
-        printed = np.array([errors.get(term) or sd for term, sd in zip(terms, own, strict=True)])
-        scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
-        covariance[np.ix_(places, places)] = block * np.outer(scale, scale)
+        covariance[np.ix_(places, places)] = printed_covariance(
+            part.covariance.lower, [errors.get(term) for term in terms]
+        )
     for item in card.inertia:
         i = unknowns.index(added_mass_unknown(item.name))
         covariance[i, i] = item.standard_error**2
-    flown = {name: card.conditions[name] for name in VELOCITIES}
-    reach = [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
-    rows, cuts = damping_limits(unknowns, card.damping, reach)
-    if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
-        # Of other than linear terms the rows hold the power at many velocities already.
-        cuts = []
+    flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
+    rows, cuts = flown_limits(unknowns, card.damping, flown)
     drawn = draw_within(unknowns, np.array(values), covariance, rows, cuts, count=count, seed=seed)
     kept = drawn.values
     models: list[IdentifiedModel] = []

@@ -16,10 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.estimates import each_nearest_within
+from auvid.hydro.identification.constrained.limits import damping_limits
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,39 @@ def draw_within(
         moved += bool(nearest.active)
         outside.update({item.name for item in nearest.active})
     return PosteriorDraws(drawn, moved, dict(outside))
+
+
+def printed_covariance(lower: Sequence[Sequence[float]], errors: Sequence[float | None]) -> Array:
+    """Return the covariance (p, p) of a lower triangle in the size of printed errors.
+
+    errors: standard errors; None keeps the size of the triangle.
+
+    >>> printed_covariance([[4.0], [1.0, 1.0]], [1.0, None]).tolist()
+    [[1.0, 0.5], [0.5, 1.0]]
+    """
+    block = np.zeros((len(lower), len(lower)))
+    for i, row in enumerate(lower):
+        block[i, : i + 1] = block[: i + 1, i] = row[: i + 1]
+    own = np.sqrt(np.maximum(np.diag(block), 0.0))
+    printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
+    scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
+    return np.asarray(block * np.outer(scale, scale))
+
+
+def flown_limits(
+    unknowns: Sequence[Unknown], kind: str, flown: Mapping[str, tuple[float, float]]
+) -> tuple[list[InequalityRows], list[Cuts]]:
+    """Return the limits on damping of draws over the flown range.
+
+    kind: as `damping_limits`. flown: velocity -> lowest, highest [m/s, rad/s]; no range is
+    narrower than the threshold of excitation.
+    """
+    reach = [max(abs(flown[v][0]), abs(flown[v][1]), THRESHOLDS[v]) for v in VELOCITIES]
+    rows, cuts = damping_limits(unknowns, kind, reach)
+    if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
+        # Of other than linear terms the rows hold the power at many velocities already.
+        cuts = []
+    return rows, cuts
 
 
 def normal_draws(values: Array, covariance: Array, *, count: int, seed: int) -> Array:

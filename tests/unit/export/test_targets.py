@@ -354,6 +354,20 @@ def test_draws_are_passive_and_moved_ones_counted() -> None:
     assert moved / 1000 == pytest.approx(share, abs=0.05)
 
 
+def test_draws_are_those_of_the_bands_of_validation() -> None:
+    """The same limits: a threshold of excitation on the card widens no range."""
+    model = model_file({"Y": {"v": -4.0, "u*v": 3.0}}, error=0.5)
+    wide = {k: v.model_copy(update={"threshold": 5.0}) for k, v in model.validity.items()}
+    wider = model.model_copy(update={"validity": wide})
+    ours, theirs = (
+        prepare(m, "draws", name="rov", draws=50).files["rov_draws.csv"] for m in (model, wider)
+    )
+    assert ours == theirs
+    assert "Axes and inertia are drawn independently" in str(
+        prepare(model, "draws", name="rov", draws=3).losses.notes
+    )
+
+
 def test_json_is_the_model_file(tmp_path: Path) -> None:
     model = model_file()
     (path, _) = write(model, "json", tmp_path)
