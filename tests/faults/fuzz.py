@@ -13,7 +13,8 @@ the readers need, and each reader is tried on larger damaged logs: ten times the
 is the most that reading may take. A failing case is written to tests/data/fuzz.
 
 What was tried stands in build/fuzz, so that a campaign that was stopped goes on; it
-begins anew when the code of the readers or the damage changes.
+begins anew when the code of the readers or the damage changes. One that ends before all
+was tried leaves out the check of memory, and its last line begins with PARTIAL.
 """
 
 from __future__ import annotations
@@ -296,9 +297,19 @@ def main() -> int:
         peaks = [] if left else list(pool.imap(memory_without_limit, names))
     console.print(damage_table(tallies))
     bad = report(console, tallies, peaks)
-    rest = sum(map(len, left.values()))
-    console.print(f"{sum(tally.cases for tally in tallies.values())} cases tried, {rest} left")
+    tried_cases = sum(tally.cases for tally in tallies.values())
+    console.print(closing_words(tried_cases, sum(map(len, left.values()))))
     return int(bad)
+
+
+def closing_words(tried_cases: int, left: int) -> str:
+    """What was tried and what was not; `PARTIAL` first where something was not."""
+    if not left:
+        return f"all {tried_cases} cases tried, memory checked"
+    return (
+        f"PARTIAL: {tried_cases} of {tried_cases + left} cases tried, {left} left;"
+        " memory was not checked. The same command goes on from here."
+    )
 
 
 def memory_without_limit(name: str) -> tuple[str, float, float, float]:

@@ -9,6 +9,7 @@ import pytest
 
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.registry import READERS, reader_of
+from tests.faults.fuzz import closing_words
 from tests.support.damage_cases import (
     FOLDER,
     MEAN_SHARE,
@@ -42,6 +43,13 @@ def test_small_logs_are_whole(name: str) -> None:
         [],
     )
     assert result.expected > 100
+
+
+def test_a_campaign_cut_short_says_what_it_leaves() -> None:
+    assert closing_words(30, 12).startswith(
+        "PARTIAL: 30 of 42 cases tried, 12 left; memory was not"
+    )
+    assert closing_words(42, 0) == "all 42 cases tried, memory checked"
 
 
 def test_every_reader_has_a_small_log() -> None:

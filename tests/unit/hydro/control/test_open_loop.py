@@ -28,10 +28,11 @@ def cases_of(document):
 
 
 LONG_ENOUGH_S = {"spiral_ascent": 650.0, "spiral_descent": 650.0, "sawtooth": 800.0}
-"""Of 1000 s each: two turns, three periods."""
+"""Of 1000 s each: two turns, three periods. A release flies them in full."""
+IN_FULL = {case.name: case for case in cases_of(CASES)}
 BY_NAME = {
-    case.name: replace(case, duration_s=LONG_ENOUGH_S.get(case.name, case.duration_s))
-    for case in cases_of(CASES)
+    name: replace(case, duration_s=LONG_ENOUGH_S.get(name, case.duration_s))
+    for name, case in IN_FULL.items()
 }
 
 HOLD_AS_SIMULATED = {
@@ -70,6 +71,18 @@ def test_statements_of_the_text_under_the_parameters_of_the_simulations(flown, n
     assert found == HOLD_AS_SIMULATED[name], [
         (item.statement.quantity, item.ours) for item in findings(flown[name])
     ]
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("name", LONG_ENOUGH_S)
+def test_the_statements_hold_over_the_full_length_of_the_case(flown, name):
+    run = fly_open_loop(SIMULATED, IN_FULL[name])
+    assert run.stop is None
+    assert run.t_s[-1] == IN_FULL[name].duration_s == 1000.0
+    assert {item.statement.quantity: item.holds for item in findings(run)} == HOLD_AS_SIMULATED[
+        name
+    ]
+    np.testing.assert_allclose(run.chi[600], flown[name].chi[600], atol=1e-4)
 
 
 def test_the_manoeuvres_go_where_their_names_say(flown):

@@ -87,6 +87,17 @@ def test_a_bound_holds_and_is_named() -> None:
     assert np.isfinite(fit.standard_errors[1])
 
 
+def test_a_leg_left_out_by_one_step_is_the_fit_to_the_others() -> None:
+    legs = [sway_leg(*noisy_run(seed)) for seed in (1, 2, 3)]
+    start = {"Y v": -15.0}
+    fit = fit_output_error(legs, SWAY, start, sensor_sd=KNOWN_SD)
+    for number in range(3):
+        others = [leg for i, leg in enumerate(legs) if i != number]
+        again = fit_output_error(others, SWAY, start, sensor_sd=KNOWN_SD).theta[0]
+        moved = abs(fit.theta[0] - again)
+        assert abs(fit.without([number])[0] - again) < 0.02 * moved
+
+
 def test_a_strong_prior_wins_and_a_weak_one_leaves_the_data_alone() -> None:
     measured, thrust = noisy_run(4)
     leg, start = sway_leg(measured, thrust), {"Y v": -15.0}
