@@ -148,17 +148,17 @@ def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogIn
     """
     if chosen.thrusters is None:
         return ""
-    held = chosen.thrusters.direction
+    directions = chosen.thrusters.direction
     others = []
     for log in logs:
         thrusters = with_logged_directions(vehicle, log.parameters)[0].thrusters
-        if thrusters is not None and not np.array_equal(thrusters.direction, held):
+        if thrusters is not None and not np.array_equal(thrusters.direction, directions):
             others.append(f"{log.log} {thrusters.direction.astype(int).tolist()}")
     if not others:
         return ""
     return (
         f"Motor directions differ between the logs: model files hold"
-        f" {held.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted with"
+        f" {directions.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted with"
         " its own. A model for the others needs a campaign of their logs."
     )
 
