@@ -1,6 +1,7 @@
 """Exported files against their model: forces, terminal speeds, decays, losses, mistakes."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,15 @@ def _simulators(request: pytest.FixtureRequest) -> None:
         pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
 
-@pytest.mark.parametrize(("target", "name"), PAIRS)
+def slow(*values: str, where: bool) -> Any:
+    """A case that only a release needs: Octave starts anew, Stonefish sums over a box."""
+    return pytest.param(*values, marks=pytest.mark.release if where else ())
+
+
+@pytest.mark.parametrize(
+    ("target", "name"),
+    [slow(*pair, where=pair[0] == "mss" and pair[1] != "full") for pair in PAIRS],
+)
 def test_forces_at_a_thousand_states_are_those_of_the_model(
     target: str, name: str, tmp_path: Path
 ) -> None:
@@ -73,7 +82,10 @@ def test_a_free_decay_is_that_of_the_model(target: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(here, decay(reference(model), nu, angles), atol=1e-8)
 
 
-@pytest.mark.parametrize(("target", "name"), LOSSY)
+@pytest.mark.parametrize(
+    ("target", "name"),
+    [slow(*pair, where=pair[0] == "stonefish" and pair[1] != "symmetric") for pair in LOSSY],
+)
 def test_what_a_target_cannot_hold_is_refused_and_its_loss_is_right(
     target: str, name: str, tmp_path: Path
 ) -> None:
@@ -86,7 +98,9 @@ def test_what_a_target_cannot_hold_is_refused_and_its_loss_is_right(
     assert right.max() > 0.01
 
 
-@pytest.mark.parametrize("target", list(LOADERS))
+@pytest.mark.parametrize(
+    "target", [slow(target, where=target in ("stonefish", "mss")) for target in LOADERS]
+)
 def test_twelve_planted_mistakes_show(target: str, tmp_path: Path) -> None:
     model = MODELS[carrier(target)]()
     assert faults(model, model, target, tmp_path) == []

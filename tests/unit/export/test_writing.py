@@ -43,8 +43,19 @@ def test_files_have_their_names_and_a_readme(target: str, tmp_path: Path) -> Non
         assert "flown range" in head
 
 
-@pytest.mark.parametrize("vehicle", ["hauv", "remus100", "thaus", "vt690"])
-@pytest.mark.parametrize("target", sorted(TARGETS))
+@pytest.mark.parametrize(
+    ("target", "vehicle"),
+    [
+        pytest.param(
+            target,
+            vehicle,
+            # The drag of a box takes seconds: for one vehicle here, for all in a release.
+            marks=pytest.mark.release if target == "stonefish" and vehicle != "hauv" else (),
+        )
+        for target in sorted(TARGETS)
+        for vehicle in ("hauv", "remus100", "thaus", "vt690")
+    ],
+)
 def test_every_vehicle_has_files_of_every_target(target: str, vehicle: str) -> None:
     """Those without thrusters, geometry or thruster positions too; no number is missing."""
     files = prepare(model_file(vehicle=vehicle), target, name="auv", lossy=True, draws=3).files
