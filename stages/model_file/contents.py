@@ -158,8 +158,8 @@ def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogIn
         return ""
     return (
         f"Motor directions differ between the logs: model files hold"
-        f" {directions.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted with"
-        " its own. A model for the others needs a campaign of their logs."
+        f" {directions.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted"
+        " with its own. A model for the others needs a campaign of their logs."
     )
 
 
