@@ -381,9 +381,19 @@ def _clock(time: ArrayLike) -> Array:
     return t_s
 
 
+TIPPED_RAD = np.pi / 3.0
+
+
 def _beyond(file: ModelFile, states: Array) -> list[str]:
-    """Return velocities that leave the range in which the model was fitted."""
+    """Return velocities that leave the range of the fit, and angles that tip over."""
     words = []
+    for name in ("phi", "theta"):
+        reach_rad = np.nanmax(np.abs(states[:, STATES.index(name)]))
+        if reach_rad > TIPPED_RAD:
+            words.append(
+                f"{name} reaches {np.degrees(reach_rad):.0f} degrees: the vehicle tips over, and"
+                " what follows means nothing; no leg flew so"
+            )
     for i, (name, flown) in enumerate(file.validity.items()):
         reach = states[:, STATES.index(name)]
         low, high = np.nanmin(reach), np.nanmax(reach)

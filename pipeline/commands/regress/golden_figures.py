@@ -361,7 +361,7 @@ def compare(old: Figures, new: Figures) -> tuple[int, list[Departure]]:
 
 
 def _row(rows: Mapping[Key, GoldenFigure], key: Key) -> GoldenFigure | None:
-    """Return the figure of a key; of gaps 0 where a column that stands there has none."""
+    """Return the figure of a key; 0 for the gaps of a column that has none."""
     stage, of, quantity = key
     if quantity.endswith(NOT_FINITE) and (stage, of, quantity.removesuffix(NOT_FINITE)) in rows:
         return rows.get(key, GoldenFigure(0.0, None, "1"))

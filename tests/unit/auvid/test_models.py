@@ -134,7 +134,7 @@ def test_small_motion_counts_as_excited_only_with_the_callers_errors(
     """Sway of 0.02 m/s RMS: below the fixed 0.03, above three times 0.001, below of 0.01."""
     t, tau, motion = flight
     rows = slice(0, 1500)
-    nu = motion.iloc[rows, 1:7].to_numpy()
+    nu = motion.iloc[rows, 1:7].to_numpy(copy=True)
     nu[:, 1] *= 0.02 / np.sqrt(np.mean(nu[:, 1] ** 2))
     model = auvid.fit(
         t[rows], nu, motion.iloc[rows, 10:], fossen.vehicle, tau=tau[rows], model={"Y": ["v"]},
@@ -313,3 +313,11 @@ def test_without_matplotlib_a_plot_says_what_to_install(
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(auvid.PipelineError, match="pip install matplotlib"):
         auvid.plots.motion(flight[2])
+
+
+def test_a_vehicle_that_tips_over_is_named(fossen: auvid.Model) -> None:
+    t_s = np.arange(0.0, 4.0, 0.02)
+    calm = fossen.simulate(t_s, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    rolled = fossen.simulate(t_s, [0.0, 0.0, 0.0, 40.0, 0.0, 0.0])
+    assert not [words for words in calm.attrs["warnings"] if "tips over" in words]
+    assert [words for words in rolled.attrs["warnings"] if "phi reaches" in words]
