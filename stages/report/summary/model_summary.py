@@ -85,6 +85,8 @@ def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
         rest = [axis for axis in AXES if axis not in usable.simulation]
         reason += f", {axes_listed(rest)} not" if rest else ""
+        if {"K", "M"} & set(rest):
+            reason += ": in motions unlike those of the validation legs it may tip over"
     uses.append(Use("Simulation", _some(usable.simulation), reason))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"

@@ -167,6 +167,18 @@ def test_simulation_is_promised_only_where_free_runs_hold_and_help(
     assert ("not to simulate" in first_screen.headline) is (axes == "no axis")
 
 
+@pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
+def test_a_model_that_does_not_hold_roll_is_said_to_tip_over(
+    run: ExampleRun, column: str, warned: bool
+) -> None:
+    set_ratio(run, "validation", {"coe": 0.2})
+    run.free_run = free_runs("coe", lost=0)
+    run.free_run[0][column] = 0.9
+    (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")
+    assert use.axes != "all axes"
+    assert ("may tip over" in use.reason) is warned
+
+
 def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, object]]:
     """Rows of free runs of a model, and of no change with an error of .5."""
     names = [f"{v}_rms_{'m_s' if v in 'uvw' else 'rad_s'}" for v in "uvwpqr"]
