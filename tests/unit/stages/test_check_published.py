@@ -203,10 +203,10 @@ def test_what_cannot_fail_is_counted_apart() -> None:
     assert outputs.comparison is not None
     assert outputs.bounds is not None
     assert outputs.section is not None
-    found = outputs.comparison.to_pylist()
+    rows_made = outputs.comparison.to_pylist()
     kinds = ["method", "method", "construction", "tuned", "unprinted", ""]
-    assert [item["evidence"] for item in found] == kinds
-    assert found[2]["reason"] == "the twin flew it"
+    assert [item["evidence"] for item in rows_made] == kinds
+    assert rows_made[2]["reason"] == "the twin flew it"
     check_document(outputs.bounds, "results")
     counted = {item["quantity"]: item["value"] for item in outputs.bounds["rows"]}
     assert counted == {

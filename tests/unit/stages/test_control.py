@@ -186,10 +186,10 @@ def test_the_same_seed_draws_the_same_vehicles() -> None:
 
 
 def test_any_vehicle_flies_its_model_card() -> None:
-    found = run(VT690, short_vt690(), CARD)
-    assert figure(found, "steady error, straight, undisturbed")["value"] < 0.1
-    assert "propeller_rev_s" in found.flights["straight-undisturbed"].column_names
-    assert figure(found, "Monte Carlo, rms cross-track")["high"] < 1.0
+    outputs = run(VT690, short_vt690(), CARD)
+    assert figure(outputs, "steady error, straight, undisturbed")["value"] < 0.1
+    assert "propeller_rev_s" in outputs.flights["straight-undisturbed"].column_names
+    assert figure(outputs, "Monte Carlo, rms cross-track")["high"] < 1.0
 
 
 def test_an_unstable_model_is_refused_unless_told() -> None:
@@ -197,8 +197,8 @@ def test_an_unstable_model_is_refused_unless_told() -> None:
     card.predictor["N"]["r"] = 60.0
     with pytest.raises(PipelineError, match=r"unstable along the trajectory.*mode of"):
         run(VT690, short_vt690(), card)
-    found = run(VT690, short_vt690(), card, allow_unstable=True, members=0)
-    assert any("grows by" in block.get("text", "") for block in found.section["blocks"])
+    outputs = run(VT690, short_vt690(), card, allow_unstable=True, members=0)
+    assert any("grows by" in block.get("text", "") for block in outputs.section["blocks"])
 
 
 @pytest.mark.parametrize(

@@ -87,21 +87,23 @@ def inner(values: Array, seconds: float = 1.0) -> Array:
     "sensors", [IDEAL, ODD], ids=["at the origin", "arms, mountings and gyro bias"]
 )
 def test_kinematic_recovers_the_truth(motion: Motion, sensors: Sensors) -> None:
-    found = run(motion, sensors)
+    outputs = run(motion, sensors)
     # the gyro bias is found from attitude at 50 Hz: integration by splines is good to
     # 1e-8 rad/s
-    np.testing.assert_allclose(found.fusion.gyro_bias_rad_s, sensors.gyro_bias, rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(
-        matrix(found.fused, VELOCITY), motion.nu, rtol=0.0, atol=1e-7
+        outputs.fusion.gyro_bias_rad_s, sensors.gyro_bias, rtol=0.0, atol=1e-7
+    )
+    np.testing.assert_allclose(
+        matrix(outputs.fused, VELOCITY), motion.nu, rtol=0.0, atol=1e-7
     )  # m/s, rad/s
     np.testing.assert_allclose(
-        matrix(found.fused, POSE[2:]), motion.eta[:, 2:], rtol=0.0, atol=1e-12
+        matrix(outputs.fused, POSE[2:]), motion.eta[:, 2:], rtol=0.0, atol=1e-12
     )  # m, rad
     # spline derivative of waves up to 0.6 Hz at 50 Hz
     np.testing.assert_allclose(
-        inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=2e-5
+        inner(matrix(outputs.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=2e-5
     )
-    assert found.fusion.accel_bias_m_s2 is None
+    assert outputs.fusion.accel_bias_m_s2 is None
 
 
 def test_track_is_the_integral_of_the_velocity(motion: Motion) -> None:
@@ -165,19 +167,19 @@ def sampled(dense: pa.Table, lag_s: float, *, every: int | None = None) -> dict[
 @pytest.mark.parametrize("convention", ["specific_force", "inertial", "derivative"])
 def test_thesis_as_corrected_recovers_velocity_and_biases(motion: Motion, convention: str) -> None:
     sensors = replace(ODD, convention=convention)
-    found = run(motion, sensors, method="thesis")
-    assert found.fusion.accelerometer == convention
+    outputs = run(motion, sensors, method="thesis")
+    assert outputs.fusion.accelerometer == convention
     np.testing.assert_allclose(
-        found.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=1e-5
+        outputs.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=1e-5
     )  # m/s^2
     np.testing.assert_allclose(
-        matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
+        matrix(outputs.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
     )  # m/s, 40 s of integration
     np.testing.assert_allclose(
-        inner(matrix(found.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=1e-3
+        inner(matrix(outputs.fused, ACCELERATION)), inner(motion.nu_dot), rtol=0.0, atol=1e-3
     )  # m/s^2, rad/s^2
-    assert found.fusion.integrated_sway_rms_m_s < 1e-4
-    assert found.fusion.warnings == []
+    assert outputs.fusion.integrated_sway_rms_m_s < 1e-4
+    assert outputs.fusion.warnings == []
 
 
 def test_convention_comes_from_parameter_then_log_then_vehicle(motion: Motion) -> None:
@@ -195,15 +197,15 @@ def test_as_published_leaves_the_transport_term_in(motion: Motion) -> None:
     constant that the bias takes up, and it is told.
     """
     sensors = replace(IDEAL, convention="inertial")
-    found = run(motion, sensors, method="thesis", as_published=True)
-    error = matrix(found.fused, ACCELERATION[:3]) - motion.nu_dot[:, :3]
+    outputs = run(motion, sensors, method="thesis", as_published=True)
+    error = matrix(outputs.fused, ACCELERATION[:3]) - motion.nu_dot[:, :3]
     transport = np.cross(motion.nu[:, 3:], motion.nu[:, :3])
-    bias = np.array(found.fusion.accel_bias_m_s2)
+    bias = np.array(outputs.fusion.accel_bias_m_s2)
     np.testing.assert_allclose(error, transport - bias, rtol=0.0, atol=1e-5)  # m/s^2
     assert np.sqrt(np.mean(error**2)) > 0.05
-    assert found.fusion.integrated_sway_rms_m_s > methods.SWAY_WARNING_M_S
-    assert "sway" in found.fusion.warnings[0]
-    assert [block["level"] for block in found.section["blocks"] if block["kind"] == "remark"] == [
+    assert outputs.fusion.integrated_sway_rms_m_s > methods.SWAY_WARNING_M_S
+    assert "sway" in outputs.fusion.warnings[0]
+    assert [block["level"] for block in outputs.section["blocks"] if block["kind"] == "remark"] == [
         "warning"
     ]
 
@@ -214,11 +216,13 @@ def test_as_published_is_right_for_what_the_thesis_takes_the_accelerometer_for(
     """Negative control: with a rate of change of body velocity in the accelerometer's
     columns the printed procedure holds.
     """
-    found = run(motion, replace(IDEAL, convention="derivative"), method="thesis", as_published=True)
+    outputs = run(
+        motion, replace(IDEAL, convention="derivative"), method="thesis", as_published=True
+    )
     np.testing.assert_allclose(
-        matrix(found.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
+        matrix(outputs.fused, VELOCITY[:3]), motion.nu[:, :3], rtol=0.0, atol=1e-4
     )  # m/s
-    assert found.fusion.warnings == []
+    assert outputs.fusion.warnings == []
 
 
 def test_as_published_belongs_to_the_thesis_method(motion: Motion) -> None:
@@ -305,9 +309,9 @@ def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: f
     """The zone in which the low-pass follows its continuation, ln(100) / (2 pi f sin(pi
     / 8)), and at least half a second.
     """
-    found = run(motion, cutoff_hz=cutoff, edge_s=None)
-    assert found.fusion.edge_s == pytest.approx(edge, abs=1e-3)
-    t_s = column(found.fused, "t_s")
+    outputs = run(motion, cutoff_hz=cutoff, edge_s=None)
+    assert outputs.fusion.edge_s == pytest.approx(edge, abs=1e-3)
+    t_s = column(outputs.fused, "t_s")
     assert t_s[0] == pytest.approx(edge, abs=1.0 / RATE_HZ)
     assert t_s[-1] == pytest.approx(motion.t_s[-1] - edge, abs=1.0 / RATE_HZ)
 
@@ -406,17 +410,17 @@ def test_biases_belong_to_their_segment() -> None:
         sensors = replace(
             IDEAL, gyro_bias=np.array([0.0, bias, 0.0]), accel_bias=np.array([bias, 0.0, 0.0])
         )
-        found = run(rich_motion(30.0, seed=seed), sensors, method="thesis").fusion
-        assert found.gyro_bias_rad_s == pytest.approx([0.0, bias, 0.0], abs=1e-6)
-        assert found.accel_bias_m_s2 == pytest.approx([bias, 0.0, 0.0], abs=1e-4)
+        outputs = run(rich_motion(30.0, seed=seed), sensors, method="thesis").fusion
+        assert outputs.gyro_bias_rad_s == pytest.approx([0.0, bias, 0.0], abs=1e-6)
+        assert outputs.accel_bias_m_s2 == pytest.approx([bias, 0.0, 0.0], abs=1e-4)
 
 
 def test_gyro_bias_can_be_left_alone(motion: Motion) -> None:
     sensors = replace(IDEAL, gyro_bias=np.array([0.01, 0.0, 0.0]))
-    found = run(motion, sensors, fit_gyro_bias=False)
-    assert found.fusion.gyro_bias_rad_s == [0.0, 0.0, 0.0]
+    outputs = run(motion, sensors, fit_gyro_bias=False)
+    assert outputs.fusion.gyro_bias_rad_s == [0.0, 0.0, 0.0]
     np.testing.assert_allclose(
-        column(found.fused, "p_rad_s"), motion.nu[:, 3] + 0.01, rtol=0.0, atol=1e-12
+        column(outputs.fused, "p_rad_s"), motion.nu[:, 3] + 0.01, rtol=0.0, atol=1e-12
     )
 
 

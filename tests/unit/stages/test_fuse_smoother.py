@@ -78,23 +78,23 @@ def errors(found: fuse.Outputs, motion: Motion) -> tuple[float, float]:
 @pytest.mark.parametrize("convention", ["specific_force", "inertial"])
 def test_recovers_velocity_rate_and_bias(motion: Motion, convention: str) -> None:
     sensors = replace(ODD, convention=convention)
-    found = run(inputs(motion, sensors))
-    velocity, rate = errors(found, motion)
+    outputs = run(inputs(motion, sensors))
+    velocity, rate = errors(outputs, motion)
     # exact sensors sampled at 5 to 100 Hz: what is left is interpolation of attitude
     # and rates between samples
     assert velocity < 2e-3
     assert rate < 2e-2
     np.testing.assert_allclose(
-        found.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=5e-3
+        outputs.fusion.accel_bias_m_s2, sensors.accel_bias, rtol=0.0, atol=5e-3
     )
-    assert found.fusion.warnings == []
+    assert outputs.fusion.warnings == []
 
 
 def test_gives_standard_deviations(motion: Motion) -> None:
-    found = run(inputs(motion, ODD)).fused
+    outputs = run(inputs(motion, ODD)).fused
     names = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s")
-    assert has_columns(found, names)
-    assert np.all(matrix(found, names) > 0)
+    assert has_columns(outputs, names)
+    assert np.all(matrix(outputs, names) > 0)
 
 
 def test_takes_the_estimated_installation(motion: Motion) -> None:
@@ -203,25 +203,25 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate
     are over ground.
     """
-    found = run(in_current(motion, ODD), estimate_current=True)
-    told = found.fusion.current
+    outputs = run(in_current(motion, ODD), estimate_current=True)
+    told = outputs.fusion.current
     assert told.verdict == "observable"
     np.testing.assert_allclose(told.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
-    t_s = column(found.fused, "t_s")
+    t_s = column(outputs.fused, "t_s")
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
-    velocity = matrix(found.fused, VELOCITY[:3]) - (motion.nu[rows, :3] - drift)
-    rate = matrix(found.fused, ACCELERATION[:3]) - (
+    velocity = matrix(outputs.fused, VELOCITY[:3]) - (motion.nu[rows, :3] - drift)
+    rate = matrix(outputs.fused, ACCELERATION[:3]) - (
         motion.nu_dot[rows, :3] + np.cross(motion.nu[rows, 3:], drift)
     )
     assert np.sqrt(np.mean(velocity**2)) < 4e-3
     assert np.sqrt(np.mean(rate**2)) < 2e-2
     still = run(inputs(motion, ODD))
     np.testing.assert_allclose(
-        matrix(found.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3
+        matrix(outputs.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3
     )
     assert (
-        next(block["title"] for block in found.section["blocks"] if block["kind"] == "table")
+        next(block["title"] for block in outputs.section["blocks"] if block["kind"] == "table")
         == "Water current"
     )
 

@@ -442,14 +442,14 @@ def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> No
     water = make_table(
         "water_velocity", {name: table[name] for name in ("time_us", "u_m_s", "v_m_s", "w_m_s")}
     )
-    found = run(water_velocity=water)
-    assert list(found.segment) == ["leg"]
-    assert found.samples_water is not None
-    t = column(found.samples_water["leg"], "t_s")
-    at = t + float(found.segment["leg"].leg_start_s)
+    outputs = run(water_velocity=water)
+    assert list(outputs.segment) == ["leg"]
+    assert outputs.samples_water is not None
+    t = column(outputs.samples_water["leg"], "t_s")
+    at = t + float(outputs.segment["leg"].leg_start_s)
     assert not ((at > 20.0) & (at < 40.0 - DVL_LAG_S)).any()
     np.testing.assert_allclose(
-        column(found.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9
+        column(outputs.samples_water["leg"], "v_m_s"), 2.0 * np.sin(OMEGA * at), rtol=0.0, atol=1e-9
     )
 
 

@@ -69,10 +69,10 @@ def run(
     tables = {name: residual_table(nu, force, ratio) for name, (nu, force, ratio) in legs.items()}
     segments = {name: segment_document(name, (use or {}).get(name, "training")) for name in legs}
     inputs = synthesise.Inputs(collection(tables), collection(segments), shipped_vehicle(vehicle))
-    found = synthesise.run(inputs, synthesise.Params(**params))
-    for card in found.model_card.values():
+    outputs = synthesise.run(inputs, synthesise.Params(**params))
+    for card in outputs.model_card.values():
         check_document(card, "model_card")
-    return found
+    return outputs
 
 
 def noisy_legs(
@@ -207,7 +207,7 @@ def test_memory_is_that_of_one_leg_and_the_fit_that_of_one_pass() -> None:
     peaks = {}
     for legs in (3, 12):
         tracemalloc.start()
-        found = synthesise.run(lazy_inputs(legs), params)
+        outputs = synthesise.run(lazy_inputs(legs), params)
         peaks[legs] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     # One leg is 12,000 rows of 19 columns, 1.8 MB; holding them all would add 16 MB.
@@ -219,7 +219,7 @@ def test_memory_is_that_of_one_leg_and_the_fit_that_of_one_pass() -> None:
         for names in (VELOCITY, force_columns("tau_bar"))
     )
     factor = TriangularFactor.empty(terms).update(basis_rows(nu.T, None, terms), force)
-    card = found.model_card["linear"]
+    card = outputs.model_card["linear"]
     assert card.samples == len(nu)
     for axis in AXES:
         fit = solve_axis(factor, axis, model_named("linear").terms[axis])
@@ -249,17 +249,17 @@ def test_triangular_factor_holds_the_gram_matrix_of_columns_and_forces() -> None
 
 
 def test_terms_with_eta_do_not_apply_without_a_propeller_speed() -> None:
-    found = run(noisy_legs(with_ratio=False), vehicle="bluerov2_heavy")
+    outputs = run(noisy_legs(with_ratio=False), vehicle="bluerov2_heavy")
     for model in MODELS:
-        card, short = found.model_card[model.name], without_propeller_terms(model)
+        card, short = outputs.model_card[model.name], without_propeller_terms(model)
         assert (card.n_bar, card.n_bar_declared) == (short.n_bar, model.n_bar)
         assert len(card.not_applicable) == model.n_bar - short.n_bar
-    card = found.model_card["gertler_hagen"]
+    card = outputs.model_card["gertler_hagen"]
     assert len(card.not_applicable) == 15
     assert "K (u*u)*(eta-1)" in card.not_applicable
     notes = [
         block["text"]
-        for block in found.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "remark" and "propulsion ratio" in block["text"]
     ]
     assert len(notes) == 1
@@ -311,8 +311,8 @@ def test_spikes_do_not_make_a_velocity_excited() -> None:
     nu[300:303, 5] = 0.2, 0.4, 0.3
     force = force.copy()
     force[:, 5] = -50.0 * nu[:, 5] * np.abs(nu[:, 5])
-    found = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy")
-    for card in found.model_card.values():
+    outputs = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy")
+    for card in outputs.model_card.values():
         for axis, part in card.axes.items():
             assert not any("r" in term for item in part.combinations for term in item.weights)
             for item in part.terms:
@@ -324,7 +324,7 @@ def test_spikes_do_not_make_a_velocity_excited() -> None:
                         "not excited",
                     )
                     assert item.value is None
-    assert found.model_card["fossen"].predictor["N"]["r*|r|"] == pytest.approx(
+    assert outputs.model_card["fossen"].predictor["N"]["r*|r|"] == pytest.approx(
         -50.0, rel=1e-6
     )  # what predictions are made with
 
@@ -407,10 +407,10 @@ def test_lopsided_force_is_remarked() -> None:
         *(-10.0 * nu[:, index] for index in range(2, 6)),
     ]
     force = np.column_stack(columns)
-    found = run({"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy")
+    outputs = run({"one": (nu, force, None)}, models=("linear",), vehicle="bluerov2_heavy")
     notes = [
         block["text"]
-        for block in found.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "remark" and "symmetric" in block["text"]
     ]
     assert len(notes) == 1
@@ -481,13 +481,13 @@ def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
 
 def test_fewer_samples_than_terms_gives_numbers_without_errors() -> None:
     nu, force, _ = noisy_legs(with_ratio=False)["one"]
-    found = run(
+    outputs = run(
         {"one": (nu[::60], force[::60], None)},
         models=("mcfarland", "fossen"),
         vehicle="bluerov2_heavy",
     )
-    assert found.model_card["mcfarland"].rank == 6 * 10
-    assert found.model_card["fossen"].axes["Y"].terms[0].standard_error is not None
+    assert outputs.model_card["mcfarland"].rank == 6 * 10
+    assert outputs.model_card["fossen"].axes["Y"].terms[0].standard_error is not None
 
 
 def test_no_training_leg_is_refused() -> None:
@@ -519,10 +519,10 @@ def test_unit_of_a_coefficient() -> None:
 def test_section_shows_no_number_that_the_data_do_not_determine() -> None:
     nu, force, _ = noisy_legs(with_ratio=False)["one"]
     nu = np.where(np.arange(6) == 3, 0.001 * nu, nu)
-    found = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True)
+    outputs = run({"one": (nu, force, None)}, vehicle="bluerov2_heavy", trim=True)
     rows = [
         row
-        for block in found.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "table" and "verdict" in str(block["columns"])
         for row in block["rows"]
     ]
@@ -536,8 +536,8 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
     legs = noisy_legs()
     plain = run(legs, models=("prestero",)).model_card["prestero"]
     assert "prior" not in plain
-    found = run(legs, models=("prestero",), prior="strip_theory", prior_sd=0.2)
-    card = found.model_card["prestero"]
+    outputs = run(legs, models=("prestero",), prior="strip_theory", prior_sd=0.2)
+    card = outputs.model_card["prestero"]
     means = card.prior.means
     assert (card.prior.source, card.prior.relative_sd) == ("strip_theory", 0.2)
     assert set(means["Y"]) == {
@@ -558,7 +558,7 @@ def test_a_prior_is_used_only_when_asked_for_and_named_on_the_card() -> None:
         ]
         assert card.axes[axis].j >= plain.axes[axis].j
     assert any(
-        "a prior was used" in str(block.get("text", "")) for block in found.section["blocks"]
+        "a prior was used" in str(block.get("text", "")) for block in outputs.section["blocks"]
     )
 
 
@@ -722,8 +722,8 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
         None,
         collection({"one": controls}),
     )
-    found = synthesise.run(inputs, synthesise.Params(models=("diagonal",)))
-    card = found.model_card["diagonal"]
+    outputs = synthesise.run(inputs, synthesise.Params(models=("diagonal",)))
+    card = outputs.model_card["diagonal"]
     check_document(card, "model_card")
     (surge,) = card.axes["X"].terms
     assert card.spreads["thrust"] == 0.2
@@ -732,17 +732,19 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     assert surge.standard_error < 1.0
     assert surge.verdict == "identified", "what no dive makes smaller is no part of the noise"
     rows = next(
-        block["rows"] for block in found.section["blocks"] if "verdict" in str(block.get("columns"))
+        block["rows"]
+        for block in outputs.section["blocks"]
+        if "verdict" in str(block.get("columns"))
     )
     shift = surge.assumed_shifts["thrust"]
     assert rows[0][-2].startswith(f"± {shift:.3g} scale of the thrust curve")
 
 
 def test_only_methods_that_were_measured_state_their_coverage() -> None:
-    found = run(noisy_legs(), models=("linear", "diagonal"))
-    assert set(found.model_card["linear"].coverage_on_twins) == {"linear", "gertler_hagen"}
-    assert not found.model_card["diagonal"].coverage_on_twins
-    notes = [block["note"] for block in found.section["blocks"] if block.get("note")]
+    outputs = run(noisy_legs(), models=("linear", "diagonal"))
+    assert set(outputs.model_card["linear"].coverage_on_twins) == {"linear", "gertler_hagen"}
+    assert not outputs.model_card["diagonal"].coverage_on_twins
+    notes = [block["note"] for block in outputs.section["blocks"] if block.get("note")]
     assert sum("% where the truth is Linear and" in note for note in notes) == 1
 
 
@@ -751,8 +753,8 @@ def test_another_error_function_is_that_of_the_samples_and_claims_no_interval(
     function: str,
 ) -> None:
     legs = noisy_legs(with_ratio=False)
-    found = run(legs, models=("linear",), error_function=function, trim=True)
-    card = found.model_card["linear"]
+    outputs = run(legs, models=("linear",), error_function=function, trim=True)
+    card = outputs.model_card["linear"]
     assert (card.method, card.error_function) == ("error function", function)
     nu, force = (np.concatenate([leg[index] for leg in legs.values()]) for index in (0, 1))
     rows = np.vstack([nu.T, np.ones((1, len(nu)))])
@@ -770,7 +772,7 @@ def test_another_error_function_is_that_of_the_samples_and_claims_no_interval(
             assert item.standard_error is None
             assert item.verdict != "identified"
             assert item.value in (None, card.predictor[axis][item.term])
-    assert "No interval" in str(found.section)
+    assert "No interval" in str(outputs.section)
 
 
 def test_weights_by_deviations_are_those_of_weighted_least_squares() -> None:
@@ -838,14 +840,14 @@ def test_a_minimum_that_is_not_found_names_model_and_axis(
 
 
 def test_structures_without_limits_take_any_error_function() -> None:
-    found = run(
+    outputs = run(
         noisy_legs(with_ratio=False),
         vehicle="bluerov2_heavy",
         models=("symmetric",),
         damping="free",
         error_function="absolute",
     )
-    assert found.model_card["symmetric"].method == "error function"
+    assert outputs.model_card["symmetric"].method == "error function"
 
 
 def with_priors(*sources: dict[str, Any], models: tuple[str, ...] = ("symmetric",)) -> ModelCard:
@@ -859,9 +861,9 @@ def with_priors(*sources: dict[str, Any], models: tuple[str, ...] = ("symmetric"
         shipped_vehicle("bluerov2_heavy"),
         priors=PriorSourcesRecord.model_validate({"sources": list(sources)}),
     )
-    found = synthesise.run(inputs, synthesise.Params(models=models))
-    check_document(found.model_card[models[0]], "model_card")
-    return found.model_card[models[0]]
+    outputs = synthesise.run(inputs, synthesise.Params(models=models))
+    check_document(outputs.model_card[models[0]], "model_card")
+    return outputs.model_card[models[0]]
 
 
 def a_prior(kind: str, axis: str, term: str, value: float, sd: float) -> dict[str, Any]:
@@ -904,7 +906,10 @@ def test_fewer_samples_than_terms_name_the_axis() -> None:
 
 def test_one_leg_is_left_out_of_nothing_and_the_page_says_so() -> None:
     legs = noisy_legs(with_ratio=False)
-    found = run({"one": legs["one"]}, models=("linear",))
-    assert (found.model_card["linear"].left_out, found.model_card["linear"].held_out) == ([], {})
-    assert "There is one training leg" in str(found.section)
+    outputs = run({"one": legs["one"]}, models=("linear",))
+    assert (outputs.model_card["linear"].left_out, outputs.model_card["linear"].held_out) == (
+        [],
+        {},
+    )
+    assert "There is one training leg" in str(outputs.section)
     assert "There is one training leg" not in str(run(legs, models=("linear",)).section)

@@ -37,12 +37,12 @@ def source(folder: Path, document: object, **entry: Any) -> dict[str, Any]:
 
 
 def test_a_bench_gives_its_damping_with_independent_errors(tmp_path: Path) -> None:
-    found = source(tmp_path, BENCH, bench="results.json")
-    assert [(item["axis"], item["term"], item["value"]) for item in found["terms"]] == [
+    priors = source(tmp_path, BENCH, bench="results.json")
+    assert [(item["axis"], item["term"], item["value"]) for item in priors["terms"]] == [
         ("K", "p", -1.2),
         ("K", "p*|p|", -3.0),
     ]
-    assert found["lower"] == [[pytest.approx(0.01)], [0.0, pytest.approx(0.25)]]
+    assert priors["lower"] == [[pytest.approx(0.01)], [0.0, pytest.approx(0.25)]]
     wider = source(tmp_path, BENCH, bench="results.json", terms=["K_p"], widen=3.0)
     assert wider["lower"] == [[pytest.approx(0.09)]]
 
@@ -66,10 +66,10 @@ def test_a_card_gives_its_posterior_in_the_size_of_its_printed_errors(tmp_path: 
     document["axes"]["X"]["covariance"] = covariance
     for axis in "YZKMN":
         document["axes"][axis]["covariance"] = {"terms": [], "lower": []}
-    found = source(tmp_path, document, campaign="results.json")
-    assert [item["value"] for item in found["terms"]] == [-5.0, -7.0]
+    priors = source(tmp_path, document, campaign="results.json")
+    assert [item["value"] for item in priors["terms"]] == [-5.0, -7.0]
     # Correlation .5 / root(1 * 4), deviations 2 and 2.
-    np.testing.assert_allclose(found["lower"][1], [0.25 * 4.0, 4.0])
+    np.testing.assert_allclose(priors["lower"][1], [0.25 * 4.0, 4.0])
 
 
 @pytest.mark.parametrize(

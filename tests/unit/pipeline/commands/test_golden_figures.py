@@ -47,10 +47,10 @@ def test_columns_are_kept_as_mean_and_rms_over_all_items() -> None:
         pa.table({"t_s": [0.0], "u_m_s": [3.0]}),
         pa.table({"t_s": [1.0, 2.0], "u_m_s": [float("nan"), -4.0]}),
     ]
-    found = dict(figures._columns("fused", iter([("a", parts[0]), ("b", parts[1])])))
-    assert found["rows"].value == 3.0
-    assert found["u_m_s"] == GoldenFigure(-0.5, 3.53553, "m/s")
-    gaps = {name: figure.value for name, figure in found.items() if "not finite" in name}
+    columns = dict(figures._columns("fused", iter([("a", parts[0]), ("b", parts[1])])))
+    assert columns["rows"].value == 3.0
+    assert columns["u_m_s"] == GoldenFigure(-0.5, 3.53553, "m/s")
+    gaps = {name: figure.value for name, figure in columns.items() if "not finite" in name}
     assert gaps == {"u_m_s not finite": 1.0}
 
 
@@ -65,8 +65,8 @@ def test_a_table_with_verdicts_gives_no_columns() -> None:
 )
 def test_a_coefficient_keeps_its_number_where_it_is_identified(verdict: str, kept: bool) -> None:
     term = {"term": "u", "unit": "N", "value": -3.0, "standard_error": 0.5, "verdict": verdict}
-    found = read("model_card", {"axes": {"X": {"terms": [term]}}, "inertia": []})
-    assert found == {
+    means = read("model_card", {"axes": {"X": {"terms": [term]}}, "inertia": []})
+    assert means == {
         ("fossen", "X u"): GoldenFigure(-3.0 if kept else None, 0.5 if kept else None, "N", verdict)
     }
 
@@ -79,8 +79,8 @@ def test_errors_of_a_fit_with_undetermined_terms_stay_out() -> None:
         row("rmse (both)", 1.0e9),
         row("rmse", 0.1),
     ]
-    found = read("results", {"title": "surge", "rows": rows})
-    values = {quantity: figure.value for (_, quantity), figure in found.items()}
+    means = read("results", {"title": "surge", "rows": rows})
+    values = {quantity: figure.value for (_, quantity), figure in means.items()}
     assert values == {
         "mass (linear)": 5.0,
         "rmse (linear)": 0.2,
@@ -88,7 +88,7 @@ def test_errors_of_a_fit_with_undetermined_terms_stay_out() -> None:
         "rmse (both)": None,
         "rmse": 0.1,
     }
-    assert found["surge", "mass (both)"].verdict == "weak"
+    assert means["surge", "mass (both)"].verdict == "weak"
 
 
 def runs(starts: int, diverged: int, error: float) -> dict[str, Any]:
@@ -159,8 +159,8 @@ def test_a_verdict_that_changes_departs() -> None:
 def column_of(*values: float) -> dict[str, dict[Key, GoldenFigure]]:
     """The figures of a fused table whose only column is a velocity."""
     table = pa.table({"u_m_s": list(values)})
-    found = figures._columns("fused", iter([("a", table)]))
-    return {"stages": {("fuse", "fused", name): figure for name, figure in found}}
+    columns = figures._columns("fused", iter([("a", table)]))
+    return {"stages": {("fuse", "fused", name): figure for name, figure in columns}}
 
 
 NAN = float("nan")

@@ -311,9 +311,9 @@ def decay_of(
 
 
 def empty_pendulum() -> Derivatives:
-    found = estimate_decay(decay_of(POLE, POLE_TRUTH))
+    estimate = estimate_decay(decay_of(POLE, POLE_TRUTH))
     return derivatives(
-        found.output_error["linear and quadratic"], pendulum_moments(POLE, G), arm=ARM
+        estimate.output_error["linear and quadratic"], pendulum_moments(POLE, G), arm=ARM
     )
 
 
@@ -333,36 +333,36 @@ def test_damping_models_are_those_of_the_vehicle() -> None:
     truth = TRUTH * [1.0, 1.0, 0.0]
     decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
     known = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
-    found = estimate_decay(replace(decay, pole=known))
-    assert found.chosen == "linear"
+    estimate = estimate_decay(replace(decay, pole=known))
+    assert estimate.chosen == "linear"
     for method, tolerance in (("output_error", 1e-6), ("recursive", 0.02), ("batch", 0.02)):
-        values = derivatives(getattr(found, method)["linear"], hung, arm=ARM, empty=empty).values
+        values = derivatives(getattr(estimate, method)["linear"], hung, arm=ARM, empty=empty).values
         np.testing.assert_allclose(values, truth, rtol=tolerance, atol=1e-9)
     other = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH, noise=1.0, seed=4)
     # 1 mrad of noise per sample of the angle.
-    assert prediction_error(other, found.output_error["linear"]) == pytest.approx(1e-3, rel=0.1)
-    assert prediction_error(other, found.output_error["quadratic"]) > 2e-3
+    assert prediction_error(other, estimate.output_error["linear"]) == pytest.approx(1e-3, rel=0.1)
+    assert prediction_error(other, estimate.output_error["quadratic"]) > 2e-3
 
 
 def test_decay_gives_the_truth_and_prefers_the_true_damping() -> None:
-    found = estimate_decay(decay_of([*POLE, VEHICLE], TRUTH + POLE_TRUTH))
-    values, _ = best(found)
+    estimate = estimate_decay(decay_of([*POLE, VEHICLE], TRUTH + POLE_TRUTH))
+    values, _ = best(estimate)
     np.testing.assert_allclose(values, TRUTH, rtol=1e-4)
-    assert found.chosen == "linear and quadratic"
-    errors = {name: item.held_out_rad for name, item in found.output_error.items()}
+    assert estimate.chosen == "linear and quadratic"
+    errors = {name: item.held_out_rad for name, item in estimate.output_error.items()}
     assert errors["linear and quadratic"] < 1e-6 < min(errors["linear"], errors["quadratic"])
     for method in ("recursive", "batch"):
         # Straight lines between samples of 50 Hz cost a thousandth of the added mass;
         # the quadratic term is the most sensitive.
-        assert np.all(np.abs(best(found, method)[0] / TRUTH - 1.0) < [0.005, 0.03, 0.1])
+        assert np.all(np.abs(best(estimate, method)[0] / TRUTH - 1.0) < [0.005, 0.03, 0.1])
 
 
 @pytest.mark.parametrize(("attitude", "gyro"), [(True, True), (False, True), (True, False)])
 def test_noisy_decay_with_drifting_zero(attitude: bool, gyro: bool) -> None:
-    found = estimate_decay(
+    estimate = estimate_decay(
         decay_of([*POLE, VEHICLE], TRUTH + POLE_TRUTH, noise=1.0, attitude=attitude, gyro=gyro)
     )
-    values, errors = best(found)
+    values, errors = best(estimate)
     assert np.all(np.abs(values - TRUTH) < 4.0 * errors)
     assert abs(values[0] / TRUTH[0] - 1.0) < 0.02
 

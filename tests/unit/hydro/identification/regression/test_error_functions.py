@@ -116,12 +116,12 @@ def test_a_function_by_name_counts_errors_in_their_own_deviations():
     weights = np.linspace(0.2, 2.0, 100)
     root = np.sqrt(weights)
     for name, own in (("squares", least_squares), ("absolute", least_moduli)):
-        found = minimise_error(rows, force, name, weights=weights)
-        np.testing.assert_allclose(found, own(rows * root, force * root), rtol=1e-9)
+        minimum = minimise_error(rows, force, name, weights=weights)
+        np.testing.assert_allclose(minimum, own(rows * root, force * root), rtol=1e-9)
         simplex = minimise_error(rows, force, name, weights=weights, minimiser="nelder_mead")
-        np.testing.assert_allclose(simplex, found, rtol=1e-2)
-    found = minimise_error(rows, force, "huber", weights=weights)
-    np.testing.assert_array_equal(found, huber(rows * root, force * root).coefficients)
+        np.testing.assert_allclose(simplex, minimum, rtol=1e-2)
+    minimum = minimise_error(rows, force, "huber", weights=weights)
+    np.testing.assert_array_equal(minimum, huber(rows * root, force * root).coefficients)
     with pytest.raises(DataError, match="scale of Huber"):
         minimise_error(rows, force, "huber", minimiser="nelder_mead")
 

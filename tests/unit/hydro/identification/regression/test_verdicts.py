@@ -109,21 +109,25 @@ def test_excitation_of_a_motion() -> None:
     nu = np.zeros((200, 6))
     nu[:, 0] = 2.0
     nu[:, 1] = np.where(np.arange(200) % 2, 0.05, -0.05)
-    found = axis_excitation([nu[:50], nu[50:]], eta_ratio=np.full(200, 1.2))
-    assert found["u"].rms == pytest.approx(2.0)
-    assert (found["u"].excited, found["u"].changes_sign, found["u"].std) == (
+    excitations = axis_excitation([nu[:50], nu[50:]], eta_ratio=np.full(200, 1.2))
+    assert excitations["u"].rms == pytest.approx(2.0)
+    assert (excitations["u"].excited, excitations["u"].changes_sign, excitations["u"].std) == (
         True,
         False,
         pytest.approx(0.0, abs=1e-12),
     )
-    assert (found["v"].excited, found["v"].changes_sign, found["v"].share_beyond) == (
+    assert (
+        excitations["v"].excited,
+        excitations["v"].changes_sign,
+        excitations["v"].share_beyond,
+    ) == (
         True,
         True,
         1.0,
     )
-    assert (found["w"].excited, found["w"].share_beyond) == (False, 0.0)
-    assert found["eta-1"].rms == pytest.approx(0.2)
-    assert (found["v"].low, found["v"].high) == (-0.05, 0.05)
+    assert (excitations["w"].excited, excitations["w"].share_beyond) == (False, 0.0)
+    assert excitations["eta-1"].rms == pytest.approx(0.2)
+    assert (excitations["v"].low, excitations["v"].high) == (-0.05, 0.05)
 
 
 def test_excitation_of_legs_merges_to_that_of_all_samples() -> None:
@@ -160,10 +164,10 @@ def test_a_linear_term_counts_as_excited_from_three_errors_of_its_velocity_on() 
     nu = 0.012 * rng.standard_normal((1000, 6))
     thresholds = error_thresholds(np.full((1000, 6), 0.001))
     assert thresholds["v"] == pytest.approx(3.0 * np.hypot(0.001, LEAST_ERRORS["v"]))
-    found = axis_excitation(nu, thresholds=thresholds)
-    assert found["v"].excited
-    assert not found["v"].excited_in_products
-    floors = motion_floors(("v", "v*|v|", "v*r", "constant"), found)
+    excitations = axis_excitation(nu, thresholds=thresholds)
+    assert excitations["v"].excited
+    assert not excitations["v"].excited_in_products
+    floors = motion_floors(("v", "v*|v|", "v*r", "constant"), excitations)
     assert floors == {"v": thresholds["v"], "v*|v|": np.inf, "v*r": np.inf, "constant": 0.0}
     assert error_thresholds(None) == dict(THRESHOLDS)
     noisy = error_thresholds(np.full((9, 6), 0.1))
