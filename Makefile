@@ -148,7 +148,7 @@ COMPILE = uv pip compile pyproject.toml --universal --python-version 3.11 --gene
 # The set for testing takes the versions of the set for running.
 lock:
 	$(COMPILE) -o requirements.lock
-	$(COMPILE) --extra test -c requirements.lock -o requirements-test.lock
+	$(COMPILE) --extra test --extra docs -c requirements.lock -o requirements-test.lock
 
 bench: $(RUN)
 	@python -m benchmarks
