@@ -25,7 +25,9 @@ from auvid.hydro.force_input import driven_by_force, force_pulses
 from auvid.models import VehicleModel
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
-from auvid.pipeline.store.fingerprints import as_document, hash_value, package_versions, stage_code
+from auvid.pipeline.store.file_hashes import hash_value
+from auvid.pipeline.store.fingerprints import as_document, stage_code
+from auvid.pipeline.store.package_versions import package_versions
 from auvid.stages import fuse, model_file, resample, residual, synthesise, validate
 from auvid.stages.base import Stage, collection, make_params
 from auvid.stages.columns import (

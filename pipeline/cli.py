@@ -101,6 +101,13 @@ def run(
     fails, or a twin misses a bound of its campaign; 2 wrong use; 3 losses, with
     --strict; 130 interrupted.
     """
+    from auvid.pipeline.execution.kept_output import printed_before
+
+    if not (only or until or engine or jobs or force):
+        printed = printed_before(campaign, strict=strict)
+        if printed is not None:
+            print(printed.text, end="")
+            raise typer.Exit(printed.status)
     from auvid.pipeline.commands.run.run_command import run_campaign
 
     with _interruptible():

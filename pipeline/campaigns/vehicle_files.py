@@ -10,9 +10,8 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
-
-SHIPPED_VEHICLES = Path(__file__).resolve().parents[2] / "vehicles"
 
 
 def shelf_files() -> dict[str, Path]:

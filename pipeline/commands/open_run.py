@@ -9,12 +9,8 @@ from pathlib import Path
 
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import load_campaign
-from auvid.pipeline.campaigns.workspace import (
-    find_workspace,
-    load_defaults,
-    stage_params,
-    workspace_of,
-)
+from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
+from auvid.pipeline.campaigns.workspace import find_workspace, workspace_of
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind

@@ -13,13 +13,15 @@ from pathlib import Path
 
 FILE = ".stamp"
 FOLDERS = ("data_schemas", "hydro", "stages")
+PRINTING = (*FOLDERS, "pipeline")
+"""What the printed results depend on as well."""
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def source_stamp() -> str:
+def source_stamp(floors: Iterable[str] = FOLDERS) -> str:
     """Return the hash of names, sizes and times of the files that stages depend on."""
     lines = []
-    for floor in FOLDERS:
+    for floor in floors:
         for folder, inner, names in os.walk(ROOT / floor):
             inner[:] = [name for name in inner if name != "__pycache__"]
             for name in names:

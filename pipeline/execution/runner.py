@@ -49,15 +49,10 @@ from auvid.pipeline.store.atomic_files import (
     remove_temporary_files,
     write_atomically,
 )
-from auvid.pipeline.store.fingerprints import (
-    FileHashes,
-    as_document,
-    fingerprint_line,
-    hash_value,
-    package_versions,
-    stage_code,
-)
+from auvid.pipeline.store.file_hashes import HASHES, FileHashes, hash_value
+from auvid.pipeline.store.fingerprints import as_document, fingerprint_line, stage_code
 from auvid.pipeline.store.manifest import Manifest
+from auvid.pipeline.store.package_versions import package_versions
 from auvid.stages.base import ports
 
 
@@ -106,7 +101,7 @@ class Run:
         self.manifests = {
             stage.name: Manifest(self.folder / stage.name) for stage in self.graph.stages
         }
-        self.hashes = FileHashes(self.folder / ".hashes.json")
+        self.hashes = FileHashes(self.folder / HASHES)
 
     def execute(
         self,

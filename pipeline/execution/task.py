@@ -18,8 +18,10 @@ from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import REMEDIES, refusal, write_atomically
-from auvid.pipeline.store.fingerprints import as_document, hash_bytes, package_versions
+from auvid.pipeline.store.file_hashes import hash_bytes
+from auvid.pipeline.store.fingerprints import as_document
 from auvid.pipeline.store.manifest import Hashes, Record
+from auvid.pipeline.store.package_versions import package_versions
 
 
 @dataclass(frozen=True)

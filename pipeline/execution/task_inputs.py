@@ -18,7 +18,7 @@ from auvid.pipeline.campaigns.campaign import Campaign, LogFile
 from auvid.pipeline.graph import Port
 from auvid.pipeline.store import artefacts
 from auvid.pipeline.store.atomic_files import contents, readable
-from auvid.pipeline.store.fingerprints import hash_value
+from auvid.pipeline.store.file_hashes import hash_value
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import Collection, RawFile, RawLog
 from auvid.stages.simulate.csv_writer import column_maps

@@ -21,7 +21,7 @@ from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import check_table
 from auvid.pipeline.store.atomic_files import readable
-from auvid.pipeline.store.fingerprints import hash_bytes
+from auvid.pipeline.store.file_hashes import hash_bytes
 
 LINE = 120
 SCALARS = {float, int, bool, type(None)}

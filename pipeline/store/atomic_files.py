@@ -10,16 +10,20 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING
 
 from auvid.data_schemas.errors import PipelineError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 TEMPORARY = ".part"
 OF_PROCESS = re.compile(rf"\..+\.(\d+){re.escape(TEMPORARY)}", re.DOTALL)
 NAMED_FILES = 5
 LARGEST_IN_MEMORY = 1 << 30
+FILES_READ: set[Path] = set()
+"""Documents and logs that this process has read, or has looked for."""
 SPACE = "Free some space and run again: what was finished is kept."
 OWNER = "Check who owns the folder."
 DISK = "The disk or its connection has a fault: see the system's log, then run again."
@@ -175,6 +179,7 @@ def _lives(process: int) -> bool:
 @contextmanager
 def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
     """Turn a refusal to read into a fault that says which entry of which file it is."""
+    FILES_READ.add(path.absolute())
     try:
         if path.is_dir():
             raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
@@ -223,6 +228,8 @@ def contents(path: Path, *, file: object, what: str) -> npt.NDArray[np.uint8]:
     A file that is cut short while it is mapped would end the process (SIGBUS), so only
     what is larger than `LARGEST_IN_MEMORY` is mapped.
     """
+    import numpy as np
+
     with readable(path, file=file, what=what):
         if path.stat().st_size > LARGEST_IN_MEMORY:
             return np.memmap(path, dtype=np.uint8, mode="r")

@@ -14,7 +14,7 @@ from typing import Any
 
 from auvid.pipeline.store.artefacts import to_json
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.store.fingerprints import hash_value
+from auvid.pipeline.store.file_hashes import hash_value
 
 FILE = "manifest.json"
 FORMAT = 2

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -53,22 +52,10 @@ def tree_of(path: Path) -> ast.Module:
     return source_trees.tree_of(path.read_text(encoding="utf-8"))
 
 
-def executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements except those behind `if TYPE_CHECKING`."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case) and not (
-            isinstance(node, ast.If)
-            and isinstance(node.test, ast.Name)
-            and node.test.id == "TYPE_CHECKING"
-        ):
-            yield node
-            yield from executed(node)
-
-
 def imported(tree: ast.AST, package: tuple[str, ...]) -> set[str]:
     """Return the absolute names, without `auvid.`, that a module of `package` imports."""
     names: set[str] = set()
-    for node in executed(tree):
+    for node in source_trees.executed(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name.removeprefix("auvid.") for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

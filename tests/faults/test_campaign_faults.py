@@ -12,13 +12,8 @@ import pytest
 from auvid import stages
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import load_campaign
-from auvid.pipeline.campaigns.workspace import (
-    Workspace,
-    find_workspace,
-    load_defaults,
-    stage_params,
-    workspace_of,
-)
+from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
+from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.engines import Serial
 from auvid.stages.base import make_params

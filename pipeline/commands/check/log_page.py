@@ -12,7 +12,8 @@ from auvid.data_schemas.checks import checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile, load_campaign
-from auvid.pipeline.campaigns.workspace import load_defaults, stage_params, workspace_of
+from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
+from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.execution.task_inputs import log_files, log_source

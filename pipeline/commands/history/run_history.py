@@ -19,7 +19,8 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.store.artefacts import to_json, to_plain
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.store.fingerprints import as_document, hash_value
+from auvid.pipeline.store.file_hashes import hash_value
+from auvid.pipeline.store.fingerprints import as_document
 from auvid.stages.report.summary.figure_summary import DETERMINED
 
 if TYPE_CHECKING:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 
 from auvid.data_schemas.checks import finding_lines
@@ -18,11 +21,13 @@ from auvid.pipeline.commands.run.run_summary import (
     shortened,
 )
 from auvid.pipeline.execution.engines import make_engine
+from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage, select
 from auvid.pipeline.terminal import plain
 
 FINE, FAILED, LOSSES = 0, 1, 3
+NOTHING = "nothing to do: everything is up to date"
 
 
 def run_campaign(
@@ -40,16 +45,22 @@ def run_campaign(
     The code is 0 for fine, 1 for a bound that is missed, 3 for losses under `strict`;
     findings that stop the run raise `DataError`, which ends with 1.
     """
+    start = time.time()
     run = open_run(campaign)
     stages = select(run.graph, only=only, until=until)
-    count = execute(run, stages, engine=engine, jobs=jobs, force=force)
+    with redirect_stdout(Recorder(sys.stdout)) as findings:  # type: ignore[type-var]
+        count = execute(run, stages, engine=engine, jobs=jobs, force=force)
     items = f"{count} item{'s' * (count != 1)} run"
-    print(items if count else "nothing to do: everything is up to date")
-    if only is None:
-        print_summary(run)
-        if bound_missed(run, stages):
-            return FAILED
-    return LOSSES if strict and losses(run) else FINE
+    print(items if count else NOTHING)
+    with redirect_stdout(Recorder(sys.stdout)) as results:  # type: ignore[type-var]
+        if only is None:
+            print_summary(run)
+    missed = only is None and bound_missed(run, stages)
+    status = FAILED if missed else LOSSES if strict and losses(run) else FINE
+    if only is None and until is None:
+        text = "".join([*findings.parts, f"{NOTHING}\n", *results.parts])
+        keep_printed(Printed(text, status), run, start=start, strict=strict)
+    return status
 
 
 def execute(

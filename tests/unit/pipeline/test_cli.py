@@ -28,7 +28,6 @@ from auvid.pipeline.commands.run import run_command, run_summary
 from auvid.stages import STAGES
 from auvid.stages.base import ports
 from tests.support import toy_stages
-from tests.support.toy_stages import write_campaign
 
 LOOKING = ("inspect", "diff", "history")
 COMMANDS = (
@@ -56,19 +55,6 @@ def _signals() -> Iterator[None]:
     before = signal.getsignal(signal.SIGTERM)
     yield
     signal.signal(signal.SIGTERM, before)
-
-
-@pytest.fixture
-def toy_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A workspace whose stages are the toys."""
-    (tmp_path / "params.yaml").write_text("campaigns: [toy]\n")
-    write_campaign(tmp_path / "campaigns" / "toy")
-    (tmp_path / "vehicles").mkdir()
-    (tmp_path / "vehicles" / "toy.yaml").write_text(toy_stages.VEHICLES["toy"].read_text())
-    monkeypatch.setattr(open_run, "STAGES", toy_stages.STAGES)
-    monkeypatch.setattr(open_run, "KINDS", toy_stages.KINDS)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def auvid(

@@ -11,7 +11,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES, load_vehicle, shelf_files
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
+from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
 from auvid.stages.score_shelf import (
     OWN,

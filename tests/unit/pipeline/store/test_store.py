@@ -31,7 +31,9 @@ from auvid.pipeline.store.atomic_files import (
     write_atomically,
     write_output,
 )
-from auvid.pipeline.store.fingerprints import FileHashes, hash_value, import_closure, stage_code
+from auvid.pipeline.store.file_hashes import FileHashes, hash_value
+from auvid.pipeline.store.fingerprints import stage_code
+from auvid.pipeline.store.import_closure import import_closure
 from auvid.stages import KINDS, STAGES
 from tests.support import toy_stages
 

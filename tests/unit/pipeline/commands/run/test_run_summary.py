@@ -23,7 +23,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.store.fingerprints import hash_bytes
+from auvid.pipeline.store.file_hashes import hash_bytes
 from auvid.pipeline.store.manifest import Record
 from auvid.stages import KINDS as STAGE_KINDS
 from auvid.stages import STAGES

@@ -24,7 +24,7 @@ from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.graph import Port
 from auvid.pipeline.store.artefacts import encode
-from auvid.pipeline.store.fingerprints import hash_file
+from auvid.pipeline.store.file_hashes import hash_file
 from auvid.pipeline.store.manifest import Manifest, Record
 from auvid.stages import STAGES
 from auvid.stages.base import ports

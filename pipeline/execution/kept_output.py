@@ -1,0 +1,152 @@
+"""What a run printed, kept for as long as nothing that it depends on changes.
+
+Nothing heavy is imported here: where there is nothing to do, `auvid run` looks at files
+and prints this again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.campaigns.workspace import PARAMS_FILE, SHIPPED_VEHICLES, workspace_of
+from auvid.pipeline.execution.code_stamp import PRINTING, source_stamp, unchanged
+from auvid.pipeline.store.atomic_files import FILES_READ, write_atomically
+from auvid.pipeline.store.file_hashes import HASHES, SETTLED_S, FileHashes
+from auvid.pipeline.store.package_versions import package_versions
+
+if TYPE_CHECKING:
+    from auvid.pipeline.execution.runner import Run
+
+FILE = ".printed.json"
+ABSENT = "absent"
+"""In place of the hash of a file that is not there."""
+TERMINAL = ("TERM", "COLUMNS", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE")
+
+
+@dataclass
+class Recorder:
+    """A stream that passes on what is written, and keeps it."""
+
+    stream: TextIO
+    parts: list[str] = field(default_factory=list)
+
+    def write(self, text: str) -> int:
+        self.parts.append(text)
+        return self.stream.write(text)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.stream, name)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """What a run prints that has nothing to do, and its exit code."""
+
+    text: str
+    status: int
+
+
+def printed_before(campaign: str, *, strict: bool) -> Printed | None:
+    """Return what a run of a campaign would print; None where that must be found out.
+
+    Nothing is returned unless every file that the last run read or wrote, the sources
+    of auvid, the versions of packages and the terminal are as they were then.
+    """
+    try:
+        workspace = workspace_of(campaign)
+        name = workspace.campaign_folder(campaign).name
+        kept = json.loads((workspace.runs / name / FILE).read_text(encoding="utf-8"))
+        files, folders = kept["files"], kept["folders"]
+        if kept["setting"] != _setting(strict) or not unchanged(workspace.code):
+            return None
+        if not {str(path) for path in _files_in(map(Path, folders))} <= set(files):
+            return None
+        hashes = FileHashes(workspace.runs / name / HASHES)
+        if any(_hash_of(Path(path), hashes) != digest for path, digest in files.items()):
+            return None
+        hashes.save()
+        return Printed(kept["text"], kept["status"])
+    except (PipelineError, OSError, ValueError, TypeError, KeyError):
+        return None  # the run says what is wrong
+
+
+def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> None:
+    """Keep what a run printed, unless a file that it read changed after its start.
+
+    `start`: the time when it began, before the first file was read. Coefficients of a
+    vehicle may lie beside its file.
+    """
+    root = run.folder.parents[1]
+    outside = [SHIPPED_VEHICLES, root / "vehicles", run.campaign.vehicle_file.with_suffix("")]
+    folders = [*outside, *(run.folder / stage.name for stage in run.graph.stages)]
+    written = {
+        artefact.path: artefact.hash
+        for stage in run.graph.stages
+        for *_, artefact in run.artefacts(stage)
+    }
+    read = {*_files_in(outside), *FILES_READ, root / PARAMS_FILE} - set(written)
+    if any(_changed(path) > start - SETTLED_S for path in read):
+        return
+    hashes = FileHashes(run.folder / HASHES)
+    others = read | _files_in(folders) - set(written)
+    digests = written | {path: _hash_of(path, hashes) for path in others}
+    document: Mapping[str, Any] = {
+        "setting": _setting(strict),
+        "folders": [str(path) for path in folders],
+        "files": {str(path): digest for path, digest in sorted(digests.items())},
+        "text": printed.text,
+        "status": printed.status,
+    }
+    write_atomically(run.folder / FILE, json.dumps(document).encode())
+    hashes.save()
+
+
+def _setting(strict: bool) -> dict[str, Any]:
+    """Return what else the text depends on: options, code, packages, terminal."""
+    return {
+        "strict": strict,
+        "code": source_stamp(PRINTING),
+        "packages": {"python": sys.version, **package_versions()},
+        "folder": str(Path.cwd()),
+        "terminal": [
+            sys.stdout.isatty(),
+            sys.stdout.encoding,
+            *(shutil.get_terminal_size() if sys.stdout.isatty() else ()),
+            *(os.environ.get(name) for name in TERMINAL),
+        ],
+    }
+
+
+def _files_in(folders: Iterable[Path]) -> set[Path]:
+    """Return all files under folders, hidden ones left out."""
+    return {
+        Path(top, name)
+        for folder in folders
+        for top, _, names in os.walk(folder)
+        for name in names
+        if not name.startswith(".")
+    }
+
+
+def _hash_of(path: Path, hashes: FileHashes) -> str:
+    try:
+        return hashes.of(path)
+    except FileNotFoundError:
+        return ABSENT
+
+
+def _changed(path: Path) -> float:
+    """Return when a file was changed last; 0 where there is none."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return 0.0
+    return max(status.st_mtime, status.st_ctime)
