@@ -16,6 +16,7 @@ from auvid.hydro.arrays import STATES, Array
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
+from auvid.hydro.dynamics.steady_motion import TIPPED_RAD
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.force_input import driven_by_force
 from auvid.hydro.model_file import ModelForces
@@ -379,9 +380,6 @@ def _clock(time: ArrayLike) -> Array:
             remedy="Resample the commands on equal steps.",
         )
     return t_s
-
-
-TIPPED_RAD = np.pi / 3.0
 
 
 def _beyond(file: ModelFile, states: Array) -> list[str]:

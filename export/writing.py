@@ -147,6 +147,9 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
         lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)
     if model.use.axes is None:
         lines.append("No validation leg judges this model: no axis has a verdict.")
+    motion = None if model.validation is None else model.validation.motion
+    if motion is not None:
+        lines += [f"By itself: {motion.words}.", *motion.remedies]
     if unknown:
         lines.append(
             f"{unknown} of {len(model.coefficients)} coefficients are not determined by the data;"

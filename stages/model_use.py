@@ -6,25 +6,35 @@ from collections.abc import Sequence
 from functools import partial
 
 from auvid.data_schemas.records.models import (
-    AxisCard,
     MeritRecord,
     ModelCard,
+    MotionCheck,
     RankingRecord,
+    SteadyRange,
     UsableFor,
 )
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
 HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
+TILTS = ("K", "M")
+ORIGIN = "force at the origin"
+UNKNOWN = "unknown"
 _decimals = partial(fixed, places=2, empty="unknown")
 
 
 def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
-    """Return what a model is usable for: forces, simulation and control, by axis."""
+    """Return what a model is usable for: forces, simulation and control, by axis.
+
+    Roll and pitch are simulated where the model does not tip over under its own drive and
+    their damping rests on data or a prior; control of an axis needs steady motion along it
+    that stays upright.
+    """
 
     def below(value: float | None, limit: float) -> bool:
         return value is not None and value < limit
@@ -32,14 +42,22 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
     merits = {axis: model.axes[axis] for axis in AXES}
     forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
     holds = model.runs > 0 and not model.faults
-    simulation = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
+    simulation = [
+        axis
+        for axis in AXES
+        if holds
+        and below(merits[axis].free_run, 1.0)
+        and (axis not in TILTS or _keeps_upright(model, card))
+    ]
     return UsableFor(
         forces=forces,
         simulation=simulation,
         control=[
             axis
             for axis in simulation
-            if below(merits[axis].validation, HALF) and _damping_is_known(axis, card.axes[axis])
+            if below(merits[axis].validation, HALF)
+            and damping_of(card, axis) == IDENTIFIED
+            and axis not in tipping_axes(model)
         ],
         speeds=card.conditions,
     )
@@ -120,9 +138,29 @@ def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _damping_is_known(axis: str, part: AxisCard) -> bool:
+def damping_of(card: ModelCard, axis: str) -> str:
+    """Return what damping along an axis is: identified, from the prior or unknown."""
     own = OWN_VELOCITY[axis]
-    return any(
-        item.verdict == IDENTIFIED and item.term.replace("|", "").replace("*", "") in (own, own * 2)
-        for item in part.terms
-    )
+    verdicts = {
+        item.verdict
+        for item in card.axes[axis].terms
+        if item.term.replace("|", "").replace("*", "") in (own, own * 2)
+    }
+    return next((best for best in (IDENTIFIED, FROM_PRIOR) if best in verdicts), UNKNOWN)
+
+
+def tipping_axes(model: MeritRecord) -> list[str]:
+    """Return axes along which its own drive tips a model over at flown speeds."""
+    motion = model.motion
+    return [] if motion is None else [item.axis for item in own_drives(motion) if item.tips_in]
+
+
+def own_drives(motion: MotionCheck) -> list[SteadyRange]:
+    """Return the ranges under its own actuators; under a force where it has none."""
+    return [item for item in motion.ranges if item.drive != ORIGIN] or motion.ranges
+
+
+def _keeps_upright(model: MeritRecord, card: ModelCard) -> bool:
+    if any(damping_of(card, axis) == UNKNOWN for axis in TILTS):
+        return False
+    return not tipping_axes(model)

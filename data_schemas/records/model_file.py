@@ -13,6 +13,7 @@ from auvid.data_schemas.records.models import (
     CovarianceCard,
     InertiaCard,
     LimitCard,
+    MotionCheck,
     PriorCard,
     TermCombination,
     UsableFor,
@@ -264,6 +265,8 @@ class ValidationEntry(Model):
     """Free runs that left all bounds."""
     faults: list[str]
     """What the model does that no vehicle does; empty where it passes physics."""
+    motion: MotionCheck | None = None
+    """What it does by itself, without a pilot: whether it tips over; null for not tried."""
     coverage_on_twins: dict[str, float]
     """True model of a twin -> share of 95 % intervals of identified coefficients that held
     the truth there, where it was measured for the method.

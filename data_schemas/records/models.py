@@ -286,6 +286,62 @@ class AxisMerit(Model):
     """Coefficients that apply to the vehicle."""
 
 
+class SteadyRange(Model):
+    """How far steady motion along an axis goes, with roll and pitch free."""
+
+    axis: str
+    """Axis of the drive: X, Y, Z or N."""
+    drive: Literal["thrusters", "propeller", "force at the origin"]
+    """What drives it: its own actuators, or that one component of force alone."""
+    flown: list[float]
+    """Lowest and highest speed of the training legs, the range that is tried."""
+    upright: list[float]
+    """Ends of the range, from rest on, in which it stays upright (below 60 degrees)."""
+    roll_rad: float
+    """Largest roll of these steady motions."""
+    pitch_rad: float
+    """Their largest pitch."""
+    growth_1_s: float
+    """Fastest growth of a disturbance about them; not above 0 where all are stable."""
+    grows_on: str
+    """Axis that this disturbance shows on most."""
+    tips_in: Literal["", "roll", "pitch", "no steady motion", "unstable"]
+    """What ends the range; empty where it is all of the flown one."""
+    cause: str
+    """What pushes it over most: a coefficient, `C` (Coriolis force), `actuators`."""
+    cause_N_m: float
+    """Its moment at the end of the range; 0 for none."""
+
+
+class MotionCheck(Model):
+    """What a model does by itself: steady motion, steps, decay from the flown range."""
+
+    verdict: Literal["holds", "unstable", "tips over"]
+    """Driven by its own actuators (by a force at the origin where it has none)."""
+    words: str
+    """The same in words, with speeds."""
+    remedies: list[str]
+    """What would cure it or make it sure, in words; empty for nothing."""
+    ranges: list[SteadyRange]
+    """Axis by axis and drive by drive."""
+    rest_rad: list[float] | None
+    """Roll and pitch at which it floats by itself; null where that is not upright."""
+    righting_N_m: list[float]
+    """Righting moment per radian of roll and of pitch about level."""
+    righting_is_assumed: bool
+    """Whether it follows from a centre of gravity or buoyancy that nobody measured."""
+    steps: int
+    """Steps of the drive from rest that were flown, each for `seconds`."""
+    steps_lost: int
+    """Of them, those that tipped over or left all bounds."""
+    decays: int
+    """Decays from the edges of the flown velocities, without any drive."""
+    decays_lost: int
+    """Of them, those that tipped over or left all bounds."""
+    seconds: float
+    """Length of each."""
+
+
 class MeritRecord(Model):
     """How good one model is, and what speaks against it."""
 
@@ -309,6 +365,8 @@ class MeritRecord(Model):
     """Free runs that left all bounds."""
     faults: list[str]
     """What it does that no vehicle does; empty for a model that passes physics."""
+    motion: MotionCheck | None = None
+    """What it does by itself; null for one with other faults, which is not tried."""
 
 
 class UsableFor(Model):

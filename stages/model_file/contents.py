@@ -225,6 +225,7 @@ def _validation(
         runs=merit.runs,
         lost=merit.lost,
         faults=merit.faults,
+        motion=merit.motion,
         coverage_on_twins=card.coverage_on_twins,
     )
 

@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError
-from auvid.data_schemas.records.models import ModelCard, RankingRecord
+from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
@@ -30,6 +30,7 @@ from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.simulation.growth import Growth, growth
+from auvid.hydro.dynamics.steady_motion import Floating
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import (
@@ -61,6 +62,7 @@ from auvid.stages.validate.flight import (
     grown_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks
+from auvid.stages.validate.motion_check import motion_check
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
     cause_blocks,
@@ -256,7 +258,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     error_table = error_rows(errors_of, cards)
     free_run = free_run_table(free, list(models))
     per_one = _samples_per_one(inputs, models[reference_model(cards)], segments)
-    ranking = rank(cards, error_table.to_pylist(), free_run.to_pylist(), per_one)
+    ranking = rank(
+        cards,
+        error_table.to_pylist(),
+        free_run.to_pylist(),
+        per_one,
+        check=partial(_motion_check, inputs, params, models, cards),
+    )
     flights, flight_parts = _flights(inputs, params, models, cards, ranking.choice, per_one)
     titles = {name: card.title for name, card in cards.items()}
     return Outputs(
@@ -280,6 +288,21 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         simulated_motion={key: flight.table() for key, flight in flights.items()},
         views=validate_views(segments, cards, ranking.choice, list(flights)),
     )
+
+
+def _motion_check(
+    inputs: Inputs,
+    params: Params,
+    models: Mapping[str, Predictor],
+    cards: Mapping[str, ModelCard],
+    name: str,
+) -> MotionCheck | None:
+    """Return what a model does by itself; None where nothing flies."""
+    if inputs.vehicle is None or not params.free_run:
+        return None
+    model = models[name]
+    floating = Floating(model.vehicle(inputs.vehicle), model.viscous, model.trim)
+    return motion_check(floating, cards[name], minimum_speed=params.minimum_speed_m_s)
 
 
 def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -> dict[str, Growth]:

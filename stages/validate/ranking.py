@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from auvid.data_schemas.records.models import (
     AxisMerit,
     MeritRecord,
     ModelCard,
+    MotionCheck,
     RankingRecord,
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
@@ -37,10 +38,12 @@ def rank(
     errors: Iterable[Row],
     free_run: Iterable[Row],
     samples_per_one: Mapping[str, float],
+    check: Callable[[str], MotionCheck | None] = lambda _: None,
 ) -> RankingRecord:
     """Return the models by merit, from rows of the error table and of free runs.
 
-    samples_per_one: axis -> how many training samples count as one.
+    samples_per_one: axis -> how many training samples count as one. check: what a model
+    without other faults does by itself.
     """
     of = {(row["use"], row["model"], row["axis"]): row for row in errors if row["leg"] == ALL}
     runs = [row for row in free_run if not row["as_measured"]]
@@ -54,6 +57,7 @@ def rank(
     models = []
     for name, card in cards.items():
         count, lost = _losses(runs, name)
+        faults = _faults(card, count, lost)
         total = of.get((judge, name, ALL), {})
         models.append(
             MeritRecord(
@@ -76,7 +80,8 @@ def rank(
                 },
                 runs=count,
                 lost=lost,
-                faults=_faults(card, count, lost),
+                faults=faults,
+                motion=None if faults else check(name),
             )
         )
     models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))

@@ -170,6 +170,18 @@ def _campaign() -> dict[str, Any]:
     }
 
 
+def with_own_damping(card: ModelCard, verdict: str, axes: str = "XYZKMN") -> ModelCard:
+    """Return the card with the term v of some axes in place of u in X ... r in N."""
+    changed = {}
+    for (axis, part), own in zip(card.axes.items(), "uvwpqr", strict=True):
+        terms = [
+            item.model_copy(update={"term": own, "verdict": verdict}) if item.term == "v" else item
+            for item in part.terms
+        ]
+        changed[axis] = part.model_copy(update={"terms": terms}) if axis in axes else part
+    return card.model_copy(update={"axes": changed})
+
+
 def example_vehicle(**assumed: object) -> Vehicle:
     """Return a vehicle of which the mass and these values are assumed; __ parts keys."""
     document = copy.deepcopy(vehicle_document("bluerov2_heavy"))

@@ -18,7 +18,14 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
-from auvid.stages.model_use import axes_listed, failing_axes, listed, recommendation
+from auvid.stages.model_use import (
+    TILTS,
+    axes_listed,
+    damping_of,
+    failing_axes,
+    listed,
+    recommendation,
+)
 from auvid.stages.number_format import fixed, true_minus
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Fact, Summary, Use
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
@@ -44,8 +51,10 @@ def summarise(
     chosen = next((model for model in models if model.name == ranking.choice), None)
     card = next((card for card in cards.values() if card.name == ranking.choice), None)
     level, headline, explanation = recommendation(ranking, chosen, judged)
+    motion = None if chosen is None else chosen.motion
     missing = [
         *_missing(models, chosen, card, cards, segments, logs, judged),
+        *([] if motion is None else motion.remedies),
         *_notes_on(chosen, sections),
     ]
     return Summary(
@@ -59,17 +68,27 @@ def summarise(
         identified=findings(card) if card is not None else (),
         missing=(*missing, *assumed_figures(vehicle)),
         warnings=_warnings(sections),
-        uses=_uses(ranking, chosen) if judged else (),
+        uses=_uses(ranking, chosen, card) if judged else (),
         rule=f"Chosen as {ranking.rule}." if chosen is not None else "",
         horizon_s=ranking.horizon_s,
         legs_left_out=ranking.legs_left_out,
     )
 
 
-def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]:
+VERDICT_WORDS = {"holds": "holds", "unstable": "is unstable", "tips over": "tips over"}
+RESTS = {
+    "identified": "from the data",
+    "from the prior": "from the prior",
+    "unknown": "unknown",
+}
+
+
+def _uses(
+    ranking: RankingRecord, chosen: MeritRecord | None, card: ModelCard | None
+) -> tuple[Use, ...]:
     """Return a line per use with the axes and the limits of it; empty for no model."""
     usable = ranking.usable
-    if chosen is None or usable is None:
+    if chosen is None or usable is None or card is None:
         return ()
     uses = [Use("Forces", _some(usable.forces), _except(chosen, usable.forces))]
     horizon = f" after {ranking.horizon_s:g} s" if ranking.horizon_s is not None else ""
@@ -85,12 +104,21 @@ def _uses(ranking: RankingRecord, chosen: MeritRecord | None) -> tuple[Use, ...]
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
         rest = [axis for axis in AXES if axis not in usable.simulation]
         reason += f", {axes_listed(rest)} not" if rest else ""
-        if {"K", "M"} & set(rest):
+        if set(TILTS) & set(rest) and chosen.motion is None:
             reason += ": in motions unlike those of the validation legs it may tip over"
     uses.append(Use("Simulation", _some(usable.simulation), reason))
+    if chosen.motion is not None:
+        uses.append(
+            Use(f"By itself it {VERDICT_WORDS[chosen.motion.verdict]}", "", chosen.motion.words)
+        )
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
-    uses.append(Use("Control design", _some(usable.control), words))
+    tilts = [
+        f"{AXIS_WORDS[axis]} damping {RESTS[damping_of(card, axis)]}"
+        for axis in TILTS
+        if axis not in usable.control
+    ]
+    uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     speeds = ", ".join(
         f"{name} {speed.low:.2g} to {speed.high:.2g}" for name, speed in usable.speeds.items()
     )

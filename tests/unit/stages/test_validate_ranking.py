@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
-from auvid.data_schemas.records.models import ModelCard, RankingRecord
+from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -15,7 +15,7 @@ from auvid.stages.validate.ranking import (
     reference_model,
     resting_velocities,
 )
-from tests.support.example_run import AXES, ExampleRun, example_run
+from tests.support.example_run import AXES, ExampleRun, example_run, with_own_damping
 
 NAMES = (
     *(f"{name}_rms_m_s" for name in "uvw"),
@@ -130,7 +130,36 @@ def test_a_model_of_which_runs_are_lost_stands_back(run: ExampleRun) -> None:
     by_name = {model.name: model for model in lost.models}
     assert by_name["prestero"].faults == ["2 of 4 free runs are lost"]
     assert lost.usable is not None
-    assert lost.usable.simulation == list(AXES)
+    assert lost.usable.simulation == ["X", "Y", "Z", "N"], "nothing damps roll and pitch"
+
+
+@pytest.mark.parametrize("verdict", ["identified", "from the prior"])
+def test_roll_and_pitch_are_simulated_with_known_damping_and_no_tipping(
+    run: ExampleRun, verdict: str
+) -> None:
+    set_sse(run, {"coe": 1.0})
+    for row in run.errors:
+        if row["model"] == "coe" and row["use"] == "validation":
+            row["ratio"] = 0.3
+    run.cards["coe"] = with_own_damping(run.cards["coe"], verdict, "YZKMN")
+    usable = ranked(run, rows("coe", ALWAYS)).usable
+    assert usable is not None
+    assert usable.simulation == list(AXES)
+    record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, check=lambda _: tipping("Y"))
+    assert record.choice == "coe"
+    assert record.usable is not None
+    assert record.usable.simulation == ["X", "Y", "Z", "N"]
+    expected = ["X", "Z", "N"] if verdict == "identified" else ["X"]
+    assert record.usable.control == expected, "it tips over in sway"
+
+
+def tipping(axis: str) -> MotionCheck:
+    """Return a check in which the thrusters tip the vehicle over along an axis."""
+    ranges = [
+        SteadyRange.model_construct(axis=name, drive="thrusters", tips_in="roll" * (name == axis))
+        for name in "XYZN"
+    ]
+    return MotionCheck.model_construct(ranges=ranges)
 
 
 def test_nothing_is_chosen_where_no_model_beats_no_force(run: ExampleRun) -> None:

@@ -9,7 +9,14 @@ import pytest
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.presentation import remark
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
-from tests.support.example_run import AXES, MODELS, ExampleRun, example_run, example_vehicle
+from tests.support.example_run import (
+    AXES,
+    MODELS,
+    ExampleRun,
+    example_run,
+    example_vehicle,
+    with_own_damping,
+)
 
 
 @pytest.fixture
@@ -159,6 +166,7 @@ def test_simulation_is_promised_only_where_free_runs_hold_and_help(
     run: ExampleRun, lost: int, error: float, axes: str, words: str
 ) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "KM")
     run.free_run = free_runs("coe", lost=lost, error=error)
     first_screen = summary_of(run)
     (use,) = (use for use in first_screen.uses if use.label == "Simulation")
@@ -172,6 +180,7 @@ def test_a_model_that_does_not_hold_roll_is_said_to_tip_over(
     run: ExampleRun, column: str, warned: bool
 ) -> None:
     set_ratio(run, "validation", {"coe": 0.2})
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "KM")
     run.free_run = free_runs("coe", lost=0)
     run.free_run[0][column] = 0.9
     (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")

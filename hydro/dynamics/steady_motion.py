@@ -1,0 +1,172 @@
+"""Steady motion under a constant force: where it exists, tips over or grows.
+
+Nothing holds the vehicle but its own righting moment: roll and pitch are free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.equations_of_motion import restoring_of
+from auvid.hydro.dynamics.jacobians import (
+    basis_jacobian,
+    coriolis_jacobian,
+    kinematics_jacobians,
+    restoring_jacobian,
+)
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+
+TIPPED_RAD = np.pi / 3.0
+"""Roll or pitch from which on a vehicle that nobody turns has tipped over."""
+ITERATIONS = 30
+SETTLED = 1e-9
+TILT = [3, 4]
+"""Places of phi and theta in eta."""
+STATES = [0, 1, 2, 3, 4, 5, 9, 10]
+"""Places in [nu, eta] of what a steady motion keeps: velocities, roll and pitch."""
+
+
+@dataclass(frozen=True)
+class Floating:
+    """A vehicle with its model: viscous terms and constant force (6,) [N, N m]."""
+
+    vehicle: Vehicle
+    model: IdentifiedModel
+    constant: Array
+
+    def moments(self, nu: Array) -> dict[str, Array]:
+        """Return coefficient -> its force (6,) at nu, and `C` -> the Coriolis force."""
+        values = self.model.regressor(nu, np.ones(()))
+        parts = {"C": -coriolis_force(self.vehicle.mass_matrix, nu)}
+        for i, axis in enumerate(AXES):
+            for j, term in enumerate(self.model.terms):
+                if self.model.matrix[i, j] != 0.0:
+                    parts[f"{axis}_{term.replace('*', '')}"] = (
+                        np.eye(6)[i] * self.model.matrix[i, j] * values[j]
+                    )
+            parts[f"{axis}_constant"] = np.eye(6)[i] * self.constant[i]
+        return parts
+
+    def balance(self, nu: Array, tilt: Array) -> Array:
+        """Return all forces but the drive (6,), and the rates of roll and pitch."""
+        eta = np.zeros(6)
+        eta[TILT] = tilt
+        force = self.constant + restoring_of(self.vehicle, eta)
+        force = force + self.model.force(nu, np.ones(()))
+        force = force - coriolis_force(self.vehicle.mass_matrix, nu)
+        return np.concatenate([force, eta_dot(eta, nu)[TILT]])
+
+    def slopes(self, nu: Array, tilt: Array, *, minimum_speed: float = np.inf) -> Array:
+        """Return d(balance)/d[nu, phi, theta] (8, 8).
+
+        The propulsion ratio is 1 and, below `minimum_speed`, stays so as U changes.
+        """
+        vehicle, eta = self.vehicle, np.zeros(6)
+        eta[TILT] = tilt
+        slope = basis_jacobian(nu, self.model.terms, ratio=np.ones(()), minimum_speed=minimum_speed)
+        out = np.zeros((8, 8))
+        out[:6, :6] = self.model.matrix @ slope - coriolis_jacobian(vehicle.mass_matrix, nu)
+        out[:6, 6:] = restoring_jacobian(
+            eta, weight=vehicle.weight, buoyancy=vehicle.buoyancy, r_G=vehicle.r_G, r_B=vehicle.r_B
+        )[:, TILT]
+        by_nu, by_eta = kinematics_jacobians(eta, nu)
+        out[6:, :6], out[6:, 6:] = by_nu[TILT], by_eta[np.ix_(TILT, TILT)]
+        return out
+
+
+@dataclass(frozen=True)
+class SteadyMotion:
+    """A motion that keeps its velocities and its tilt.
+
+    speed along the axis [m/s, rad/s]; force: of the drive [N, N m of its axis]; nu (6,);
+    tilt (2,): phi, theta [rad]; growth [1/s]: of the fastest growing disturbance, not
+    above 0 for a stable motion; grows_on: the axis that it shows on most.
+    """
+
+    speed: float
+    force: float
+    nu: Array
+    tilt: Array
+    growth: float
+    grows_on: str
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether neither roll nor pitch is beyond `TIPPED_RAD`."""
+        return bool(np.max(np.abs(self.tilt)) < TIPPED_RAD)
+
+
+def steady_motions(
+    floating: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike
+) -> list[SteadyMotion]:
+    """Return the steady motions at speeds along an axis, as far as they go upright.
+
+    0 = f drive + constant + tau_nu(nu) + tau_G(phi, theta) - C(nu) nu, phi_dot =
+    theta_dot = 0, for f, phi, theta and the other five velocities, by Newton's steps
+    from one speed to the next. drive (6,): force of the actuators at f = 1. The list
+    ends before the first speed that has no upright motion: the vehicle tips over there.
+    """
+    i, direction = AXES.index(axis), np.asarray(drive, dtype=np.float64)
+    free = [j for j in range(6) if j != i]
+    nu, tilt, force = np.zeros(6), np.zeros(2), 0.0
+    motions: list[SteadyMotion] = []
+    for speed in np.asarray(speeds, dtype=np.float64).tolist():
+        nu = nu.copy()
+        nu[i] = speed
+        for _ in range(ITERATIONS):
+            missing = floating.balance(nu, tilt)
+            missing[:6] += force * direction
+            slope = floating.slopes(nu, tilt)
+            columns = np.column_stack([slope[:, free], np.append(direction, [0.0, 0.0])])
+            columns = np.column_stack([columns, slope[:, 6:]])
+            step = np.linalg.lstsq(columns, -missing, rcond=None)[0]
+            step *= min(1.0, 0.3 / max(np.max(np.abs(step[6:])), 1e-12))
+            nu[free] += step[:5]
+            force, tilt = force + float(step[5]), tilt + step[6:]
+            if np.max(np.abs(step)) < SETTLED * (1.0 + abs(force)):
+                break
+        else:
+            return motions
+        if np.max(np.abs(tilt)) >= TIPPED_RAD:
+            return motions
+        motions.append(
+            SteadyMotion(speed, force, nu.copy(), tilt, *growth_about(floating, nu, tilt))
+        )
+    return motions
+
+
+def growth_about(floating: Floating, nu: Array, tilt: Array) -> tuple[float, str]:
+    """Return the fastest growth [1/s] about a steady motion, and the axis it shows on.
+
+    Of the eigenvalues of d[nu, phi, theta]/dt under a constant force. The axis is that of
+    the largest part of kinetic energy, by the diagonal of M.
+    """
+    slope = floating.slopes(nu, tilt, minimum_speed=0.05)
+    slope[:6] = floating.vehicle.mass_matrix_inverse @ slope[:6]
+    values, vectors = np.linalg.eig(slope)
+    fastest = int(np.argmax(values.real))
+    energy = np.abs(vectors[:6, fastest]) ** 2 * np.diag(floating.vehicle.mass_matrix)
+    return float(values[fastest].real), AXES[int(np.argmax(energy))]
+
+
+def overturning(
+    floating: Floating, axis: str, motion: SteadyMotion, drive: ArrayLike
+) -> dict[str, float]:
+    """Return what pushes a vehicle over at the tilt of a steady motion [N m], by name.
+
+    Largest first: coefficients, `C` for the Coriolis force of M, `actuators` for the
+    drive; those that act against it are negative. axis: K or M, what it tips over in.
+    """
+    i = AXES.index(axis)
+    parts = {name: float(part[i]) for name, part in floating.moments(motion.nu).items()}
+    parts["actuators"] = motion.force * float(np.asarray(drive, dtype=np.float64)[i])
+    sign = np.sign(sum(parts.values()))
+    shares = {name: float(sign * value) for name, value in parts.items() if value != 0.0}
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))

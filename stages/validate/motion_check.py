@@ -1,0 +1,323 @@
+"""Whether a model holds by itself: steady motion, steps of its drive, decays.
+
+Free runs judge a model under the commands of an autopilot that held roll and pitch. A
+user simulates other commands, with nothing that holds them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from auvid.data_schemas.records.models import (
+    ModelCard,
+    MotionCheck,
+    SteadyRange,
+    VelocityRange,
+)
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
+from auvid.hydro.dynamics.actuators.propeller import propeller_force
+from auvid.hydro.dynamics.equations_of_motion import Control
+from auvid.hydro.dynamics.jacobians import restoring_jacobian
+from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
+from auvid.hydro.dynamics.steady_motion import (
+    TIPPED_RAD,
+    Floating,
+    SteadyMotion,
+    overturning,
+    steady_motions,
+)
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.force_input import driven_by_force
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.stages.model_use import ORIGIN, TILTS, damping_of, listed, own_drives
+from auvid.stages.page.first_screen import AXIS_WORDS
+
+DRIVEN = ("X", "Y", "Z", "N")
+"""Axes with a steady motion: the righting moment ends those of roll and pitch."""
+SPEEDS = 8
+"""Speeds from rest to each end of the flown range."""
+FLIGHT_S, STEP_S = 40.0, 0.05
+GROWS_1_S = 0.05
+"""Growth that counts: a disturbance that doubles within 14 s."""
+TILTED_RAD = np.radians(10.0)
+"""Tilt that is said, of a vehicle at rest and under way."""
+NO_MOTION, UNSTABLE = "no steady motion", "unstable"
+ENDS = {NO_MOTION: "finds no steady motion", UNSTABLE: "is unstable and does not hold it"}
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A drive along an axis towards one end of the flown range."""
+
+    axis: str
+    drive: str
+    direction: Array
+    speeds: Array
+    motions: list[SteadyMotion]
+
+
+def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -> MotionCheck:
+    """Return what a model does by itself within the flown velocities of its card."""
+    vehicle = floating.vehicle
+    drives = _drives(vehicle, card.conditions)
+    tried = [
+        Tried(axis, drive, direction, speeds, steady_motions(floating, axis, speeds, direction))
+        for (axis, drive), direction in drives.items()
+        for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
+    ]
+    upright, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
+    pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}
+    for item, stays in zip(tried, upright, strict=True):
+        pairs.setdefault((item.axis, item.drive), []).append((item, stays))
+    ranges = [_range(floating, card, parts) for parts in pairs.values()]
+    rest = next((item.motions[0].tilt.tolist() for item in tried if item.motions), None)
+    righting = -restoring_jacobian(
+        np.zeros(6),
+        weight=vehicle.weight,
+        buoyancy=vehicle.buoyancy,
+        r_G=vehicle.r_G,
+        r_B=vehicle.r_B,
+    )[[3, 4], [3, 4]]
+    assumed = any("centre" in name for name in vehicle.assumed)
+    steps = np.concatenate([np.zeros(0, dtype=bool), *upright])
+    check = MotionCheck(
+        verdict="holds",
+        words="",
+        remedies=[],
+        ranges=ranges,
+        rest_rad=rest,
+        righting_N_m=righting.tolist(),
+        righting_is_assumed=assumed,
+        steps=len(steps),
+        steps_lost=int(np.sum(~steps)),
+        decays=len(decays),
+        decays_lost=int(np.sum(~decays)),
+        seconds=FLIGHT_S,
+    )
+    own = own_drives(check)
+    if any(item.tips_in not in ("", UNSTABLE) for item in own):
+        check = check.model_copy(update={"verdict": "tips over"})
+    elif any(item.tips_in or item.growth_1_s > GROWS_1_S for item in own):
+        check = check.model_copy(update={"verdict": "unstable"})
+    return check.model_copy(
+        update={"words": _words(check), "remedies": _remedies(check, card, drives)}
+    )
+
+
+def _drives(vehicle: Vehicle, flown: Mapping[str, VelocityRange]) -> dict[tuple[str, str], Array]:
+    """Return the force (6,) of a unit of each drive: its own actuators, and one alone.
+
+    Thrusters share X, Y, Z, N by least squares of their forces, and give what K and M
+    come with that; a propeller gives its torque at the largest flown speed.
+    """
+    drives: dict[tuple[str, str], Array] = {}
+    places = [AXES.index(axis) for axis in DRIVEN]
+    if vehicle.thrusters is not None:
+        allocation = vehicle.thrusters.allocation
+        mixed = allocation @ np.linalg.pinv(allocation[places])
+        for axis, column in zip(DRIVEN, mixed.T, strict=True):
+            if column[AXES.index(axis)] > 0.99:
+                drives[axis, "thrusters"] = column
+    elif vehicle.propeller is not None:
+        screw, nu = vehicle.propeller, np.zeros(6)
+        nu[0] = flown["u"].high
+        spin = np.interp(nu[0], screw.level_speed_m_s, screw.level_speed_rev_s)
+        force = propeller_force(screw, nu, spin, water_density=vehicle.water_density)
+        if force[0] > 0.0:
+            drives["X", "propeller"] = force / force[0]
+    for axis, place in zip(DRIVEN, places, strict=True):
+        if (axis, "thrusters") in drives or (axis == "X" and vehicle.thrusters is None):
+            drives[axis, ORIGIN] = np.eye(6)[place]
+    return drives
+
+
+def _speeds(flown: VelocityRange) -> list[Array]:
+    """Return speeds from rest (or the slowest flown) to each end of the flown range."""
+    low, high = flown.low, flown.high
+    first = float(np.clip(0.0, low, high))
+    return [np.linspace(first, end, SPEEDS) for end in (low, high) if end != first]
+
+
+def _fly(
+    floating: Floating, card: ModelCard, tried: Sequence[Tried], *, minimum_speed: float
+) -> tuple[list[Mask], Mask]:
+    """Return which steps to each steady motion stay upright, and which decays do."""
+    rows = int(FLIGHT_S / STEP_S) + 1
+    ends = np.array([[card.conditions[n].low, card.conditions[n].high] for n in VELOCITIES])
+    single = [np.eye(6)[i] * value for i in range(6) for value in ends[i]]
+    corners = [
+        np.where([(k >> i) & 1 for i in range(6)], ends[:, 1], ends[:, 0]) for k in range(0, 64, 9)
+    ]
+    decays = [*single, *corners]
+    steps = [(item, motion) for item in tried for motion in item.motions]
+    forces = [motion.force * item.direction for item, motion in steps]
+    speeds = [abs(motion.speed) for _, motion in steps]
+    speeds += [float(np.linalg.norm(nu[:3])) for nu in decays]
+    state = np.zeros((len(speeds) * rows, 12))
+    state[len(steps) * rows :: rows, :6] = decays
+    acting = np.repeat(np.array([*forces, *np.zeros((len(decays), 6))]), rows, axis=0)
+    motion = MeasuredMotion(
+        np.arange(len(state), dtype=np.float64) * STEP_S,
+        state,
+        Control(thruster_force_N=acting),
+        np.repeat(speeds, rows),
+    )
+    states, _ = fly_freely(
+        driven_by_force(floating.vehicle),
+        [floating.model],
+        floating.constant[None],
+        motion,
+        first=np.arange(0, len(state), rows),
+        steps=np.arange(0, rows, 10),
+        minimum_speed=minimum_speed,
+    )
+    tilts = np.abs(states[0, :, :, 9:11])
+    stays = np.all(np.isfinite(tilts) & (tilts < TIPPED_RAD), axis=(1, 2))
+    counts = np.cumsum([0, *(len(item.motions) for item in tried)])
+    parts = [stays[a:b] for a, b in pairwise(counts)]
+    return parts, stays[len(steps) :]
+
+
+def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mask]]) -> SteadyRange:
+    """Return how far both directions of a drive go."""
+    tried = parts[0][0]
+    flown = card.conditions[OWN_VELOCITY[tried.axis]]
+    first = float(tried.speeds[0])
+    ends, tips, cause, most = [first, first], "", "", 0.0
+    steady: list[SteadyMotion] = []
+    for item, stays in parts:
+        # A step overshoots: it may tip over on its way to a motion that is upright.
+        good = int(np.argmin(stays)) if not stays.all() else len(stays)
+        kept = item.motions[:good]
+        steady += kept
+        place = int(item.speeds[-1] > item.speeds[0])
+        ends[place] = kept[-1].speed if kept else first
+        if good == len(item.speeds):
+            continue
+        if not item.motions:
+            tips = NO_MOTION
+            continue
+        last = item.motions[min(good, len(item.motions) - 1)]
+        if good < len(stays) and last.growth > GROWS_1_S:
+            tips = UNSTABLE
+            continue
+        over = int(np.argmax(np.abs(last.tilt)))
+        tips = ("roll", "pitch")[over]
+        shares = overturning(floating, "KM"[over], last, item.direction)
+        cause = next(iter(shares), "")
+        most = shares.get(cause, 0.0)
+    tilts = np.array([motion.tilt for motion in steady]).reshape(-1, 2)
+    fastest = max(steady, key=lambda motion: motion.growth, default=None)
+    return SteadyRange.model_validate(
+        {
+            "axis": tried.axis,
+            "drive": tried.drive,
+            "flown": [flown.low, flown.high],
+            "upright": ends,
+            "roll_rad": float(np.max(np.abs(tilts[:, 0]), initial=0.0)),
+            "pitch_rad": float(np.max(np.abs(tilts[:, 1]), initial=0.0)),
+            "growth_1_s": 0.0 if fastest is None else fastest.growth,
+            "grows_on": "" if fastest is None else fastest.grows_on,
+            "tips_in": tips,
+            "cause": cause,
+            "cause_N_m": most,
+        }
+    )
+
+
+def _words(check: MotionCheck) -> str:
+    """Return in words what it does under its drive, under a force alone, at rest."""
+    own = [item for item in check.ranges if item.drive != ORIGIN]
+    words = []
+    for parts, driver in ((own, "driven by its " + (own[0].drive if own else "")), (None, "")):
+        items = [item for item in check.ranges if item.drive == ORIGIN] if parts is None else parts
+        tips = [item for item in items if item.tips_in]
+        if parts is None:
+            driver = "a force at its origin"
+        if tips:
+            words.append(f"{driver}{' ' if parts else ' alone '}" + listed(_tips(tips)))
+        elif parts:
+            words.append(f"{driver} it stays upright over the flown speeds" + _tilt(items))
+        elif not own and items:
+            words.append("it stays upright over the flown speeds" + _tilt(items))
+    grows = [item for item in own_drives(check) if item.growth_1_s > GROWS_1_S]
+    if grows:
+        worst = max(grows, key=lambda item: item.growth_1_s)
+        words.append(
+            f"unstable in {AXIS_WORDS[worst.grows_on]}: a disturbance grows by"
+            f" {worst.growth_1_s:.2g} 1/s at flown speeds of {AXIS_WORDS[worst.axis]}"
+        )
+    if check.rest_rad is not None and max(map(abs, check.rest_rad)) > TILTED_RAD:
+        roll, pitch = np.degrees(check.rest_rad) + 0.0
+        words.append(f"at rest it floats at roll {round(roll)}, pitch {round(pitch)} degrees")
+    return "; ".join(words)
+
+
+def _tips(items: Sequence[SteadyRange]) -> list[str]:
+    """Return where a drive tips it over: in pitch above .1 m/s of surge."""
+    words = []
+    for item in items:
+        unit = "rad/s" if item.axis == "N" else "m/s"
+        beyond = [
+            f"{'above' if end > 0 else 'below'} {end:.2g}"
+            for end, flown in zip(item.upright, item.flown, strict=True)
+            if abs(end) < abs(flown)
+        ]
+        what = (
+            "finds no steady motion" if " " in item.tips_in else f"tips it over in {item.tips_in}"
+        )
+        cause = f" (most of it by {_named(item)})" if item.cause else ""
+        words.append(f"{what} {listed(beyond)} {unit} of {AXIS_WORDS[item.axis]}{cause}")
+    return words
+
+
+def _named(item: SteadyRange) -> str:
+    name = {"C": "the Coriolis force of its inertia", "actuators": "its actuators"}
+    return f"{name.get(item.cause, item.cause)}, {item.cause_N_m:.2g} N m"
+
+
+def _tilt(items: Sequence[SteadyRange]) -> str:
+    roll = max(item.roll_rad for item in items)
+    pitch = max(item.pitch_rad for item in items)
+    if max(roll, pitch) < TILTED_RAD:
+        return ""
+    return f" (to {np.degrees(roll):.0f} degrees of roll, {np.degrees(pitch):.0f} of pitch)"
+
+
+def _remedies(
+    check: MotionCheck, card: ModelCard, drives: Mapping[tuple[str, str], Array]
+) -> list[str]:
+    """Return what would cure a model that tips over, or make it sure, as sentences."""
+    words = []
+    tips = [item for item in check.ranges if item.tips_in]
+    for item in tips:
+        own = drives.get((item.axis, "thrusters"))
+        if item.drive == ORIGIN and own is not None and check.verdict == "holds":
+            moments = [
+                f"{own[i]:.3g} N m of {AXIS_WORDS[AXES[i]]}" for i in (3, 4) if abs(own[i]) > 1e-3
+            ]
+            if moments:
+                words.append(
+                    f"Simulate the pulses of its thrusters, or with 1 N of {AXIS_WORDS[item.axis]}"
+                    f" {listed(moments)}: so they push."
+                )
+    askew = check.rest_rad is None or max(map(abs, check.rest_rad)) > TILTED_RAD
+    if check.righting_is_assumed and (tips or askew):
+        roll, pitch = check.righting_N_m
+        words.append(
+            f"The righting moment, {roll:.2g} (roll) and {pitch:.2g} (pitch) N m/rad, is assumed:"
+            " hang a known weight at a known arm, read the angle, and set centre_of_buoyancy."
+        )
+    open_axes = [axis for axis in TILTS if damping_of(card, axis) != IDENTIFIED]
+    if open_axes:
+        named = listed([AXIS_WORDS[axis] for axis in open_axes])
+        words.append(
+            f"Damping of {named} is not from these data: a dive without attitude hold, or a free"
+            " decay on the bench, gives it."
+        )
+    return words

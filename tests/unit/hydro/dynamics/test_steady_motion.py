@@ -1,0 +1,81 @@
+"""Steady motion with roll and pitch free: equilibria, their growth, what tips over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.hydro.dynamics.steady_motion import (
+    TIPPED_RAD,
+    Floating,
+    growth_about,
+    overturning,
+    steady_motions,
+)
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from tests.support.motions import shipped_vehicle
+
+VEHICLE = shipped_vehicle("bluerov2_heavy")
+RIGHTING = -float(VEHICLE.r_B[2]) * VEHICLE.buoyancy
+DAMPED = {axis: {x: -4.0} for axis, x in zip("XYZKMN", "uvwpqr", strict=True)}
+SPEEDS = np.linspace(0.0, 1.0, 101)
+
+
+def floating(**rows: dict[str, float]) -> Floating:
+    coefficients = {axis: {**row, **rows.get(axis, {})} for axis, row in DAMPED.items()}
+    return Floating(VEHICLE, IdentifiedModel("test", coefficients), np.zeros(6))
+
+
+def test_pitch_of_steady_surge_balances_the_righting_moment_and_ends_at_sixty_degrees() -> None:
+    """M_u u = (z_G W - z_B B) sin(theta), and X_u u + f = 0."""
+    motions = steady_motions(floating(M={"u": -3.0}), "X", SPEEDS, np.eye(6)[0])
+    for motion in motions:
+        assert np.sin(motion.tilt[1]) == pytest.approx(-3.0 * motion.speed / RIGHTING, abs=1e-9)
+        assert motion.force == pytest.approx(4.0 * motion.speed, abs=1e-9)
+    ends = np.sin(TIPPED_RAD) * RIGHTING / 3.0
+    assert motions[-1].speed <= ends < motions[-1].speed + 0.01
+
+
+def test_thrusters_below_the_origin_hold_what_a_force_at_the_origin_tips_over() -> None:
+    """A drag centre at the height of the thrusters gives no pitch."""
+    model = floating(X={"u": -50.0}, M={"u": -0.085 * 50.0})
+    held = steady_motions(model, "X", SPEEDS, [1.0, 0.0, 0.0, 0.0, 0.085, 0.0])
+    assert len(held) == len(SPEEDS)
+    assert max(abs(motion.tilt[1]) for motion in held) < 1e-9
+    assert len(steady_motions(model, "X", SPEEDS, np.eye(6)[0])) < 40
+
+
+def test_growth_is_that_of_a_damped_pendulum() -> None:
+    """I p_dot = K_p p - righting phi, slower than every other motion of the vehicle."""
+    fast = {axis: {x: -200.0} for axis, x in zip("XYZMN", "uvwqr", strict=True)}
+    model = floating(**fast, K={"p": 0.3})
+    model = Floating(
+        VEHICLE,
+        IdentifiedModel("test", {**model.model.coefficients, "M": {"q": -1.0}}),
+        np.zeros(6),
+    )
+    inertia = VEHICLE.mass_matrix[3, 3]
+    expected = np.roots([inertia, -0.3, RIGHTING]).real.max()
+    rate, axis = growth_about(model, np.zeros(6), np.zeros(2))
+    assert rate == pytest.approx(expected, rel=1e-9)
+    assert axis == "K"
+
+
+def test_slopes_are_those_of_the_balance() -> None:
+    model = floating(M={"u": -3.0, "w*|w|": 2.0}, Z={"u*w": -5.0}, N={"v": 1.0})
+    nu, tilt = np.array([0.3, -0.1, 0.2, 0.05, -0.04, 0.2]), np.array([0.2, -0.4])
+    slope, step = model.slopes(nu, tilt), 1e-6
+    for j in range(8):
+        change = step * np.eye(8)[j]
+        ahead = model.balance(nu + change[:6], tilt + change[6:])
+        behind = model.balance(nu - change[:6], tilt - change[6:])
+        assert slope[:, j] == pytest.approx((ahead - behind) / (2 * step), abs=1e-7)
+
+
+def test_the_coefficient_that_pushes_over_most_is_named_first() -> None:
+    model = floating(M={"u": -3.0, "u*|u|": -0.5})
+    last = steady_motions(model, "X", SPEEDS, np.eye(6)[0])[-1]
+    shares = overturning(model, "M", last, np.eye(6)[0])
+    assert next(iter(shares)) == "M_u"
+    assert shares["M_u"] == pytest.approx(3.0 * last.speed)
+    assert sum(shares.values()) == pytest.approx(RIGHTING * np.sin(abs(last.tilt[1])), rel=1e-9)
