@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from click import Context
+from typer.core import TyperGroup
 
 from auvid import __version__
 from auvid.data_schemas.errors import PipelineError, UsageError
@@ -616,15 +618,68 @@ def score(
     print_score(campaign, others, as_json=as_json)
 
 
-@app.command(epilog="Example: auvid new ~/campaigns_2026")
-def new(
+class _New(TyperGroup):
+    """`auvid new DIR` is `auvid new workspace DIR`."""
+
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
+        """Put the word workspace before a folder."""
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
+            args = ["workspace", *args]
+        return super().parse_args(ctx, args)
+
+
+new = typer.Typer(cls=_New, no_args_is_help=True)
+app.add_typer(new, name="new", help="Make a workspace (auvid new DIR), or a campaign from logs.")
+
+
+@new.command(epilog="Example: auvid new ~/campaigns_2026")
+def workspace(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
 ) -> None:
-    """Make a workspace with a small example campaign that runs."""
+    """Make a workspace with a small example campaign that runs; `auvid new DIR` does too."""
     from auvid.pipeline.commands.new.new_command import make_workspace
 
     make_workspace(folder)
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
+
+
+@new.command(epilog="Example: auvid new campaign pier --from 00000029.BIN")
+def campaign(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="Name of the campaign, or a path to its new folder."),
+    ],
+    first: Annotated[
+        list[Path],
+        typer.Option(
+            "--from",
+            metavar="LOG [LOG ...]",
+            help="Logs of one vehicle; CSV files of one dive become one log.",
+        ),
+    ],
+    more: Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Vehicle, by name or file. [default: the one that the log names]",
+        ),
+    ] = None,
+    link: Annotated[
+        bool, typer.Option("--link", help="Link to the logs in place of copying them.")
+    ] = False,
+) -> None:
+    """Write a campaign from logs: campaign.yaml, column maps, vehicle file.
+
+    Legs are proposed where the vehicle moves. What no log tells is marked `# check:`,
+    with what to do. Nothing is written for logs that feed no campaign.
+
+    Exit codes: 0 auvid run can follow; 1 the logs feed no campaign, or something must
+    be filled in first; 2 wrong use.
+    """
+    from auvid.pipeline.commands.new.campaign_command import print_new_campaign
+
+    raise typer.Exit(print_new_campaign(name, [*first, *(more or [])], vehicle=vehicle, link=link))
 
 
 @app.command(hidden=True, epilog="Example: auvid code")

@@ -84,7 +84,7 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
             mapping = file.value
         # bytes of a name that are no text become a replacement character
         own = Path(os.fsencode(path).decode(errors="replace"))
-        return [_page(str(own), own.stem, (LogFile(own.name, path, mapping),))]
+        return [page_of_log(str(own), own.stem, (LogFile(own.name, path, mapping),))]
     workspace = workspace_of(target)
     campaign = load_campaign(
         workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()
@@ -98,7 +98,7 @@ def log_pages(target: str, columns: Path | None) -> list[LogPage]:
         except PipelineError as fault:
             pages.append(LogPage(name, refused=str(fault)))
         else:
-            pages.append(_page(name, log, files, campaign))
+            pages.append(page_of_log(name, log, files, campaign))
     return pages
 
 
@@ -115,7 +115,7 @@ def campaign_refusal(target: str, pages: Sequence[LogPage]) -> PipelineError | N
     return refusal(campaign, health, [stage.name for stage in stages], params)
 
 
-def _page(
+def page_of_log(
     name: str, log: str, files: Sequence[LogFile], campaign: Campaign | None = None
 ) -> LogPage:
     """Decode one log and check it; a log that cannot be read gives a page with why."""

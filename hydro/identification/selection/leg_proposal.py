@@ -1,0 +1,305 @@
+"""Legs proposed where a vehicle moves, parted into training and validation.
+
+Everything works on half seconds of a dive, from cumulated sums, so that a log is passed
+over once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from auvid.hydro.arrays import VELOCITIES, Array, Ints, Mask
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.signals.resampling import gaps
+
+STEP_S = 0.5
+"""Width of the pieces of a dive; a vehicle answers a command within one to three seconds."""
+SHORTEST_LEG_S = 8.0
+"""Five seconds that resample needs for a segment, and the ends that filters cut off."""
+NEAR_S = 5.0
+"""Motion within this time belongs to a stretch that moves."""
+LONGEST_REST_S = 30.0
+"""A shorter rest does not part two stretches."""
+ONE_WAY_S = 2.0
+"""Motion beyond the threshold for so long counts as motion in that direction."""
+SHARES = (0.3, 0.25, 0.35, 0.2, 0.4)
+"""Shares of the moving time that validation may take, the preferred one first."""
+STARTS = 400
+"""Places at which a validation block is tried, for each share."""
+LONGEST_CHANNEL_S = 300.0
+"""More of one channel hardly narrows its figures and takes long to fit."""
+
+Use = Literal["training", "validation"]
+
+
+@dataclass(frozen=True)
+class DivePieces:
+    """A dive in pieces of STEP_S from the start of its log.
+
+    `usable` (n,): every sensor is there, armed, in the water, no jump. `driven` (n,):
+    actuators act, or are not logged. `mean`, `square` (n, 6): mean and mean square of u v
+    w p q r [m/s, rad/s]; nan in the columns that nothing measures.
+    """
+
+    usable: Mask
+    driven: Mask
+    mean: Array
+    square: Array
+
+    @property
+    def measured(self) -> Mask:
+        """Return which of the six velocities (6,) something measures."""
+        return np.asarray(np.isfinite(self.square).all(axis=0))
+
+
+@dataclass(frozen=True)
+class ProposedLeg:
+    """A leg of dive number `dive`, in seconds of its log.
+
+    `excited` and `both_ways`: axes whose RMS reaches its threshold, and which of them
+    move in both directions. `channel`: the one axis that it is for, of a single channel.
+    """
+
+    dive: int
+    start_s: float
+    end_s: float
+    use: Use
+    excited: tuple[str, ...]
+    both_ways: tuple[str, ...]
+    channel: str | None = None
+
+
+@dataclass(frozen=True)
+class LegProposal:
+    """Proposed legs, the axes that move, and what each part lacks of them in words."""
+
+    legs: tuple[ProposedLeg, ...]
+    axes: tuple[str, ...]
+    lacking: Mapping[Use, Mapping[str, str]]
+
+
+def dive_pieces(
+    duration_s: float,
+    motion: Mapping[str, tuple[Array, Array]],
+    *,
+    clocks: Sequence[Array],
+    excluded: Sequence[tuple[float, float]] = (),
+    driven: tuple[Array, Mask] | None = None,
+    max_gap_s: float = 1.0,
+) -> DivePieces:
+    """Return a dive in pieces.
+
+    motion: u v w p q r -> times (n,) [s] and values (n,); clocks: the sample times (n,)
+    [s] of every sensor that a model needs; excluded: from and to [s] of what no leg may
+    have; driven: times (n,) and whether an actuator acts (n,).
+    """
+    edges = np.arange(int(max(duration_s, 0.0) / STEP_S) + 1) * STEP_S
+    usable = np.ones(edges.size - 1, dtype=bool)
+    for clock in clocks:
+        covered = np.zeros(usable.size, dtype=bool)
+        for first, last in gaps(clock, max_gap_s):
+            start, end = np.searchsorted(edges, (clock[first], clock[last - 1] + 1e-9))
+            covered[start : max(start, end - 1)] = True
+        usable &= covered
+    for begin, end in excluded:
+        usable[max(0, int(begin / STEP_S)) : max(0, int(np.ceil(end / STEP_S)))] = False
+    mean = np.full((usable.size, 6), np.nan)
+    square = np.full((usable.size, 6), np.nan)
+    for axis, (t_s, values) in motion.items():
+        if t_s.size > 1:
+            column = VELOCITIES.index(axis)
+            mean[:, column] = _means(t_s, values, edges)
+            square[:, column] = _means(t_s, values**2, edges)
+    acting = np.ones(usable.size, dtype=bool)
+    if driven is not None and driven[0].size > 1:
+        acting = _means(driven[0], driven[1].astype(np.float64), edges) > 0.0
+    return DivePieces(usable, acting, mean, square)
+
+
+def _means(t_s: Array, values: Array, edges: Array) -> Array:
+    """Return the mean of a signal (n,) between edges (m+1,), linear between samples."""
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t_s))])
+    return np.asarray(np.diff(np.interp(edges, t_s, area)) / np.diff(edges))
+
+
+def moving_spans(dive: DivePieces, axes: Sequence[str] = VELOCITIES) -> list[tuple[int, int]]:
+    """Return first and last + 1 of the runs of pieces that are usable, driven and move."""
+    columns = [VELOCITIES.index(axis) for axis in axes]
+    beyond = dive.square[:, columns] >= np.array([THRESHOLDS[axis] ** 2 for axis in axes])
+    near = int(NEAR_S / STEP_S)
+    active = _widened(beyond.any(axis=1), near) & _widened(dive.driven, near) & dive.usable
+    bridged = _runs(active)
+    spans: list[tuple[int, int]] = []
+    for first, last in bridged:
+        rest = spans and (first - spans[-1][1]) * STEP_S <= LONGEST_REST_S
+        if rest and dive.usable[spans[-1][1] : first].all():
+            spans[-1] = (spans[-1][0], last)
+        else:
+            spans.append((first, last))
+    return [(first, last) for first, last in spans if (last - first) * STEP_S >= SHORTEST_LEG_S]
+
+
+def _widened(mask: Mask, pieces: int) -> Mask:
+    """Return a mask (n,) with so many pieces more at both ends of each run."""
+    total = np.concatenate([[0], np.cumsum(mask)])
+    at = np.arange(mask.size)
+    first, last = np.maximum(at - pieces, 0), np.minimum(at + pieces + 1, mask.size)
+    return np.asarray(total[last] > total[first])
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Cumulated sums (n + 1, 6) over pieces: squares, pieces forward, pieces backward."""
+
+    square: Array
+    forward: Array
+    backward: Array
+
+    @classmethod
+    def of(cls, dives: Sequence[DivePieces], pieces: Sequence[Ints]) -> _Sums:
+        """Return the sums over chosen pieces of dives, joined."""
+        limit = np.array([THRESHOLDS[axis] for axis in VELOCITIES])
+        square = np.concatenate([dive.square[at] for dive, at in zip(dives, pieces, strict=True)])
+        mean = np.concatenate([dive.mean[at] for dive, at in zip(dives, pieces, strict=True)])
+        parts = (np.nan_to_num(square), mean > limit, mean < -limit)
+        start = np.zeros((1, 6))
+        return cls(*(np.concatenate([start, np.cumsum(part, axis=0)]) for part in parts))
+
+    def between(self, first: Ints, last: Ints) -> tuple[Mask, Mask]:
+        """Return whether axes are excited and move both ways (k, 6) from first to last (k,)."""
+        return _excitation(
+            *(part[last] - part[first] for part in (self.square, self.forward, self.backward)),
+            last - first,
+        )
+
+    def outside(self, first: Ints, last: Ints) -> tuple[Mask, Mask]:
+        """Return the same (k, 6) of all pieces but those."""
+        rest = (
+            part[-1] - (part[last] - part[first])
+            for part in (self.square, self.forward, self.backward)
+        )
+        return _excitation(*rest, self.square.shape[0] - 1 - (last - first))
+
+
+def _excitation(square: Array, forward: Array, backward: Array, count: Ints) -> tuple[Mask, Mask]:
+    limit = np.array([THRESHOLDS[axis] for axis in VELOCITIES])
+    excited = square >= limit**2 * np.maximum(count, 1)[..., None]
+    both = np.minimum(forward, backward) * STEP_S >= ONE_WAY_S
+    return np.asarray(excited), np.asarray(excited & both)
+
+
+def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
+    """Return training and validation legs from the moving stretches of all dives.
+
+    Validation is one block of the joined stretches, 20 to 40 % of them. Of all blocks
+    that one is taken after which both parts have most axes excited, then most of them in
+    both directions, then nearest to 30 % and late. No leg where less than twice
+    SHORTEST_LEG_S moves.
+    """
+    spans = [
+        (number, first, last)
+        for number, dive in enumerate(dives)
+        for first, last in moving_spans(dive)
+    ]
+    pieces = [np.arange(first, last) for _, first, last in spans]
+    total = sum(at.size for at in pieces)
+    if total * STEP_S < 2.0 * SHORTEST_LEG_S:
+        return LegProposal((), (), {})
+    sums = _Sums.of([dives[number] for number, _, _ in spans], pieces)
+    first, last = _validation_block(sums, total)
+    borders = np.cumsum([0, *(at.size for at in pieces)])
+    legs = []
+    for (number, start, _), low, high in zip(spans, borders[:-1], borders[1:], strict=True):
+        cuts: tuple[tuple[int, int, Use], ...] = (
+            (low, min(high, first), "training"),
+            (max(low, first), min(high, last), "validation"),
+            (max(low, last), high, "training"),
+        )
+        for begin, end, use in cuts:
+            if (end - begin) * STEP_S >= SHORTEST_LEG_S:
+                at = (start + begin - low) * STEP_S, (start + end - low) * STEP_S
+                excited, both = sums.between(np.array([begin]), np.array([end]))
+                legs.append(
+                    ProposedLeg(number, *map(float, at), use, _names(excited[0]), _names(both[0]))
+                )
+    whole, _ = sums.between(np.array([0]), np.array([total]))
+    axes = _names(whole[0])
+    parts: dict[Use, tuple[Mask, Mask]] = {
+        "training": sums.outside(np.array([first]), np.array([last])),
+        "validation": sums.between(np.array([first]), np.array([last])),
+    }
+    lacking = {
+        use: {
+            axis: "hardly moves" if axis not in _names(excited[0]) else "moves one way only"
+            for axis in axes
+            if axis not in _names(both[0])
+        }
+        for use, (excited, both) in parts.items()
+    }
+    return LegProposal(tuple(legs), axes, lacking)
+
+
+def _validation_block(sums: _Sums, total: int) -> tuple[int, int]:
+    """Return first and last + 1 of the validation block among all moving pieces."""
+    least = int(np.ceil(SHORTEST_LEG_S / STEP_S))
+    best, block = (-1.0, -1.0), (0, 0)
+    for place, share in enumerate(SHARES):
+        length = min(max(round(share * total), least), total - least)
+        starts = np.unique(np.linspace(0, total - length, STARTS).astype(np.intp))
+        # A remainder too short for a leg would be lost.
+        starts = starts[(starts == 0) | (starts >= least)]
+        starts = starts[(total - length - starts == 0) | (total - length - starts >= least)]
+        excited, both = sums.between(starts, starts + length)
+        rest_excited, rest_both = sums.outside(starts, starts + length)
+        score = 10.0 * (excited & rest_excited).sum(axis=1) + (both & rest_both).sum(axis=1)
+        ends = (starts == 0) | (starts == total - length)
+        rank = -float(place) + 0.5 * ends + 0.1 * starts / max(total, 1)
+        top = int(np.lexsort((rank, score))[-1])
+        if (float(score[top]), float(rank[top])) > best:
+            best = float(score[top]), float(rank[top])
+            block = int(starts[top]), int(starts[top]) + length
+    return block
+
+
+def propose_channel_legs(dives: Sequence[DivePieces], channels: Sequence[str]) -> LegProposal:
+    """Return one leg for each channel (u v w p q r), where that one moves most.
+
+    It is the moving stretch, cut at LONGEST_CHANNEL_S, whose sum of squares is largest.
+    """
+    legs, lacking = [], {}
+    for channel in channels:
+        column, best, leg = VELOCITIES.index(channel), 0.0, None
+        for number, dive in enumerate(dives):
+            if not dive.measured[column]:
+                continue
+            for first, last in moving_spans(dive, (channel,)):
+                sums = _Sums.of([dive], [np.arange(first, last)])
+                width = min(last - first, int(LONGEST_CHANNEL_S / STEP_S))
+                starts = np.arange(last - first - width + 1)
+                energy = sums.square[starts + width, column] - sums.square[starts, column]
+                at = int(np.argmax(energy))
+                excited, both = sums.between(starts[at : at + 1], starts[at : at + 1] + width)
+                if excited[0, column] and energy[at] > best:
+                    best = float(energy[at])
+                    span = (first + at) * STEP_S, (first + at + width) * STEP_S
+                    names = _names(excited[0]), _names(both[0])
+                    leg = ProposedLeg(number, *span, "training", *names, channel)
+        if leg is not None:
+            legs.append(leg)
+            if channel not in leg.both_ways:
+                lacking[channel] = "moves one way only"
+    axes = tuple(str(leg.channel) for leg in legs)
+    return LegProposal(tuple(legs), axes, {"training": lacking})
+
+
+def _names(mask: Mask) -> tuple[str, ...]:
+    return tuple(axis for axis, moves in zip(VELOCITIES, mask.tolist(), strict=True) if moves)

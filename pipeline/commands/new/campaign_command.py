@@ -1,0 +1,271 @@
+"""`auvid new campaign`: a campaign written from logs, ready for `auvid run`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from auvid.data_schemas.errors import DataError, PipelineError
+from auvid.hydro.identification.signals.signal_checks import clock_statistics
+from auvid.pipeline.campaigns.campaign import ID
+from auvid.pipeline.campaigns.workspace import Workspace, find_workspace
+from auvid.pipeline.commands.check.log_page import campaign_refusal, log_pages
+from auvid.pipeline.commands.new.campaign_text import (
+    CampaignContent,
+    WrittenFile,
+    campaign_text,
+)
+from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal
+from auvid.pipeline.commands.new.log_survey import SurveyedLog, survey
+from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice, choose_vehicle
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.stages.ingest.health.finding import CheckedLog
+
+SAMPLES_PER_PERIOD = 8.0
+"""A low-pass keeps what the slowest of velocity, attitude and commands samples so often."""
+CUTOFF_HZ = (0.2, 3.0)
+FILTER_SAMPLES = 0.2
+"""Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
+MOST_DROPPED = 0.5
+"""Default of stages.ingest.max_dropped_share."""
+
+
+@dataclass(frozen=True)
+class WrittenCampaign:
+    """A written campaign: folder, what it is in lines, and why a run would stop."""
+
+    folder: Path
+    lines: tuple[str, ...]
+    stop: str = ""
+
+
+def new_campaign(
+    name: str, logs: Sequence[Path], *, vehicle: str | None = None, link: bool = False
+) -> WrittenCampaign:
+    """Write a campaign from logs and return what was written.
+
+    It stands under campaigns/ of the workspace here, without one in the current folder.
+    Raises `PipelineError`, with nothing written, for logs that feed no campaign.
+    """
+    folder, files = _place(name)
+    surveyed = survey(logs)
+    feed, kept, left_out = _sort(surveyed)
+    ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
+    by_id = dict(zip(ids, kept, strict=True))
+    checks = {key: checked(log.page) for key, log in by_id.items()}
+    first = next(iter(checks.values()))
+    choice = choose_vehicle(first, files, named=vehicle, normalised=feed.normalised)
+    texts: dict[str, str] = {"vehicle.yaml": choice.text}
+    written: dict[str, list[WrittenFile]] = {}
+    sources: dict[str, Path] = {}
+    for key, log in by_id.items():
+        written[key] = []
+        for item in log.files:
+            place = _free(f"logs/{item.path.name}", sources)
+            sources[place] = item.path
+            columns = None
+            if item.columns is not None:
+                columns = f"columns/{Path(place).stem}.yaml"
+                texts[columns] = item.columns
+            written[key].append(WrittenFile(place, columns))
+    legs = proposal(feed, list(checks.values()))
+    content = CampaignContent(
+        feed.kind,
+        _title(by_id),
+        choice.name,
+        choice.why,
+        written,
+        checks,
+        legs,
+        _stages(feed, checks, choice),
+        left_out and [f"Left out: {item}." for item in left_out],
+        shelf=choice.name if choice.name.startswith("bluerov2") and not feed.channels else "",
+    )
+    texts["campaign.yaml"] = campaign_text(content)
+    _write(folder, texts, sources, link=link)
+    marks = {file: text.count("# check:") for file, text in texts.items() if "# check:" in text}
+    lines = [
+        f"{feed.kind}: {len(legs.legs)} legs from {len(kept)} log{'s' * (len(kept) > 1)}",
+        f"vehicle: {choice.name}, {choice.why}",
+        f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",
+        *(f"left out: {item}" for item in left_out),
+    ]
+    return WrittenCampaign(folder, tuple(lines), _stop(folder, choice))
+
+
+def _place(name: str) -> tuple[Path, Mapping[str, Path]]:
+    """Return the folder of a new campaign, and the vehicle files that it can name."""
+    path = Path(name).expanduser()
+    try:
+        workspace = find_workspace(Path.cwd())
+    except PipelineError:
+        workspace = Workspace(path.resolve())
+        folder = path
+    else:
+        folder = path if os.sep in name else workspace.campaigns / name
+    if not ID.fullmatch(folder.name):
+        raise PipelineError(
+            "not a name for a campaign",
+            value=folder.name,
+            allowed="at most 100 letters, digits, _ and -, not starting with -",
+        )
+    if (folder / "campaign.yaml").exists():
+        raise PipelineError(
+            "there is a campaign already, and nothing is overwritten",
+            file=folder / "campaign.yaml",
+            remedy="Choose another name, or remove the folder.",
+        )
+    return folder, workspace.vehicle_files()
+
+
+def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], list[str]]:
+    """Return what the logs feed, those that do, and in words why not the others.
+
+    Raises `DataError` where none feeds anything.
+    """
+    feeds: list[tuple[SurveyedLog, Feed]] = []
+    refused: list[str] = []
+    for log in surveyed:
+        if log.page.health is None:
+            refused.append(f"{log.name}: {log.page.refused}")
+            continue
+        feed, reasons = feed_of(log.page)
+        if feed is None:
+            refused.append(f"{log.name}: " + "".join(f"\n  {reason}" for reason in reasons))
+        else:
+            feeds.append((log, feed))
+    if not feeds:
+        raise DataError(
+            "no campaign can be written from "
+            + ("this log" if len(surveyed) == 1 else "these logs")
+            + "".join(f"\n{item}" for item in refused),
+            remedy=_routes(surveyed),
+        )
+    kinds = [feed.kind for _, feed in feeds]
+    kind = "identification" if "identification" in kinds else kinds[0]
+    kept = [(log, feed) for log, feed in feeds if feed.kind == kind]
+    left_out = [item.replace("\n  ", " ") for item in refused]
+    left_out += [
+        f"{log.name}: feeds only kind {feed.kind}" for log, feed in feeds if feed.kind != kind
+    ]
+    first = kept[0][1]
+    channels = tuple(dict.fromkeys(axis for _, feed in kept for axis in feed.channels))
+    streams = tuple(dict.fromkeys(name for _, feed in kept for name in feed.streams))
+    pause = max(feed.max_gap_s for _, feed in kept)
+    merged = Feed(kind, streams, pause, channels, first.normalised)
+    return merged, [log for log, _ in kept], left_out
+
+
+def _routes(surveyed: Sequence[SurveyedLog]) -> str:
+    """Return which route exists for logs that feed nothing."""
+    shown = " ".join(log.name for log in surveyed[:1])
+    return (
+        "A force model needs attitude, depth, velocity (a DVL, or an aided navigation filter) and"
+        " commands of one dive under water, armed and driven for 20 s; a single channel needs its"
+        f" motion and its commands. auvid check {shown} shows what is there."
+    )
+
+
+def _free(place: str, taken: Mapping[str, Path]) -> str:
+    path, number = Path(place), 1
+    while place in taken:
+        number += 1
+        place = f"{path.parent}/{path.stem}_{number}{path.suffix}"
+    return place
+
+
+def _title(logs: Mapping[str, SurveyedLog]) -> str:
+    names = [log.files[0].path.name for log in logs.values()]
+    health = next(iter(logs.values())).page.health or {}
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"{health.get('vehicle') or 'Vehicle not named'}, {names[0]}{more}"
+
+
+def _stages(feed: Feed, logs: Mapping[str, CheckedLog], choice: VehicleChoice) -> dict[str, str]:
+    """Return the parameters that differ from the defaults, as YAML in one line."""
+    stages = {}
+    dropped = max(
+        stream.rejected / max(stream.rows + stream.rejected, 1)
+        for log in logs.values()
+        for stream in log.info.streams.values()
+    )
+    if dropped > MOST_DROPPED:
+        stages["ingest"] = f"{{max_dropped_share: {min(dropped + 0.02, 1.0):.2f}}}"
+    rates = [
+        clock.rate_hz
+        for log in logs.values()
+        for name in feed.streams
+        if (clock := clock_statistics(log.t_s(name)))
+    ]
+    if feed.channels:
+        rate = min(1.0, FILTER_SAMPLES * min(rates, default=5.0))
+        stages["rlse"] = f"{{filter_rate_rad_s: {rate:.2g}, max_gap_s: {feed.max_gap_s:g}}}"
+        return stages
+    cutoff = min(max(min(rates, default=24.0) / SAMPLES_PER_PERIOD, CUTOFF_HZ[0]), CUTOFF_HZ[1])
+    stages["fuse"] = f"{{method: kinematic, cutoff_hz: {cutoff:.1f}}}"
+    prior = ", prior: vehicle" if "\npublished:" in choice.text else ""
+    stages["synthesise"] = f"{{trim: true{prior}}}"
+    return stages
+
+
+def _write(
+    folder: Path, texts: Mapping[str, str], sources: Mapping[str, Path], *, link: bool
+) -> None:
+    """Write all files of a campaign, or none."""
+    clash = [name for name in (*texts, *sources) if (folder / name).exists()]
+    clash = [name for name in clash if not _same(folder / name, sources.get(name))]
+    if clash:
+        raise PipelineError(
+            "there is a file already, and nothing is overwritten", file=folder / clash[0]
+        )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+        for name, path in sources.items():
+            copy = Path(temporary) / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            if link:
+                copy.symlink_to(path.resolve())
+            else:
+                shutil.copyfile(path, copy)
+        for name, text in texts.items():
+            write_atomically(Path(temporary) / name, text.encode())
+        for name in (*sources, *texts):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            if not (folder / name).exists():
+                os.replace(Path(temporary) / name, folder / name)
+
+
+def _same(path: Path, source: Path | None) -> bool:
+    return source is not None and path.resolve() == source.resolve()
+
+
+def _stop(folder: Path, choice: VehicleChoice) -> str:
+    """Return why a run of the written campaign would stop, empty if it goes on."""
+    if choice.lacking:
+        return (
+            f"{choice.lacking}: no log tells, and there is no default. Fill them in in"
+            f" {folder / 'vehicle.yaml'}, or name a vehicle: --vehicle bluerov2_heavy"
+            " (auvid vehicles lists all)."
+        )
+    pages = log_pages(str(folder), None)
+    refusal = campaign_refusal(str(folder), pages)
+    return "" if refusal is None else str(refusal)
+
+
+def print_new_campaign(
+    name: str, logs: Sequence[Path], *, vehicle: str | None = None, link: bool = False
+) -> int:
+    """Write a campaign, print what was written, and return the exit code."""
+    result = new_campaign(name, logs, vehicle=vehicle, link=link)
+    print(f"wrote {result.folder}")
+    print("\n".join(f"  {line}" for line in result.lines))
+    if result.stop:
+        print(f"\nauvid run would stop: {result.stop}", file=sys.stderr)
+        return 1
+    print(f"\n    auvid run {name}\n")
+    return 0

@@ -1,0 +1,149 @@
+"""Which kind of campaign a log can feed: every route in one place, tried in order.
+
+A new route is a function like those below and its place in ROUTES.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.selection.leg_proposal import (
+    LegProposal,
+    propose_channel_legs,
+    propose_legs,
+)
+from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.stages.ingest.health.finding import CheckedLog, listed
+from auvid.stages.ingest.health.leg_pieces import pieces_of
+from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s
+from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
+
+CHANNELS = ("u", "v", "w", "r")
+"""Channels of which one alone can be told; roll and pitch need the restoring moment."""
+LEAST_SAMPLES = 50
+STEPS_PER_GAP = 4.0
+"""A coarse clock leaves out single samples; so many steps are a pause."""
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What a log feeds: kind of campaign, streams that its legs need, longest pause [s].
+
+    `channels`: velocities of a campaign of single channels. `normalised`: they are driven
+    by commands without a unit of force, so that the vehicle file gives no force.
+    """
+
+    kind: str
+    streams: tuple[str, ...]
+    max_gap_s: float = 1.0
+    channels: tuple[str, ...] = ()
+    normalised: bool = False
+
+
+@dataclass(frozen=True)
+class Route:
+    """A kind of campaign in words, why a log cannot feed it (or what it feeds)."""
+
+    title: str
+    feed: Callable[[CheckedLog, Mapping[str, Any]], Feed | str]
+
+
+def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
+    """Return the feed of a force model in six axes, or what the log lacks for it."""
+    rows = {item["name"]: item for item in health["capabilities"]}
+    needed = ("resample", "fuse (kinematic)", "residual")
+    lacking = [str(rows[name]["reason"]) for name in needed if not rows[name]["possible"]]
+    if lacking:
+        return "; ".join(dict.fromkeys(why for why in lacking if why != NO_STATE))
+    axes = [item for name, item in rows.items() if name.startswith("synthesise ")]
+    if not any(item["possible"] for item in axes):
+        return "; ".join(dict.fromkeys(str(item["reason"]) for item in axes))
+    feed = Feed("identification", ("attitude", "imu", "depth", "velocity", "actuators"))
+    uses = {leg.use for leg in proposal(feed, [log]).legs}
+    if len(uses) < 2:
+        return (
+            "no two stretches of 8 s, one to fit and one to judge, in which it moves under its"
+            " own thrust, armed and submerged, with every sensor there"
+        )
+    return feed
+
+
+def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
+    """Return the feed of single channels (surge, sway, heave, yaw), or what is lacking."""
+    if log.under_water is False:
+        return "not an underwater vehicle"
+    if not log.has("actuators"):
+        return "no actuators"
+    commands = {name.removeprefix("command_") for name in log.commands()}
+    if not log.thrusters() and not commands:
+        return "no pulses of thrusters and no commands of surge, sway, heave or yaw"
+    acting = activity(log)
+    if acting is None or not acting.any():
+        return "no actuator acts"
+    if driven_s(log) < SHORTEST_DRIVEN_S:
+        return f"outputs act for {driven_s(log):.1f} s only, {SHORTEST_DRIVEN_S:g} s are needed"
+    normalised = not log.thrusters()
+    sensors = {
+        "u": "velocity",
+        "v": "velocity",
+        "w": "velocity" if log.has("velocity") else "depth",
+        "r": "imu" if log.has("imu") else "attitude",
+    }
+    measured = [
+        axis
+        for axis in CHANNELS
+        if log.has(sensors[axis]) and (not normalised or MOTION_WORDS[axis] in commands)
+    ]
+    enough = [axis for axis in measured if log.t_s(sensors[axis]).size >= LEAST_SAMPLES]
+    if not enough:
+        driven = f" (driven: {listed(sorted(commands))})" if normalised else ""
+        return f"nothing measures a channel that is driven{driven}: depth, velocity or gyro"
+    streams = tuple(dict.fromkeys([*(sensors[axis] for axis in enough), "actuators"]))
+    pause = max(1.0, *(STEPS_PER_GAP * _step_s(log, name) for name in streams))
+    feed = Feed("bench", streams, round(pause, 1), tuple(enough), normalised)
+    found = proposal(feed, [log]).axes
+    if not found:
+        names = listed([MOTION_WORDS[axis] for axis in enough])
+        least = listed([f"{THRESHOLDS[axis]:g}" for axis in enough[:1]])
+        return f"hardly any motion in {names} while driven and submerged (RMS below {least})"
+    return Feed("bench", streams, round(pause, 1), found, normalised)
+
+
+ROUTES = (
+    Route("a force model (kind: identification)", force_model),
+    Route("single channels (kind: bench)", single_channels),
+)
+"""The better first."""
+
+
+def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[Feed | None, list[str]]:
+    """Return what a log feeds, and why not the routes before (None: no route at all)."""
+    assert page.health is not None
+    log, reasons = checked(page, vehicle), []
+    for route in ROUTES:
+        feed = route.feed(log, page.health)
+        if isinstance(feed, Feed):
+            return feed, reasons
+        reasons.append(f"{route.title}: {feed}")
+    return None, reasons
+
+
+def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
+    """Return the log of a health page."""
+    assert page.outputs is not None
+    return CheckedLog(page.streams, page.outputs.log_info, page.outputs.dropped, vehicle)
+
+
+def proposal(feed: Feed, logs: list[CheckedLog]) -> LegProposal:
+    """Return the legs that are proposed in logs of one kind of campaign."""
+    dives = [pieces_of(log, feed.streams, max_gap_s=feed.max_gap_s) for log in logs]
+    return propose_channel_legs(dives, feed.channels) if feed.channels else propose_legs(dives)
+
+
+def _step_s(log: CheckedLog, stream: str) -> float:
+    times = log.t_s(stream)
+    return float(times[-1] - times[0]) / max(times.size - 1, 1)

@@ -1,0 +1,174 @@
+"""Which vehicle a log is of, and its file with a remedy at every assumed figure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
+from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES
+from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
+from auvid.stages.ingest.health.vehicle import NEUTRAL_US
+
+FRAMES = {1: "bluerov2", 2: "bluerov2_heavy"}
+"""ArduSub's FRAME_CONFIG -> vehicle: 1 vectored, 2 vectored 6-DOF."""
+FRAME_NAMES = {
+    0: "BlueROV1",
+    3: "vectored 6-DOF, 90 degrees",
+    4: "SimpleROV-3",
+    5: "SimpleROV-4",
+    6: "SimpleROV-5",
+    7: "custom",
+}
+"""Frames without a bundled vehicle."""
+MOTORS_OF_VEHICLE = {6: "bluerov2", 8: "bluerov2_heavy"}
+"""What an ROV with so many driven outputs most often is."""
+REMEDIES: Mapping[str, str] = {
+    "water_density": "1000 in fresh water; 1025 at sea, less in brackish water",
+    "mass": "weigh the vehicle as it dived, with payload and flooded parts full of water",
+    "displaced_mass": "mass plus what must be added under water until it neither rises nor sinks",
+    "centre_of_buoyancy": "from a tilt test: hang a known weight aside and read the angle",
+    "inertia": "swing it (docs/bench.md), or take it from a CAD model",
+    "X_udot": "added masses: by strip theory, from a similar vehicle, or from a bench",
+    "position": "measure each thruster from the centre of gravity: forward, right, down",
+    "axis": "the way each thruster pushes at a pulse above 1500 us",
+    "direction": "-1 where the pulse is mirrored; MOT_n_DIRECTION of a log takes precedence",
+    "outputs": "the output channel of each thruster, in the order of the rows above",
+    "thrust_curve": "the curve of your thruster at your voltage; coefficients scale with it",
+    "arm": "measure where the sensor sits from the centre of gravity: forward, right, down",
+}
+"""Key of a vehicle file -> what to do about an assumed figure."""
+FILL_IN = """
+actuators:
+  thrusters:  # fill in: no log tells where thrusters sit; forward, right, down
+    position:
+      value: fill in one [x, y, z] for each of the outputs below
+      unit: m
+      source: measured
+    axis:
+      value: fill in one [x, y, z] of length 1 for each of the outputs below
+      unit: "1"
+      source: measured
+    direction: {{value: {ones}, unit: "1", source: no thruster mirrored, assumed: true}}
+    outputs: {outputs}
+    thrust_curve:
+      pulse_width:
+        {{value: [1100, 1475, 1525, 1900], unit: us, source: class of thruster, assumed: true}}
+      force: {{value: [-40.0, 0.0, 0.0, 50.0], unit: N, source: class of thruster, assumed: true}}
+      voltage: {{value: 16.0, unit: V, source: class of thruster, assumed: true}}
+      voltage_exponent: {{value: 1.0, unit: "1", source: class of thruster, assumed: true}}
+"""
+
+
+@dataclass(frozen=True)
+class VehicleChoice:
+    """A vehicle for a log: name, why, and the text of its file.
+
+    `lacking`: what must be filled in before any run; empty if nothing.
+    """
+
+    name: str
+    why: str
+    text: str
+    lacking: str = ""
+
+
+def choose_vehicle(
+    log: CheckedLog, files: Mapping[str, Path], *, named: str | None, normalised: bool
+) -> VehicleChoice:
+    """Return the vehicle named in the call, else that of the log, else a skeleton.
+
+    files: vehicle files by name. `normalised`: no force comes from the vehicle file.
+    """
+    if named is not None:
+        path = files.get(named) or Path(named)
+        return VehicleChoice(path.stem, "named by --vehicle", _annotated(path, log))
+    if normalised:
+        why = "commands have no unit of force: only ratios to its mass come out"
+        return VehicleChoice("vehicle", why, _skeleton(log, ""))
+    frame = log.info.parameters.get("FRAME_CONFIG")
+    if frame is not None and int(frame) in FRAMES:
+        name = FRAMES[int(frame)]
+        return VehicleChoice(
+            name,
+            f"FRAME_CONFIG {int(frame)} of the log",
+            _annotated(SHIPPED_VEHICLES / f"{name}.yaml", log),
+        )
+    driven = driven_outputs(log)
+    if frame is None and len(driven) in MOTORS_OF_VEHICLE:
+        name = MOTORS_OF_VEHICLE[len(driven)]
+        return VehicleChoice(
+            name,
+            f"guessed, {len(driven)} outputs are driven and the log names no frame",
+            _annotated(SHIPPED_VEHICLES / f"{name}.yaml", log),
+        )
+    return _unknown(log, driven, frame)
+
+
+def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> VehicleChoice:
+    if not driven:
+        text = _skeleton(log, "\nactuators: fill in propeller and fins\n")
+        return VehicleChoice("vehicle", "a skeleton", text, "propeller and fins")
+    about = (
+        f"FRAME_CONFIG {int(frame)} ({FRAME_NAMES.get(int(frame), 'unknown')}) of the log has no"
+        " bundled vehicle"
+        if frame is not None
+        else f"outputs {listed([str(number) for number in driven])} are driven"
+    )
+    block = FILL_IN.format(ones=[1] * len(driven), outputs=list(driven))
+    why = f"a skeleton, {about}"
+    return VehicleChoice(
+        "vehicle", why, _skeleton(log, block), "position and axis of each thruster"
+    )
+
+
+def driven_outputs(log: CheckedLog) -> list[int]:
+    """Return the outputs whose pulse leaves the dead band while the log runs."""
+    numbers = []
+    for name in log.thrusters():
+        pulses = log.column("actuators", name)
+        beyond = (np.abs(pulses - NEUTRAL_US) > limit("no_actuation")) & (pulses > 0.0)
+        if beyond.any():
+            numbers.append(int(name.split("_")[1]))
+    return numbers
+
+
+def _skeleton(log: CheckedLog, actuators: str) -> str:
+    template = resources.files(__package__ or "") / "vehicle_skeleton.yaml"
+    title = f'"Vehicle of {log.info.vehicle or "a log that names none"}"'
+    text = template.read_text(encoding="utf-8")
+    return _with_remedies(text.format(name="vehicle", title=title, actuators=actuators))
+
+
+def _annotated(path: Path, log: CheckedLog) -> str:
+    """Return a vehicle file with remedies, outputs and directions of the log in place."""
+    text = path.read_text(encoding="utf-8")
+    parameters = log.info.parameters
+    outputs = {
+        MOTOR_OF_FUNCTION[function]: number
+        for number in range(1, 17)
+        if (function := parameters.get(f"SERVO{number}_FUNCTION") or 0.0) in MOTOR_OF_FUNCTION
+    }
+    listing = re.search(r"^    outputs: \[(.*)\]", text, re.MULTILINE)
+    count = len(listing[1].split(",")) if listing else 0
+    if listing and set(range(1, count + 1)) <= set(outputs):
+        numbers = ", ".join(str(outputs[motor]) for motor in range(1, count + 1))
+        text = text.replace(listing[0], f"    outputs: [{numbers}]")
+    return _with_remedies(text)
+
+
+def _with_remedies(text: str) -> str:
+    """Return the text with a comment above every key of REMEDIES that holds a figure."""
+    lines, before = [], ""
+    for line in text.splitlines():
+        key = re.match(r"( +)(\w+):", line)
+        if key and key[2] in REMEDIES and not before.strip().startswith("# check"):
+            lines.append(f"{key[1]}# check: {REMEDIES[key[2]]}")
+        lines.append(line)
+        before = line
+    return "\n".join(lines) + "\n"

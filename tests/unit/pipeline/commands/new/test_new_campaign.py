@@ -1,0 +1,70 @@
+"""`auvid new campaign` writes what can be run, and refuses with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.yaml_text import read_yaml
+from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.commands.new.campaign_command import new_campaign
+from auvid.stages import KINDS
+from tests.support.tools import ROOT
+
+DIVE = ROOT / "campaigns/bluerov2_dvl/logs/00000029_first130s.BIN"
+STILL = ROOT / "tests/data/bluerov2_ugps_small/small.BIN"
+
+
+@pytest.fixture(autouse=True)
+def outside_any_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_dive_with_velocity_log_gives_a_force_model() -> None:
+    result = new_campaign("pier", [DIVE])
+    assert result.stop == ""
+    campaign = load_campaign(result.folder, kinds=KINDS, vehicles={})
+    assert campaign.document["kind"] == "identification"
+    assert campaign.vehicle.thrusters is not None
+    assert {leg["use"] for leg in campaign.legs.values()} == {"training", "validation"}
+    text = (result.folder / "campaign.yaml").read_text()
+    assert "# check: bluerov2_heavy, guessed, 8 outputs are driven" in text
+    assert "surge and sway move one way only" in text
+    vehicle = (result.folder / "vehicle.yaml").read_text()
+    assert "  # check: weigh the vehicle" in vehicle
+    # Line by line as an editor sees them: short, and the check stands above its figure.
+    assert all(len(line) < 89 for line in text.splitlines() if line.startswith("#"))
+
+
+def test_a_log_that_feeds_nothing_is_refused_with_every_reason(tmp_path: Path) -> None:
+    with pytest.raises(PipelineError) as refusal:
+        new_campaign("still", [STILL])
+    words = str(refusal.value)
+    assert "force model (kind: identification): no velocity; no actuator acts" in words
+    assert "single channels (kind: bench): no actuator acts" in words
+    assert "auvid check" in words
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_logs_of_another_kind_are_left_out_and_said() -> None:
+    result = new_campaign("two", [STILL, DIVE])
+    assert any("small.BIN" in line and "left out" in line for line in result.lines)
+    document = read_yaml((result.folder / "campaign.yaml").read_text())
+    assert [log["file"] for log in document["logs"]] == [f"logs/{DIVE.name}"]
+    assert "Left out: small.BIN" in document["notes"]
+
+
+def test_nothing_is_overwritten() -> None:
+    new_campaign("pier", [DIVE], link=True)
+    assert Path("pier/logs", DIVE.name).is_symlink()
+    with pytest.raises(PipelineError, match="there is a campaign already"):
+        new_campaign("pier", [DIVE])
+    with pytest.raises(PipelineError, match="named twice"):
+        new_campaign("other", [DIVE, DIVE])
+
+
+def test_a_named_vehicle_is_taken() -> None:
+    result = new_campaign("pier", [DIVE], vehicle="bluerov2_heavy")
+    assert "named by --vehicle" in (result.folder / "campaign.yaml").read_text()
