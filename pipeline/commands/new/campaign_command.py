@@ -163,11 +163,11 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
 
 def _routes(surveyed: Sequence[SurveyedLog]) -> str:
     """Return which route exists for logs that feed nothing."""
-    shown = " ".join(log.name for log in surveyed[:1])
+    name = surveyed[0].name
     return (
         "A force model needs attitude, depth, velocity (a DVL, or an aided navigation filter) and"
         " commands of one dive under water, armed and driven for 20 s; a single channel needs its"
-        f" motion and its commands. auvid check {shown} shows what is there."
+        f" motion and its commands. auvid check {name} shows what is there."
     )
 
 

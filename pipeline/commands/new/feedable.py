@@ -105,12 +105,12 @@ def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
     streams = tuple(dict.fromkeys([*(sensors[axis] for axis in enough), "actuators"]))
     pause = max(1.0, *(STEPS_PER_GAP * _step_s(log, name) for name in streams))
     feed = Feed("bench", streams, round(pause, 1), tuple(enough), normalised)
-    found = proposal(feed, [log]).axes
-    if not found:
+    moving = proposal(feed, [log]).axes
+    if not moving:
         names = listed([MOTION_WORDS[axis] for axis in enough])
         least = listed([f"{THRESHOLDS[axis]:g}" for axis in enough[:1]])
         return f"hardly any motion in {names} while driven and submerged (RMS below {least})"
-    return Feed("bench", streams, round(pause, 1), found, normalised)
+    return Feed("bench", streams, round(pause, 1), moving, normalised)
 
 
 ROUTES = (
