@@ -8,6 +8,7 @@
     model = results.model                         # the model to take
     model.coefficients                            # values, intervals, verdicts
     model.simulate(time, tau)                     # its motion
+    auvid.open_model("bluerov2_wu_2018")          # a published set, to compare with
 
 Names below load when they are first used. All raise `PipelineError` with file, field,
 value, allowed and remedy, as the commands do.
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from auvid.fitting import fit
     from auvid.logs import LogContents, check, read_log
     from auvid.models import VehicleModel as Model
+    from auvid.models import open_model
     from auvid.results import RunResults, open_run, run
     from auvid.scoring import score
 
@@ -36,6 +38,7 @@ __all__ = [
     "RunResults",
     "check",
     "fit",
+    "open_model",
     "open_run",
     "plots",
     "read_log",
@@ -50,6 +53,7 @@ _PLACES = {
     "RunResults": "results.RunResults",
     "check": "logs.check",
     "fit": "fitting.fit",
+    "open_model": "models.open_model",
     "open_run": "results.open_run",
     "read_log": "logs.read_log",
     "run": "results.run",

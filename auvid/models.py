@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
@@ -319,6 +319,32 @@ class VehicleModel:
         )
 
 
+def open_model(name: str | PathLike[str]) -> VehicleModel:
+    """Open a model by name, as the command ``auvid export`` does.
+
+    Parameters
+    ----------
+    name : str or path
+        A model file (.json), a campaign (its recommended model), ``CAMPAIGN/MODEL``, a
+        published set of the shelf, as ``bluerov2_wu_2018``, or a vehicle file (.yaml)
+        with published damping.
+
+    Returns
+    -------
+    Model
+        The model. One of a published set has no intervals and no range of validity;
+        ``use`` says what else it lacks.
+
+    Raises
+    ------
+    PipelineError
+        There is no such model, or the campaign has none to take.
+    """
+    from auvid.pipeline.commands.model.named_model import named_model
+
+    return VehicleModel(named_model(fspath(name)).model)
+
+
 def _minimum_speed(file: ModelFile) -> float:
     screw = file.dynamics.propeller
     return 0.05 if screw is None else screw.minimum_speed_m_s
@@ -384,7 +410,7 @@ def _clock(time: ArrayLike) -> Array:
 
 def _beyond(file: ModelFile, states: Array) -> list[str]:
     """Return velocities that leave the range of the fit, and angles that tip over."""
-    words = []
+    words = [] if file.validity else ["nothing says up to which velocities this model holds"]
     for name in ("phi", "theta"):
         reach_rad = np.nanmax(np.abs(states[:, STATES.index(name)]))
         if reach_rad > TIPPED_RAD:

@@ -5,6 +5,6 @@
 
 from auvid.export.losses import ExportLosses
 from auvid.export.targets import TARGETS
-from auvid.export.writing import Prepared, prepare, write
+from auvid.export.writing import Prepared, check_target, prepare, write
 
-__all__ = ["TARGETS", "ExportLosses", "Prepared", "prepare", "write"]
+__all__ = ["TARGETS", "ExportLosses", "Prepared", "check_target", "prepare", "write"]

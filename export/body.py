@@ -176,11 +176,17 @@ def _factors(nu: Array, excess: Array) -> dict[str, Array]:
     }
 
 
+def full_title(model: ModelFile) -> str:
+    """Return a model's title with its vehicle's; of a published set they are one."""
+    titles = dict.fromkeys((model.title, model.vehicle.title))
+    return " of ".join(titles)
+
+
 def body_of(model: ModelFile) -> Body:
     """Return what a model file says of the motion, with every term that is not 0."""
     figures: DynamicsFigures = model.dynamics
     return Body(
-        title=one_line(f"{model.title} of {model.vehicle.title}"),
+        title=one_line(full_title(model)),
         mass_kg=figures.mass_kg,
         r_G=np.array(figures.centre_of_gravity_m),
         inertia=np.array(figures.inertia_kg_m2),

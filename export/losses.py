@@ -18,6 +18,8 @@ model is usable for, takes the model with `lossy` alone.
 """
 SAMPLES = 4096
 SEED = 0
+ASSUMED_REACH = 1.0
+"""Of each velocity [m/s, rad/s] where a model has no range, as a published set."""
 PROPULSION_RANGE = (-1.0, 1.0)
 """Range of eta - 1: from a standing propeller to twice the speed of level running."""
 
@@ -59,6 +61,7 @@ class ExportLosses:
     total_rms: tuple[float, ...]
     viscous_rms: tuple[float, ...]
     judged: tuple[str, ...]
+    within: str
     notes: tuple[str, ...] = ()
 
     @property
@@ -78,13 +81,27 @@ class ExportLosses:
 def sample_envelope(validity: Mapping[str, VelocityRange]) -> tuple[Array, Array]:
     """Return velocities (n, 6) [m/s, rad/s] within the flown ranges, and eta - 1.
 
-    Evenly spread, and the same at each call.
+    Evenly spread, and the same at each call; to `ASSUMED_REACH` where there is no range.
     """
     random = np.random.default_rng(SEED)
-    low = np.array([validity[name].low for name in VELOCITIES])
-    high = np.array([validity[name].high for name in VELOCITIES])
+    ranges = flown_ranges(validity).values()
+    low, high = (np.array(ends) for ends in zip(*ranges, strict=True))
     nu = random.uniform(low, high, size=(SAMPLES, 6))
     return nu, random.uniform(*PROPULSION_RANGE, size=SAMPLES)
+
+
+def flown_ranges(validity: Mapping[str, VelocityRange]) -> dict[str, tuple[float, float]]:
+    """Return the ends of each range, `ASSUMED_REACH` where there is none."""
+    if not validity:
+        return dict.fromkeys(VELOCITIES, (-ASSUMED_REACH, ASSUMED_REACH))
+    return {name: (validity[name].low, validity[name].high) for name in VELOCITIES}
+
+
+def range_words(validity: Mapping[str, VelocityRange]) -> str:
+    """Return within which velocities losses are figured, in words."""
+    if validity:
+        return "within the flown range"
+    return f"up to {ASSUMED_REACH:g} m/s and rad/s, for want of a flown range"
 
 
 def judged_axes(use: UsableFor | None) -> tuple[str, ...]:
@@ -122,7 +139,13 @@ def measure(
         rows.append(LossRow(part.what, part.why, _rms(error)))
         total += error
     return ExportLosses(
-        target, tuple(rows), _rms(total), _rms(viscous), judged_axes(use), tuple(notes)
+        target,
+        tuple(rows),
+        _rms(total),
+        _rms(viscous),
+        judged_axes(use),
+        range_words(validity),
+        tuple(notes),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.model_file import AS_PUBLISHED, ModelFile
 from auvid.export.exported import Exported, Target
 from auvid.export.losses import ExportLosses
 from auvid.export.text import one_line
@@ -35,7 +35,7 @@ def readme(
     if losses.notes:
         parts.append("\n".join(f"- {note}" for note in losses.notes))
     parts.append(
-        "RMS force over velocities spread evenly within the flown range, in N and N m; the last"
+        f"RMS force over velocities spread evenly {losses.within}, in N and N m; the last"
         " row is the model's own viscous force."
         f" Axes that the model is usable for: {judged or ', '.join(losses.judged)}."
     )
@@ -83,13 +83,22 @@ def _origin(model: ModelFile, target: Target) -> str:
         for log, items in origin.logs.items()
         for item in items
     ]
+    campaign = "" if model.method == AS_PUBLISHED else f", campaign {origin.campaign}"
     return "\n".join(
         [
-            f"- auvid {model.auvid}, campaign {origin.campaign}, vehicle {model.vehicle.title}"
+            f"- auvid {model.auvid}{campaign}, vehicle {model.vehicle.title}"
             f" ({origin.vehicle_hash})",
-            f"- model {model.name}: {model.source}; {model.method}",
+            f"- model {model.name}: {model.source}; fitted by {model.method}",
             *files,
             f"- formula of the target: {target.source}",
             f"- assumed figures of the vehicle: {len(model.assumed)}, listed by the target json",
+            *(
+                f"- {word}: {one_line(text)}"
+                for word, text in (
+                    ("remarks on the vehicle", model.vehicle.notes),
+                    ("licence of its numbers", model.vehicle.licence),
+                )
+                if text
+            ),
         ]
     )

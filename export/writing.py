@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError, UsageError, nearest
-from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.model_file import AS_PUBLISHED, ModelFile
 from auvid.data_schemas.records.models import UsableFor
 from auvid.export.body import body_of
 from auvid.export.exported import Request, Target
@@ -16,13 +16,15 @@ from auvid.export.readme import readme
 from auvid.export.targets import TARGETS
 from auvid.export.text import identifier, one_line, sanitised
 
-README = "README.md"
-
 
 @dataclass(frozen=True)
 class Prepared:
-    """Files of a target (name -> text, with README.md), and what they lose."""
+    """Files of a target (name -> text, with a README), and what they lose.
 
+    name: of the files, and of functions or classes in them.
+    """
+
+    name: str
     files: Mapping[str, str]
     losses: ExportLosses
 
@@ -62,8 +64,9 @@ def prepare(
     than `LARGEST_SHARE` of the viscous force on an axis that the model is usable for,
     unless `lossy`.
     """
-    to = _target(target)
-    named = identifier(name) if name else sanitised(f"{model.vehicle.name}_{model.name}")
+    to = check_target(target)
+    own = dict.fromkeys((model.vehicle.name, model.name))  # of a published set they are one
+    named = identifier(name) if name else sanitised("_".join(own))
     if draws < 1:
         raise UsageError("how many draws", field="draws", value=draws, allowed="1 or more")
     useless = _usable_for_nothing(model.use.axes)
@@ -88,7 +91,7 @@ def prepare(
     if losses.too_large and not lossy:
         raise DataError(
             f"{to.title} cannot hold this model: it loses"
-            f" {_shares(losses)} of the RMS viscous force within the flown range",
+            f" {_shares(losses)} of the RMS viscous force {losses.within}",
             field="target",
             value=to.name,
             allowed=f"{100 * LARGEST_SHARE:g} % on the axes that the model is usable for",
@@ -97,7 +100,8 @@ def prepare(
             " target python, which holds everything.",
         )
     page = readme(model, to, exported, losses, name=named, useless=useless)
-    return Prepared({**exported.files, README: page}, losses)
+    # Several targets and models may go into one folder.
+    return Prepared(named, {**exported.files, f"README_{named}_{target}.md": page}, losses)
 
 
 def write_files(prepared: Prepared, folder: Path, *, force: bool = False) -> list[Path]:
@@ -119,16 +123,38 @@ def write_files(prepared: Prepared, folder: Path, *, force: bool = False) -> lis
     return paths
 
 
-def _target(name: str) -> Target:
+def check_target(name: str) -> Target:
+    """Return a target by its name, or of the name of its simulator.
+
+    Raises `UsageError` for an unknown one.
+    """
     if name not in TARGETS:
+        meant = SIMULATORS.get(name.lower())
         raise UsageError(
             "unknown target",
             field="target",
             value=name,
             allowed=list(TARGETS),
-            remedy=nearest(name, TARGETS),
+            remedy=meant or nearest(name, TARGETS),
         )
     return TARGETS[name]
+
+
+SIMULATORS = {
+    **dict.fromkeys(
+        ("simulink", "matlab", "octave"), "MATLAB, Simulink and Octave take the target mss."
+    ),
+    **dict.fromkeys(
+        ("gz", "ignition", "gz-sim", "sdf", "gazebosim"), "Gazebo Sim takes the target gazebo."
+    ),
+    **dict.fromkeys(
+        ("uuvsim", "uuv_simulator", "plankton", "dave", "xacro", "urdf"),
+        "UUV Simulator, Plankton and DAVE take the target uuv.",
+    ),
+    **dict.fromkeys(("ardusub", "ardupilot"), "ArduSub takes the target sitl."),
+    **dict.fromkeys(("numpy", "py"), "Python without a simulator takes the target python."),
+}
+"""What users write for a target -> which one that is."""
 
 
 def _usable_for_nothing(use: UsableFor | None) -> bool:
@@ -138,11 +164,14 @@ def _usable_for_nothing(use: UsableFor | None) -> bool:
 def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
     """Return lines that each file carries: origin, use, and what is not known."""
     unknown = sum(not item.determined for item in model.coefficients)
-    lines = [
-        f"Written by auvid {model.auvid} from model {model.name} ({model.title}) of campaign"
-        f" {model.origin.campaign}; fitted by {model.method}.",
-        f"Use: {model.use.sentence}.",
-    ]
+    if model.method == AS_PUBLISHED:
+        first = f"Written by auvid {model.auvid} from {model.name}, published: {model.source}."
+    else:
+        first = (
+            f"Written by auvid {model.auvid} from model {model.name} ({model.title}) of campaign"
+            f" {model.origin.campaign}; fitted by {model.method}."
+        )
+    lines = [first, f"Use: {model.use.sentence}."]
     if useless:
         lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)
     if model.use.axes is None:
@@ -150,15 +179,16 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
     motion = None if model.validation is None else model.validation.motion
     if motion is not None:
         lines += [f"By itself: {motion.words}.", *motion.remedies]
-    if unknown:
+    if unknown and model.method != AS_PUBLISHED:
         lines.append(
             f"{unknown} of {len(model.coefficients)} coefficients are not determined by the data;"
             " the numbers here belong together and mean nothing one by one."
         )
-    flown = ", ".join(
-        f"{name} {span.low:.3g} to {span.high:.3g}" for name, span in model.validity.items()
-    )
-    lines.append(f"Valid within the flown range (m/s, rad/s): {flown}.")
+    if model.validity:
+        flown = ", ".join(
+            f"{name} {span.low:.3g} to {span.high:.3g}" for name, span in model.validity.items()
+        )
+        lines.append(f"Valid within the flown range (m/s, rad/s): {flown}.")
     return tuple(map(one_line, lines))
 
 

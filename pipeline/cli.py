@@ -531,7 +531,8 @@ def coefficients(
 @app.command(
     epilog=(
         "Example: auvid export bluerov2_dvl --to gazebo --lossy; auvid export"
-        " bluerov2_dvl/fossen --to mss --name rov; auvid export linear.json --to draws --draws 500"
+        " bluerov2_dvl/fossen --to mss --name rov; auvid export linear.json --to draws --draws 500;"
+        " auvid export bluerov2_wu_2018 --to gazebo"
     )
 )
 def export(
@@ -539,7 +540,10 @@ def export(
         str,
         typer.Argument(
             metavar="MODEL",
-            help="Path of a model file, CAMPAIGN for its recommended model, or CAMPAIGN/MODEL.",
+            help=(
+                "Path of a model file, CAMPAIGN for its recommended model, CAMPAIGN/MODEL, or a"
+                " published set by name."
+            ),
         ),
     ],
     target: Annotated[
@@ -554,7 +558,9 @@ def export(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder. [default: NAME_TARGET]"),
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder. [default: exported/NAME_TARGET]"
+        ),
     ] = None,
     name: Annotated[
         str | None,

@@ -25,6 +25,7 @@ from auvid.hydro.dynamics.equations_of_motion import inertia_force, restoring_of
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import needs_propeller_speed
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorSums
@@ -98,9 +99,17 @@ class PublishedSet:
     def of(cls, published: Vehicle, own: Vehicle) -> PublishedSet:
         """Return a published vehicle with the actuators of the user's own.
 
-        Raises `DataError` for one without damping, and as `in_body`.
+        Raises `DataError` for one without damping, one with terms in the propulsion ratio
+        for a vehicle without propeller, and as `in_body`.
         """
         terms = viscous_terms(published.published.values())
+        ratio = [term for row in terms.values() for term in row if needs_propeller_speed(term)]
+        if ratio and own.propeller is None:
+            raise DataError(
+                f"{len(ratio)} terms have the propulsion ratio, and '{own.name}' has no propeller",
+                value=published.name,
+                field="published",
+            )
         own_speed = dict(zip(AXES, VELOCITIES, strict=True))
         still = [
             axis for axis in AXES if not any(own_speed[axis] in t for t in terms.get(axis, {}))

@@ -23,6 +23,10 @@ from auvid.data_schemas.records.models import (
 
 FORMAT: Final = 1
 """Number of the layout below; it goes up when a reader of the old one would be wrong."""
+AS_PUBLISHED: Final = "nothing: as published"
+"""Method of a published set."""
+PUBLISHED: Final = "published"
+"""Verdict of a coefficient that was read from its source and fitted to nothing."""
 
 Axis = Literal["X", "Y", "Z", "K", "M", "N"]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -200,15 +204,17 @@ class CoefficientEntry(Model):
     """SI unit."""
     determined: bool
     """Whether the data determine the number. Where not, `value` is null, or rests on the
-    bound or the prior that `verdict` names, and `predictor` is no result: it belongs to the
-    fit as a whole and is of no use by itself.
+    bound, the prior or the publication that `verdict` names, and `predictor` is no result:
+    it belongs to the model as a whole and is of no use by itself.
     """
     value: float | None
     """The coefficient; null where the run gives none."""
     predictor: float
     """The number that the judged model computes with, whatever the verdict."""
-    verdict: Verdict
-    """What the data say; where they say too little, what the value rests on."""
+    verdict: Verdict | Literal["published"]
+    """What the data say; where they say too little, what the value rests on; published:
+    read from `source` of the file, and nothing was fitted.
+    """
     standard_error: float | None
     """Standard error by noise, for coloured residuals; null where there is none."""
     interval_95: list[float] | None
@@ -290,7 +296,7 @@ class OriginEntry(Model):
     """Where the numbers come from."""
 
     campaign: str
-    """Title of the campaign."""
+    """Title of the campaign; none for a published set."""
     logs: dict[str, list[dict[str, Any]]]
     """Log -> its files with name and content hash (SHA-256)."""
     vehicle_hash: str
@@ -324,7 +330,7 @@ class ModelFile(Model):
     source: str
     """Where the form of the model comes from."""
     method: str
-    """How it was fitted."""
+    """How it was fitted; nothing: as published, for a published set."""
     use: UseEntry
     """What the model may be used for."""
     frames: FramesEntry
@@ -348,7 +354,9 @@ class ModelFile(Model):
     prior: PriorCard | None
     """The prior on coefficients; null for none."""
     validity: dict[str, VelocityRange]
-    """u v w [m/s], p q r [rad/s] -> range of the training legs; outside nothing is known."""
+    """u v w [m/s], p q r [rad/s] -> range of the training legs; outside nothing is known.
+    Empty for a published set.
+    """
     validation: ValidationEntry | None
     """Figures of validation; null where nothing judges the model."""
     assumed: list[str]

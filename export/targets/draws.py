@@ -7,8 +7,10 @@ import io
 
 import numpy as np
 
+from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.export.exported import Exported, Request, Target
+from auvid.export.losses import flown_ranges
 from auvid.export.text import number
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.constrained.draws import (
@@ -45,8 +47,15 @@ def export(request: Request) -> Exported:
     was fitted is drawn too.
     """
     model, count = request.model, request.draws
+    if not model.covariance:
+        raise DataError(
+            "the model has no covariance to draw from",
+            field="target",
+            value="draws",
+            remedy="A published set has none: fit a model to a log of yours.",
+        )
     unknowns, values, covariance = posterior(model)
-    flown = {name: (span.low, span.high) for name, span in model.validity.items()}
+    flown = flown_ranges(model.validity)
     # Passive whatever the limits of the fit were: a simulator may not gain energy.
     rows, cuts = flown_limits(unknowns, "dissipative", flown)
     drawn = draw_within(unknowns, values, covariance, rows, cuts, count=count, seed=SEED)

@@ -23,7 +23,7 @@ from auvid.data_schemas.errors import (
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.prior_files import prior_source
 from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
-from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
+from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 
 SIMULATE = "simulate"
@@ -205,9 +205,7 @@ def _shelf(file: YamlFile, folder: Path) -> dict[str, Vehicle]:
                 allowed=list(shipped),
                 remedy=nearest(name, shipped),
             )
-        vehicles |= {
-            key: load_vehicle(path, named_in=file.path).vehicle for key, path in paths.items()
-        }
+        vehicles |= {key: load_published(path, named_in=file.path) for key, path in paths.items()}
     return vehicles
 
 

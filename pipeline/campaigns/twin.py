@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,8 @@ from auvid.data_schemas.documents.twin import TruthEntry, TwinDocument, plan_mod
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_coefficients
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.store.atomic_files import readable
 from auvid.stages.simulate.bench_plans import bench_entries, bench_plan
 from auvid.stages.simulate.flights import FORMS
 from auvid.stages.simulate.plans import Entries, manifest_entries, plan_from_document
@@ -119,35 +118,6 @@ def load_truth(text: str, *, vehicle_file: Path, folder: Path, file: object) -> 
         source=f"published, {published[text].name}",
         coefficients=read_coefficients(published[text]),
     )
-
-
-def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
-    """The files of published coefficients beside a vehicle file, by model."""
-    return {
-        path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))
-    }
-
-
-def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
-    """Read coefficients from a CSV file: axis -> term -> value.
-
-    Its columns are axis, term, value. Raises `CampaignError`.
-    """
-    with readable(path, file=path, what="coefficients"):
-        text = path.read_text(encoding="utf-8")
-    coefficients: dict[str, dict[str, float]] = {}
-    for number, row in enumerate(csv.DictReader(text.splitlines()), start=2):
-        try:
-            coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
-        except (KeyError, TypeError, ValueError):
-            raise CampaignError(
-                "not a coefficient",
-                file=path,
-                row=number,
-                value=row,
-                allowed="columns axis, term, value",
-            ) from None
-    return coefficients
 
 
 def _of_card(path: Path, file: object) -> TruthEntry:

@@ -1,22 +1,35 @@
-"""Vehicle files: read, checked, and with the documents that they name put in place."""
+"""Vehicle files and published coefficients, read and checked."""
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from pathlib import Path
 
+from auvid.data_schemas.documents.model import Quantity
 from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
-from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.coefficients import unit_of
+from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
+from auvid.pipeline.store.atomic_files import readable
 
 
 def shelf_files() -> dict[str, Path]:
-    """Return the files of published vehicles that come with auvid, by name."""
-    return {path.stem: path for path in sorted((SHIPPED_VEHICLES / "shelf").glob("*.yaml"))}
+    """Return what `load_published` reads of the sets that come with auvid, by name.
+
+    The vehicle files of `vehicles/shelf`, then `VEHICLE_MODEL` for each table of
+    coefficients beside a vehicle file, as vt690_fossen.
+    """
+    files = {path.stem: path for path in sorted((SHIPPED_VEHICLES / "shelf").glob("*.yaml"))}
+    for vehicle in sorted(SHIPPED_VEHICLES.glob("*.yaml")):
+        for model, path in published_coefficients(vehicle).items():
+            files[f"{vehicle.stem}_{model}"] = path
+    return files
 
 
 @dataclass(frozen=True)
@@ -49,3 +62,57 @@ def load_vehicle(path: Path, *, named_in: object = None) -> VehicleFile:
         return VehicleFile(file, vehicle_from_document(document))
     except PipelineError as fault:
         raise file.located(fault) from None
+
+
+def load_published(path: Path, *, named_in: object = None) -> Vehicle:
+    """Read a set of published coefficients with its vehicle.
+
+    path: a vehicle file with `published`, or VEHICLE/coefficients/MODEL.csv beside
+    VEHICLE.yaml. Raises as `load_vehicle` and `read_coefficients`.
+    """
+    if path.suffix != ".csv":
+        return load_vehicle(path, named_in=named_in).vehicle
+    folder = path.parent.parent
+    loaded = load_vehicle(folder.with_suffix(".yaml"), named_in=named_in)
+    document = loaded.vehicle.document
+    published = {
+        name: Quantity(value=value, unit=unit_of(name), source=f"{document.source}, {path.name}")
+        for axis, row in read_coefficients(path).items()
+        for term, value in row.items()
+        for name in [f"{axis}_{term.replace('*', '')}"]
+    }
+    update = {
+        "name": f"{folder.name}_{path.stem}",
+        "title": f"{document.title}, {model_named(path.stem).title}",
+        "published": published,
+    }
+    return vehicle_from_document(document.model_copy(update=update))
+
+
+def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
+    """The files of published coefficients beside a vehicle file, by model."""
+    return {
+        path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))
+    }
+
+
+def read_coefficients(path: Path) -> dict[str, dict[str, float]]:
+    """Read coefficients from a CSV file: axis -> term -> value.
+
+    Its columns are axis, term, value. Raises `CampaignError`.
+    """
+    with readable(path, file=path, what="coefficients"):
+        text = path.read_text(encoding="utf-8")
+    coefficients: dict[str, dict[str, float]] = {}
+    for number, row in enumerate(csv.DictReader(text.splitlines()), start=2):
+        try:
+            coefficients.setdefault(row["axis"], {})[row["term"]] = float(row["value"])
+        except (KeyError, TypeError, ValueError):
+            raise CampaignError(
+                "not a coefficient",
+                file=path,
+                row=number,
+                value=row,
+                allowed="columns axis, term, value",
+            ) from None
+    return coefficients

@@ -5,7 +5,6 @@ It is `Y_v|v|` in tables, axis Y and term v*|v| in the basis.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
+from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, PROPULSION
 
 FIN_INPUTS = ("deltar", "deltas")
 
@@ -54,27 +53,29 @@ class Coefficient:
 
 
 def term_of(name: str) -> str:
-    """Return the basis term of a name: `Y_v|v|` -> v*|v|, `N_ur` -> u*r.
+    """Return the basis term of a name, which is the axis and the term without stars.
 
     An added mass (`M_qdot`) or a control stays as it stands.
 
     Raises `CampaignError` for a name that is neither.
+
+    >>> term_of("Y_v|v|"), term_of("N_ur"), term_of("Z_(wV)(eta-1)"), term_of("M_qdot")
+    ('v*|v|', 'u*r', '(w*V)*(eta-1)', 'qdot')
     """
     axis, _, rest = name.partition("_")
     if axis in AXES and (rest in _DERIVATIVES or rest in _CONTROLS):
         return rest
-    factors = re.findall(r"\|[uvwpqr]\||[uvwpqr]", rest)
-    term = "*".join(factors)
-    if axis not in AXES or "".join(factors) != rest or term not in BASIS_TERMS:
+    if axis not in AXES or rest not in _TERMS:
         names = [f"{item}_{speed}|{speed}|" for item in AXES for speed in VELOCITIES]
         raise CampaignError(
             "not a hydrodynamic coefficient",
             field=name,
             remedy=nearest(name, names) or "Write Y_vdot, Y_v|v|, Y_uv.",
         )
-    return term
+    return _TERMS[rest]
 
 
+_TERMS = {term.replace("*", ""): term for term in BASIS_TERMS}
 _DERIVATIVES = tuple(f"{speed}dot" for speed in VELOCITIES)
 _CONTROLS = tuple(f"uu{delta}" for delta in FIN_INPUTS)
 
@@ -82,18 +83,23 @@ _CONTROLS = tuple(f"uu{delta}" for delta in FIN_INPUTS)
 def unit_of(name: str) -> str:
     """Return the SI unit of a coefficient by its name.
 
-    That of the force divided by that of the velocities; radians count as 1.
+    That of the force divided by that of the velocities; radians and eta - 1 count as 1.
+
+    >>> unit_of("Y_v|v|"), unit_of("N_r"), unit_of("Z_(wV)(eta-1)")
+    ('kg/m', 'kg*m^2/s', 'kg/m')
     """
     axis, term = AXES.index(name[0]), term_of(name)
     if term in _CONTROLS:
         return "kg/m" if axis < 3 else "kg"
+    moving = []
     if term in _DERIVATIVES:
         power = (axis > 2) + (VELOCITIES.index(term[0]) > 2)
     else:
-        moving = [item.strip("|") for item in BASIS_TERMS[term].factors]
+        factors = BASIS_TERMS[term].factors
+        moving = [item.strip("|") for item in factors if item != PROPULSION]
         power = (axis > 2) + sum(item in "pqr" for item in moving) - len(moving) + 1
     unit = {-2: "kg/m^2", -1: "kg/m", 0: "kg", 1: "kg*m", 2: "kg*m^2"}[power]
-    return f"{unit}/s" if term in VELOCITIES else unit
+    return f"{unit}/s" if len(moving) == 1 else unit
 
 
 def added_mass_matrix(coefficients: Iterable[Coefficient]) -> Array:

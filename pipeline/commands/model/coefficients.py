@@ -12,9 +12,8 @@ from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.coefficients import Coefficient, viscous_terms
-from auvid.pipeline.campaigns.twin import published_coefficients as coefficient_files
-from auvid.pipeline.campaigns.twin import read_coefficients
-from auvid.pipeline.campaigns.vehicle_files import load_vehicle
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle, read_coefficients
+from auvid.pipeline.campaigns.vehicle_files import published_coefficients as coefficient_files
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.pipeline.terminal import table
 from auvid.stages.number_format import significant

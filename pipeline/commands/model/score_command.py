@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import isnan
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, UsageError, nearest
+from auvid.data_schemas.errors import CampaignError, DataError, UsageError, nearest
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.error_measures import TOTAL
-from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
+from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place
 from auvid.pipeline.graph import ONCE
@@ -33,13 +34,27 @@ from auvid.stages.score_shelf import (
 SHELF = "shelf"
 
 
-def score(campaign: str, others: Sequence[str]) -> list[dict[str, Any]]:
-    """Return a row per set and use of what `others` names, and of the run's own model.
+@dataclass(frozen=True)
+class Scores:
+    """A row per set and use, and name -> why of sets that cannot be judged."""
+
+    rows: list[dict[str, Any]]
+    skipped: dict[str, str]
+
+
+def score(campaign: str, others: Sequence[str]) -> Scores:
+    """Return scores of what `others` names, and of the run's own model.
 
     others: `shelf` for all published sets, names of them (with * for any letters), paths
     of vehicle files (.yaml) or model files (.json). Raises `PipelineError` for what is
     none of these and for a campaign that has not run.
     """
+    if Path(campaign).suffix == ".json" or campaign in shelf_files():
+        raise UsageError(
+            "a model is judged on the dive of a run: name the run's campaign first",
+            value=campaign,
+            remedy=f"auvid score CAMPAIGN --with {campaign}",
+        )
     run = open_run(campaign)
     if STAGE.name not in (stage.name for stage in run.graph.stages):
         raise UsageError(
@@ -47,16 +62,23 @@ def score(campaign: str, others: Sequence[str]) -> list[dict[str, Any]]:
             value=run.campaign.document["kind"],
             allowed="identification, twin",
         )
+    sets, skipped = sets_named(others, run.campaign.vehicle)
     task = run.task(run.graph.stage(STAGE.name), Place(ONCE))
     inputs = Inputs(**{name: source.load() for name, source in task.sources.items()})
-    sets = sets_named(others, run.campaign.vehicle)
-    return judge(sets, inputs, run.params[STAGE.name])
+    return Scores(judge(sets, inputs, run.params[STAGE.name]), skipped)
 
 
-def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
-    """Return the sets that `others` of `score` names, on the user's actuators."""
+def sets_named(
+    others: Sequence[str], own: Vehicle
+) -> tuple[dict[str, PublishedSet], dict[str, str]]:
+    """Return the sets that `others` of `score` names, on the user's actuators.
+
+    With them those of `shelf` and of patterns that cannot be judged on this vehicle, and
+    why; one that is named raises `DataError`.
+    """
     shipped = shelf_files()
     sets: dict[str, PublishedSet] = {}
+    skipped: dict[str, str] = {}
     for name in others:
         path = Path(name).expanduser()
         if path.suffix == ".json":
@@ -76,19 +98,26 @@ def sets_named(others: Sequence[str], own: Vehicle) -> dict[str, PublishedSet]:
                 allowed=[SHELF, *shipped],
                 remedy=nearest(name, shipped) or "Name a vehicle file (.yaml) or a model (.json).",
             )
-        sets |= {
-            key: PublishedSet.of(load_vehicle(file).vehicle, own) for key, file in vehicles.items()
-        }
-    return sets
+        for key, file in vehicles.items():
+            try:
+                sets[key] = PublishedSet.of(load_published(file), own)
+            except DataError as fault:
+                if key == name or path.suffix:
+                    raise
+                skipped[key] = fault.message
+    return sets, skipped
 
 
 def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
-    """Print `score` as text, the nearest set first, or as JSON."""
-    rows = score(campaign, others)
+    """Print `score` as text, the nearest set first, or its rows as JSON."""
+    scores = score(campaign, others)
+    rows = scores.rows
     if as_json:
         finite = [{key: _finite(cell) for key, cell in row.items()} for row in rows]
         print(json.dumps(finite, indent=2, allow_nan=False))
         return
+    for name, why in scores.skipped.items():
+        print(f"not judged: {name}: {why}")
     best = nearest_set(rows)
     if best is None:
         return
@@ -99,6 +128,11 @@ def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
     print(f"Nearest: {best['title']}.")
     if axes := worse_than_nothing(rows):
         print(f"Worse than no model in every set: {', '.join(AXIS_WORDS[axis] for axis in axes)}.")
+
+
+def _error(value: float) -> str:
+    """Return an error as printed; without one every free run was lost."""
+    return "lost" if isnan(value) else significant(value, 2)
 
 
 def _finite(cell: Any) -> Any:
@@ -112,5 +146,5 @@ def _total(row: Mapping[str, Any]) -> float:
 def _cells(row: Mapping[str, Any]) -> list[str]:
     ratios = [significant(row[RATIOS[axis]], 2) for axis in (*AXIS_WORDS, TOTAL)]
     names = ("u_rms_m_s", "v_rms_m_s", "w_rms_m_s", "r_rms_rad_s")
-    errors = [significant(row[name], 2) if row["starts"] else "" for name in names]
+    errors = [_error(row[name]) if row["starts"] else "" for name in names]
     return [row["set"], *ratios, *errors]

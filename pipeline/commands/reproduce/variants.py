@@ -12,7 +12,7 @@ from typing import Any
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
 from auvid.pipeline.campaigns.campaign import ID, Campaign, inside, load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults
-from auvid.pipeline.campaigns.twin import published_coefficients, read_coefficients
+from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_coefficients
 from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.pipeline.store.atomic_files import readable

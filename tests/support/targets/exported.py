@@ -21,7 +21,7 @@ from tests.support.targets import (
     uuv,
 )
 from tests.support.targets.conformance import deviation, loss, moved, printed_loss
-from tests.support.targets.frames import Body
+from tests.support.targets.frames import Body, readme_of
 from tests.support.targets.mistakes import MISTAKES
 from tests.support.targets.models import MODELS, states
 from tests.support.targets.reference import reference
@@ -93,7 +93,7 @@ def faults(model: ModelFile, written: ModelFile, target: str, folder: Path) -> l
         shares = deviation(body, reference(model), *states(SAMPLES))
         pairs = zip(("force", "inertia"), shares, strict=True)
         return [name for name, share in pairs if not share < EXACT]
-    printed = printed_loss((folder / "README.md").read_text())
+    printed = printed_loss(readme_of(folder))
     right = loss(body, model, neutral=target in NEUTRAL)
     near = np.abs(printed - right) <= LOSS_SHARE * right + LOSS_FLOOR
     return [] if near.all() else ["loss"]

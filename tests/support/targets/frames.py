@@ -7,6 +7,7 @@ Control, 2nd ed. (2021), with arrays of shape (n, 6) for states and forces.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,12 @@ FLIP6 = np.kron(np.eye(2), FLIP)
 """The same for velocities and forces, shape (6, 6)."""
 
 STANDARD_GRAVITY = 9.80665
+
+
+def readme_of(folder: Path) -> str:
+    """Return the page beside exported files."""
+    (page,) = folder.glob("README_*.md")
+    return page.read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.targets.frames import Array, Body, coriolis, down, push, rotation, shift
+from tests.support.targets.frames import (
+    Array,
+    Body,
+    coriolis,
+    down,
+    push,
+    readme_of,
+    rotation,
+    shift,
+)
 
 GRAVITY = 9.81
 """SimulationManager.cpp:838."""
@@ -35,9 +44,9 @@ FACES = ["1234", "4356", "7821", "6587", "5328", "4671"]
 def load(folder: Path, name: str) -> Body:
     """Return the body that Stonefish moves for folder/NAME.scn.
 
-    With the gravity that README.md asks for: SimulationManager::setGravity.
+    With the gravity that its README asks for: SimulationManager::setGravity.
     """
-    stated = re.search(r"setGravity\(([\d.]+)\)", (folder / "README.md").read_text())
+    stated = re.search(r"setGravity\(([\d.]+)\)", readme_of(folder))
     gravity = float(stated[1]) if stated else GRAVITY
     return parse((folder / f"{name}.scn").read_text(), gravity)
 

@@ -19,6 +19,7 @@ from tests.support.targets.frames import (
     coriolis,
     down,
     push,
+    readme_of,
     rigid_body,
     rotation,
     shift,
@@ -33,9 +34,9 @@ WORLD_GRAVITY = 9.8
 def load(folder: Path, name: str) -> Body:
     """Return the body that uuv_simulator moves for folder/NAME.xacro.
 
-    About the link's origin, in a world with the gravity that README.md asks for.
+    About the link's origin, in a world with the gravity that its README asks for.
     """
-    stated = re.search(r"world: set ([\d.]+) m/s", (folder / "README.md").read_text())
+    stated = re.search(r"world: set ([\d.]+) m/s", readme_of(folder))
     gravity = float(stated[1]) if stated else WORLD_GRAVITY
     return parse((folder / f"{name}.xacro").read_text(), gravity)
 
@@ -100,8 +101,8 @@ def matrix(model: ET.Element, tag: str) -> Array:
 
 
 def origin(folder: Path) -> Array:
-    """Return the position of the link's origin, FRD from the body origin, by README.md."""
-    stated = re.search(r"base_link is at \(([^)]*)\) m", (folder / "README.md").read_text())
+    """Return the link origin, FRD from the body origin, by its README."""
+    stated = re.search(r"base_link is at \(([^)]*)\) m", readme_of(folder))
     assert stated is not None
     return np.array(stated[1].split(","), float)
 

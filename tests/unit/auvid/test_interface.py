@@ -31,7 +31,7 @@ def test_a_public_name_loads_and_is_documented(name: str) -> None:
 
 
 def public_callables() -> list[object]:
-    names = ("read_log", "check", "run", "open_run", "fit", "score")
+    names = ("read_log", "check", "run", "open_run", "open_model", "fit", "score")
     plots = [getattr(auvid.plots, name) for name in auvid.plots.__all__]
     model = [auvid.Model.load, auvid.Model.force, auvid.Model.simulate, auvid.Model.export]
     return [*(getattr(auvid, name) for name in names), *plots, *model]

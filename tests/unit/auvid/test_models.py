@@ -280,7 +280,7 @@ def test_a_score_with_the_constant_of_the_day_is_that_of_the_command(
     """`auvid score` works out M nu_dot + C nu - tau_G - tau_U - tau_nu another way."""
     monkeypatch.chdir(short_workspace)
     other = damped(fossen)
-    rows = command_score("example", [str(other.save(tmp_path / "other.json"))])
+    rows = command_score("example", [str(other.save(tmp_path / "other.json"))]).rows
     for use in ("training", "validation"):
         (row,) = [row for row in rows if (row["set"], row["use"]) == ("other", use)]
         score = auvid.score(other, results, use=use, refit_constant=True)

@@ -24,6 +24,7 @@ from tests.support.targets.exported import (
     carrier,
     faults,
 )
+from tests.support.targets.frames import readme_of
 from tests.support.targets.mistakes import MISTAKES
 from tests.support.targets.models import MODELS, states
 from tests.support.targets.reference import reference
@@ -93,7 +94,7 @@ def test_what_a_target_cannot_hold_is_refused_and_its_loss_is_right(
     with pytest.raises(DataError, match="lossy"):
         write(model, target, tmp_path, name=NAME)
     right = loss(body_of(model, target, tmp_path), model, neutral=target in NEUTRAL)
-    printed = printed_loss((tmp_path / "README.md").read_text())
+    printed = printed_loss(readme_of(tmp_path))
     np.testing.assert_allclose(printed, right, rtol=LOSS_SHARE, atol=LOSS_FLOOR)
     assert right.max() > 0.01
 

@@ -126,7 +126,9 @@ def test_thrusters_of_unknown_place_are_noted(target: str) -> None:
     for name, some in (("all", every), ("one", [none[0], *every[1:]]), ("none", none)):
         figures = model.dynamics.model_copy(update={"thrusters": some})
         changed = model.model_copy(update={"dynamics": figures})
-        pages[name] = prepare(changed, target, name="rov", lossy=True).files["README.md"]
+        pages[name] = prepare(changed, target, name="rov", lossy=True).files[
+            f"README_rov_{target}.md"
+        ]
     noted = {name: "position is not known" in page for name, page in pages.items()}
     assert noted == {"all": False, "one": True, "none": True}
     used = {name: "Thruster i" in page for name, page in pages.items()}

@@ -10,7 +10,8 @@ import pytest
 
 from auvid.data_schemas.errors import DataError, UsageError
 from auvid.data_schemas.records.models import UsableFor
-from auvid.export import TARGETS, prepare, write
+from auvid.export import TARGETS, check_target, prepare, write
+from auvid.export.losses import sample_envelope
 from auvid.export.text import identifier, number
 from tests.support.model_files import DAMPED, NO_USE, model_file
 
@@ -32,7 +33,7 @@ FILES = {
 @pytest.mark.parametrize("target", sorted(TARGETS))
 def test_files_have_their_names_and_a_readme(target: str, tmp_path: Path) -> None:
     paths = write(model_file(), target, tmp_path, name="rov", lossy=True, draws=5)
-    assert [path.name for path in paths] == [*FILES[target], "README.md"]
+    assert [path.name for path in paths] == [*FILES[target], f"README_rov_{target}.md"]
     assert all(path.stat().st_size for path in paths)
     page = paths[-1].read_text(encoding="utf-8")
     assert "## Convention" in page
@@ -83,6 +84,45 @@ def test_no_title_leaves_its_comment(target: str) -> None:
 def test_unknown_target_names_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"Did you mean 'gazebo'\?"):
         write(model_file(), "gazbo", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("simulink", "take the target mss"), ("ArduSub", "target sitl"), ("dave", "target uuv")],
+)
+def test_the_name_of_a_simulator_leads_to_its_target(name: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        check_target(name)
+
+
+def test_targets_and_models_share_a_folder(tmp_path: Path) -> None:
+    for target in ("gazebo", "mss"):
+        for name in ("rov", "other"):
+            write(model_file(), target, tmp_path, name=name)
+    assert len(list(tmp_path.glob("README_*.md"))) == 4
+
+
+def test_a_model_without_a_range_is_measured_over_one_metre_per_second() -> None:
+    """As a published set; the words say so, and no flown range is claimed."""
+    terms = {**DAMPED, "X": {"u": -6.0, "constant": 2.0}}
+    model = model_file(terms).model_copy(update={"validity": {}})
+    prepared = prepare(model, "gazebo", name="rov", lossy=True)
+    nu, _ = sample_envelope({})
+    assert -1.0 <= nu.min() < -0.99
+    assert 0.99 < nu.max() <= 1.0
+    # Evenly over -1 to 1 the mean square of u is a third.
+    assert prepared.losses.viscous_rms[0] == pytest.approx((36.0 / 3.0 + 4.0) ** 0.5, rel=0.03)
+    assert prepared.losses.rows[0].rms[0] == pytest.approx(2.0)
+    assert (
+        "up to 1 m/s and rad/s, for want of a flown range" in prepared.files["README_rov_gazebo.md"]
+    )
+    assert "within the flown range (m/s" not in prepared.files["rov.sdf"]
+
+
+def test_a_model_without_covariance_has_no_draws() -> None:
+    model = model_file().model_copy(update={"covariance": {}})
+    with pytest.raises(DataError, match="no covariance to draw from"):
+        prepare(model, "draws")
 
 
 def test_a_file_is_not_overwritten_without_force(tmp_path: Path) -> None:

@@ -10,10 +10,13 @@ import pytest
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.pipeline.campaigns.vehicle_files import load_vehicle, shelf_files
+from auvid.hydro.model_file import viscous_model
+from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
+from auvid.stages.model_file.published import published_model
 from auvid.stages.score_shelf import (
     OWN,
     PublishedSet,
@@ -23,6 +26,9 @@ from auvid.stages.score_shelf import (
 )
 
 SHELF = shelf_files()
+UNSTEADY = [name for name in SHELF if name.startswith("vt690_")]
+"""Fitted to runs with u > 0: some of their own damping has the other sign."""
+MEASURED = {"remus100_alberti_2015": "XYZ", "remus100_prestero_2001": "XYZKMN"}
 AXES = "XYZKMN"
 
 
@@ -42,13 +48,15 @@ def test_the_shelf_has_six_sets_of_the_bluerov2_or_more() -> None:
 
 @pytest.mark.parametrize("name", SHELF)
 def test_a_published_set_names_source_and_licence_and_brakes(name: str) -> None:
-    vehicle = load_vehicle(SHELF[name]).vehicle
+    vehicle = load_published(SHELF[name])
     assert vehicle.name == name
     assert vehicle.document.licence
     assert vehicle.document.notes
+    if name in UNSTEADY:
+        return
     damping = {item: vehicle.published[item].value for item in vehicle.published}
     main = [item for item in damping if item[2] == "uvwpqr"["XYZKMN".index(item[0])]]
-    assert {item[0] for item in main} >= set("XYZN")
+    assert {item[0] for item in main} >= set(MEASURED.get(name, "XYZN"))
     assert all(damping[item] < 0.0 for item in main)
 
 
@@ -154,6 +162,39 @@ def test_a_vehicle_without_damping_or_about_another_point_is_refused(rov: Vehicl
 def test_axes_without_damping_stand_in_the_title(rov: Vehicle) -> None:
     li = PublishedSet.of(load_vehicle(SHELF["bluerov2_li_2020"]).vehicle, rov)
     assert li.title.endswith("(no damping in roll, pitch)")
+
+
+def test_the_remus_of_prestero_has_his_forces() -> None:
+    """His sums of hydrodynamic terms, with the added mass in them, term by term.
+
+    He prints M_rp = -N_pq = 4.86 where his added mass gives 4.81.
+    """
+    vehicle = load_published(SHELF["remus100_prestero_2001"])
+    u, v, w, p, q, r = nu = np.random.default_rng(2).uniform(-1.0, 1.0, (6, 50))
+    added = -35.5 * np.array([w * q - v * r, -w * p, v * p, 0 * u, 0 * u, 0 * u])
+    added += 1.93 * np.array([-q * q - r * r, p * q, r * p, 0 * u, -v * p, -w * p])
+    added[4:] += 4.8096 * np.array([r * p, -p * q])
+    printed = np.array(
+        [
+            -1.62 * u * abs(u),
+            -131.0 * v * abs(v) + 0.632 * r * abs(r) - 28.6 * u * v + 5.22 * u * r,
+            -131.0 * w * abs(w) - 0.632 * q * abs(q) - 28.6 * u * w - 5.22 * u * q,
+            -0.13 * p * abs(p),
+            3.18 * w * abs(w) - 188.0 * q * abs(q) + 24.0 * u * w - 2.0 * u * q,
+            -3.18 * v * abs(v) - 94.0 * r * abs(r) - 24.0 * u * v - 2.0 * u * r,
+        ]
+    )
+    file = published_model(vehicle, vehicle_hash="0")
+    viscous = viscous_model(file)[0].force(nu.T)
+    ours = viscous - coriolis_force(-vehicle.added_mass, nu.T)
+    np.testing.assert_allclose(ours, (printed + added).T, atol=1e-9)
+
+
+def test_terms_with_the_propulsion_ratio_need_a_propeller(rov: Vehicle) -> None:
+    with pytest.raises(DataError, match="'bluerov2_heavy' has no propeller"):
+        PublishedSet.of(load_published(SHELF["vt690_gertler_hagen"]), rov)
+    torpedo = load_vehicle(SHIPPED_VEHICLES / "vt690.yaml").vehicle
+    assert PublishedSet.of(load_published(SHELF["vt690_gertler_hagen"]), torpedo).model.terms
 
 
 def row(name: str, use: str, surge: float, sway: float) -> dict[str, object]:

@@ -22,7 +22,8 @@ from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.pipeline.campaigns.twin import load_truth, published_coefficients, read_coefficients
+from auvid.pipeline.campaigns.twin import load_truth
+from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_coefficients
 from auvid.stages import simulate
 from auvid.stages.columns import VELOCITY, force_columns
 

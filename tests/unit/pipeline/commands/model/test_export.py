@@ -9,9 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
-from auvid.pipeline import cli
-from auvid.pipeline.commands.model import export_command
-from auvid.pipeline.commands.model.export_command import model_path
+from auvid.pipeline import cli, graph
+from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
+from auvid.pipeline.commands import open_run as opening
+from auvid.pipeline.commands.model.named_model import named_model
 from auvid.pipeline.store.model_files import write_model
 from tests.support.model_files import DAMPED, model_file
 
@@ -37,24 +38,26 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_model_is_a_path_a_campaign_or_one_of_its_models(workspace: Path) -> None:
-    assert model_path("dive") == workspace / "linear.json"
-    assert model_path("dive/fossen") == workspace / "fossen.json"
-    assert model_path(str(workspace / "fossen.json")) == workspace / "fossen.json"
-    assert model_path("campaigns/dive") == workspace / "linear.json"
+    taken = {"dive": "dive", "campaigns/dive": "campaigns/dive"}
+    others = {"dive/fossen": "dive", str(workspace / "fossen.json"): None}
+    for name, campaign in (taken | others).items():
+        found = named_model(name)
+        assert found.campaign == campaign
+        assert found.model.use.recommended == (name in taken)
 
 
 def test_unknown_models_are_refused_by_name(workspace: Path) -> None:
     with pytest.raises(CampaignError, match="Did you mean 'dive'"):
-        model_path("dives")
+        named_model("dives")
     with pytest.raises(CampaignError, match="Did you mean 'linear'"):
-        model_path("dive/linaer")
+        named_model("dive/linaer")
     with pytest.raises(CampaignError, match="no such model file"):
-        model_path("gone.json")
+        named_model("gone.json")
     with pytest.raises(DataError, match="auvid run later"):
-        model_path("later")
+        named_model("later")
     (workspace / "linear.json").unlink()
     with pytest.raises(DataError, match="dive/fossen"):
-        model_path("dive")
+        named_model("dive")
 
 
 def test_losses_and_files_are_printed(workspace: Path) -> None:
@@ -63,8 +66,9 @@ def test_losses_and_files_are_printed(workspace: Path) -> None:
     assert output.exit_code == 0
     assert "X_constant" in output.output
     assert "share of the viscous force" in output.output
-    assert "sim/rov.sdf" in output.output
-    assert Path("sim/README.md").is_file()
+    assert "written into sim:" in output.output
+    assert "rov.sdf" in output.output
+    assert Path("sim/README_rov_gazebo.md").is_file()
 
 
 def test_results_that_are_not_up_to_date_are_warned_of(
@@ -79,20 +83,70 @@ def test_results_that_are_not_up_to_date_are_warned_of(
     def warned(name: str) -> bool:
         words = ["export", name, "--to", "python", "--force", "-o", "sim"]
         output = CliRunner().invoke(cli.app, words, catch_exceptions=False).output
-        assert "written:" in output
+        assert "written into" in output
         return "may be out of date" in output and "fuse" in output
 
-    monkeypatch.setattr(
-        export_command, "open_run", lambda name: SimpleNamespace(name=name, graph=None)
-    )
-    monkeypatch.setattr(export_command, "select", lambda graph, until: f"until {until}")
-    monkeypatch.setattr(export_command, "check_fresh", stale)
+    monkeypatch.setattr(opening, "open_run", lambda name: SimpleNamespace(name=name, graph=None))
+    monkeypatch.setattr(graph, "select", lambda graph, until: f"until {until}")
+    monkeypatch.setattr(opening, "check_fresh", stale)
     assert warned("dive")
     assert warned("dive/fossen")
     assert warned("campaigns/dive")
     assert not warned(str(workspace / "fossen.json"))
-    monkeypatch.setattr(export_command, "check_fresh", lambda run, stages: None)
+    monkeypatch.setattr(opening, "check_fresh", lambda run, stages: None)
     assert not warned("dive")
+
+
+def test_exports_go_into_one_folder_of_the_workspace(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From wherever in it; the current folder is not littered."""
+    deep = workspace.parent
+    monkeypatch.chdir(deep)
+    before = set(deep.iterdir())
+    words = ["export", "dive", "--to", "python", "--name", "rov"]
+    output = CliRunner().invoke(cli.app, words, catch_exceptions=False).output
+    assert set(deep.iterdir()) == before
+    root = workspace.parents[3]
+    assert {path.name for path in (root / "exported/rov_python").iterdir()} == {
+        "rov.py",
+        "README_rov_python.md",
+    }
+    assert "exported/rov_python" in output
+
+
+def test_a_published_set_is_exported_in_an_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No workspace is needed; what the set has not is said."""
+    monkeypatch.chdir(tmp_path)
+    words = ["export", "bluerov2_wu_2018", "--to", "gazebo"]
+    output = CliRunner().invoke(cli.app, words, catch_exceptions=False)
+    assert output.exit_code == 0
+    folder = tmp_path / "exported/bluerov2_wu_2018_gazebo"
+    said = "it has no intervals, no range of validity, no actuators"
+    page = (folder / "README_bluerov2_wu_2018_gazebo.md").read_text(encoding="utf-8")
+    for text in (output.output, page, (folder / "bluerov2_wu_2018.sdf").read_text("utf-8")):
+        assert said in " ".join(text.split())
+    assert "licence of its numbers: numbers only" in page
+    assert "campaign" not in page.partition("## Where it comes from")[2].partition("remarks")[0]
+    with pytest.raises(CampaignError, match="Did you mean 'bluerov2_wu_2018'"):
+        named_model("bluerov2_wu_2008")
+    with pytest.raises(CampaignError, match=r"Campaigns here: none\. Published sets: bluerov2_"):
+        named_model("zzz")
+
+
+def test_a_vehicle_file_is_a_model_where_it_publishes_damping() -> None:
+    file = named_model(str(SHIPPED_VEHICLES / "shelf/lauv.yaml")).model
+    assert file.model_dump() == named_model("lauv").model.model_dump()
+    with pytest.raises(DataError, match="publishes no damping, so it is no model"):
+        named_model(str(SHIPPED_VEHICLES / "remus100.yaml"))
+
+
+def test_a_campaign_comes_before_a_published_set_of_its_name(workspace: Path) -> None:
+    for path in ("campaigns", "runs"):
+        (workspace.parents[3] / path / "dive").rename(workspace.parents[3] / path / "lauv")
+    assert named_model("lauv").campaign == "lauv"
 
 
 def test_a_loss_is_refused_without_lossy_and_writes_nothing(workspace: Path) -> None:

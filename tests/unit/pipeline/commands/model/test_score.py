@@ -34,12 +34,14 @@ def strict_json(text: str) -> list[dict[str, Any]]:
 
 
 def printed_rows(text: str) -> dict[str, list[float]]:
-    rows = re.findall(r"^ *(this dive|bluerov2_\w+|lauv) +([\d. e-]+)$", text, re.MULTILINE)
+    rows = re.findall(r"^ *(this dive|bluerov2_\w+) +([\d. e-]+)$", text, re.MULTILINE)
     return {name: [float(cell) for cell in cells.split()] for name, cells in rows}
 
 
 def test_readme_has_what_the_command_prints(dive: Path) -> None:
-    result = CliRunner().invoke(cli.app, ["score", DIVE], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(
+        cli.app, ["score", DIVE, "--with", "bluerov2_*"], env={"COLUMNS": "200"}
+    )
     assert result.exit_code == 0, result.output
     ours, readme = printed_rows(result.output), printed_rows(README)
     assert set(ours) == set(readme)
@@ -66,9 +68,24 @@ def test_a_model_file_scores_as_in_the_tables_of_its_run(
     assert other["ratio_X"] == pytest.approx(own["ratio_X"], rel=0.05)
 
 
+def test_sets_of_a_pattern_that_cannot_be_judged_are_named(dive: Path) -> None:
+    words = ["score", DIVE, "--with", "vt690_[fg]*"]
+    result = CliRunner().invoke(cli.app, words, env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "not judged: vt690_gertler_hagen: 15 terms" in result.output
+    assert re.search(r"^ *vt690_fossen ", result.output, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["model.json", "bluerov2_wu_2018"])
+def test_a_model_in_place_of_a_campaign_is_told_where_it_belongs(name: str) -> None:
+    result = CliRunner().invoke(cli.app, ["score", name])
+    assert f"auvid score CAMPAIGN --with {name}" in str(result.exception)
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
+        ("vt690_gertler_hagen", "15 terms have the propulsion ratio"),
         ("bluerov2_wi_2018", "Did you mean 'bluerov2_wu_2018'?"),
         ("nothing.yaml", "nothing.yaml"),
         ("nothing.json", "nothing.json"),
